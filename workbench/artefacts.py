@@ -1,0 +1,192 @@
+"""The values that stages exchange. Frozen: a stage takes artefacts and returns new ones.
+
+Lengths in mm, times in s, angles in rad unless a name ends in `_deg`; `a_from_b` maps coordinates in b to a.
+N frames, M columns, K robot poses. NaN marks what was not measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from workbench.units import AnyArray, Bool, Float, Float32, Int
+
+Verdict = Literal["pass", "fail", "undecided"]
+
+# Face labels of a grid point, in `Edge.labels` (uint8).
+UNLABELLED, ROOT_FACE, BEVEL_FACE, UPPER_SURFACE, LOWER_SURFACE = range(5)
+FACE_NAMES = ("unlabelled", "root face", "bevel face", "upper surface", "lower surface")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Profile frames and robot poses as recorded (docs/conventions.md; INTERFACES section 1)."""
+
+    source: str  # the file's name as given, for messages
+    time_s: Float  # (N,) exposure times on the robot's clock (or the profiler's own, see `clock`)
+    x_mm: Float32  # (N, M) lateral, profiler frame; NaN = no return
+    z_mm: Float32  # (N, M) range, profiler frame; NaN = no return
+    pass_index: Int  # (N,) scanning pass of each frame
+    robot_time_s: Float  # (K,)
+    robot_position_mm: Float  # (K, 3) flange origin in the base
+    robot_quaternion_wxyz: Float  # (K, 4) flange orientation in the base, unit length
+    robot_pass: Int  # (K,)
+    flange_from_profiler: Float | None = None  # (4, 4)
+    intensity: AnyArray | None = None  # (N, M) uint16
+    sphere_diameter_mm: float | None = None  # set: a calibration recording
+    clock: Literal["robot", "own"] = "robot"
+    part_id: str | None = None  # free text out of the file: data, never a path
+    sha256: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandEye:
+    """Pose of the profiler on the flange, with its uncertainty where known."""
+
+    flange_from_profiler: Float  # (4, 4)
+    covariance: Float | None = None  # (6, 6) tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """An organised point cloud: the scanner's grid (frame x column), a pose a frame and what is kept.
+
+    Base coordinates of point (i, j) are `base_from_profiler[i] @ (x, 0, z, 1)`; they are computed where needed
+    (`workbench.geometry.grids.fuse`), since the grid itself is the index that every later stage works on.
+    """
+
+    x_mm: Float32  # (N, M) profiler frame
+    z_mm: Float32  # (N, M)
+    keep: Bool  # (N, M) False: no return, or rejected by a filter
+    base_from_profiler: Float  # (N, 4, 4)
+    time_s: Float  # (N,)
+    pass_index: Int  # (N,)
+    hand_eye_covariance: Float | None = None  # (6, 6) as in HandEye
+    flange_from_profiler: Float | None = None  # (4, 4)
+    source: str = ""
+    part_id: str | None = None
+    rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceLines:
+    """One face as straight lines z(x), one a frame, in the profiler frame: the sums that least squares needs.
+
+    `count` is 0 where the face is not seen in the frame; all other entries are then NaN.
+    """
+
+    count: Int  # (N,) points used
+    x_mean: Float  # (N,) mm
+    z_mean: Float  # (N,) mm
+    sxx: Float  # (N,) sum (x - x_mean)^2, mm^2
+    sxz: Float  # (N,) sum (x - x_mean)(z - z_mean), mm^2
+    szz: Float  # (N,) sum (z - z_mean)^2, mm^2
+    columns: Int  # (N, 2) first and last column of the face; -1 where not seen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """The workpiece's edge as measured: faces a frame, the lower edge as a curve in the base, arc length rising along t.
+
+    t = m x n (docs/conventions.md). Curve arrays have one row a *station*, about 1 mm apart, from arc length 0 at the
+    first measured point of the lower edge to its last.
+    """
+
+    kind: Literal["milled", "raw"]
+    faces: Mapping[int, FaceLines]  # by label: ROOT_FACE (the end face of a raw edge), BEVEL_FACE, ...
+    labels: AnyArray  # (N, M) uint8, face of each grid point
+    frame_arc_length_mm: Float  # (N,) where each frame crosses the edge; NaN: edge not seen in that frame
+    frame_tangent: Float  # (N, 3) t at each frame, NaN where not seen
+    frame_reference: Float  # (N, 3) unit vector normal to t, parallel-transported along the edge; NaN where not seen
+    lower_end: Float  # (N, 3) last seen point of the root face on its lower side: x, z (mm), column step along it (mm)
+    lower_end_is_corner: Bool  # (N,) the lower surface is seen too, so the lower edge is an intersection
+    arc_length_mm: Float  # (n,)
+    position_mm: Float  # (n, 3) lower edge in the base; NaN where hidden
+    tangent: Float  # (n, 3) unit, rising arc length; interpolated where hidden
+    normal: Float  # (n, 3) unit outward normal of the end face (root face), in the section plane
+    across: Float  # (n, 3) unit, m: from the lower to the upper side
+    seen: Bool  # (n,) measured here; False under clamps and in other gaps
+    burr_stations: Int  # (b,) stations where material stands out beyond the faces
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Requirements:
+    """What the part must satisfy: nominal values and deviations from them, lower <= 0 <= upper."""
+
+    root_nominal_mm: float = 1.5
+    root_tolerance_mm: tuple[float, float] = (-0.5, 0.5)
+    bevel_nominal_deg: float = 40.0
+    bevel_tolerance_deg: tuple[float, float] = (-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """One inspected section. Values are None where the edge is hidden; `verdict` is then 'undecided'."""
+
+    index: int  # from 1
+    arc_length_mm: float
+    origin_mm: Float  # (3,) on the lower edge
+    tangent: Float  # (3,) unit, normal of the section plane
+    normal: Float  # (3,) unit, n
+    across: Float  # (3,) unit, m
+    root_mm: float | None
+    root_u_mm: float | None
+    bevel_deg: float | None
+    bevel_u_deg: float | None
+    verdict: Verdict
+    reason: str
+    frames: Int  # indices of the frames that it rests on
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeProfile:
+    """Root size and bevel angle along the whole edge; NaN where they cannot be measured."""
+
+    arc_length_mm: Float  # (n,)
+    position_mm: Float  # (n, 3) lower edge in the base
+    root_mm: Float  # (n,)
+    root_u_mm: Float  # (n,)
+    bevel_deg: Float  # (n,)
+    bevel_u_deg: Float  # (n,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """The measured part against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+
+    sections: tuple[Section, ...]
+    profile: EdgeProfile
+    requirements: Requirements
+    guard_factor: float
+    verdict: Verdict
+    reason: str
+    root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """A file that a run writes: `name` inside the output directory and its bytes."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gate:
+    """The pipeline's decision: the exit status is 1 where `passed` is False."""
+
+    passed: bool
+    reason: str
+
+
+def frozen(array: AnyArray) -> AnyArray:
+    """`array`, made read-only (a view; the caller gives up writing to it)."""
+    view = np.asarray(array).view()
+    view.flags.writeable = False
+    return view

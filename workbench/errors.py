@@ -1,0 +1,41 @@
+"""Errors that a user can mend. The command line prints each as one `error:` line and exits with 2."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class WorkbenchError(Exception):
+    """Something outside the program is unusable: `where` (file and place), then what was expected."""
+
+    def __init__(self, where: str, expected: str) -> None:
+        super().__init__(one_line(f"{where}: {expected}"))
+        self.where = where
+        self.expected = expected
+
+
+class InputError(WorkbenchError):
+    """A recording, calibration or other data file cannot be used."""
+
+
+class PipelineError(WorkbenchError):
+    """A pipeline document or its arguments cannot be used; `where` is a JSON path."""
+
+
+class OutputError(WorkbenchError):
+    """The output directory cannot be written."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """'; did you mean NAME?' for the closest known name, or the known names if none is close."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; known: {', '.join(names[:12])}" if names else ""
+
+
+def one_line(text: str) -> str:
+    """`text` with control characters escaped, so that a name out of a file cannot forge a second line."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

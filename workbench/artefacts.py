@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -167,6 +167,17 @@ class Inspection:
     reason: str
     root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
     warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Provenance:
+    """What a run rests on, for its report. The runner supplies it to a stage that asks for it."""
+
+    title: str
+    inputs: tuple[tuple[str, str, str], ...]  # name, path as given, SHA-256
+    versions: Mapping[str, str]  # package -> version
+    pipeline: Mapping[str, Any]  # as resolved
+    seed: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,19 +1,227 @@
-"""What a stage is: a typed function from artefacts to artefacts, under one name."""
+"""What a stage is: a typed function from artefacts to artefacts, under one name.
+
+Positional parameters are artefacts, found by type; keyword-only ones are parameters, checked by pydantic from their
+annotation. Documents, `workbench stages`, the JSON Schema, the docs pages and the contract tests all read this one
+signature, and a notebook calls the same function.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+import functools
+import inspect
+import json
+import re
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from workbench.errors import PipelineError, nearest
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+
+class Role(Enum):
+    """What a keyword-only parameter is to the runner, beyond a plain value."""
+
+    INPUT_FILE = "input file"
+    SEED = "seed"
+    PROGRESS = "progress"
+
+
+InputFile = Annotated[Path, Role.INPUT_FILE]
+"""A file that a stage reads: relative to the pipeline's own file, recorded with its SHA-256."""
+Seed = Annotated[int, Role.SEED]
+"""The seed of a stage's random numbers: the pipeline's, unless the stage is given its own."""
+Progress = Annotated[Callable[[float], None] | None, Role.PROGRESS]
+"""`progress(fraction)` with 0 <= fraction <= 1, called by a long stage now and then; None: nobody looks."""
+
+RESERVED = ("stage", "id", "from")  # keys of a stage in a pipeline that are not parameters
 F = TypeVar("F", bound=Callable[..., Any])
-REGISTRY: dict[str, Callable[..., Any]] = {}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A positional parameter of a stage: the artefact, or all artefacts, of one type."""
+
+    name: str
+    type: type
+    several: bool = False
+    required: bool = True
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A registered stage: its function and what its signature says (read on first use)."""
+
+    name: str
+    function: Callable[..., Any]
+
+    @property
+    def doc(self) -> str:
+        """The function's docstring, without indentation."""
+        return inspect.getdoc(self.function) or ""
+
+    @functools.cached_property
+    def hints(self) -> dict[str, Any]:
+        """Evaluated annotations by name; `return` is the result's."""
+        try:
+            return get_type_hints(self.function, include_extras=True)
+        except NameError as error:
+            raise self._defect(f"annotation cannot be evaluated at run time: {error}") from None
+
+    @functools.cached_property
+    def sources(self) -> tuple[Source, ...]:
+        """The artefacts it takes, in order."""
+        return tuple(
+            _source(name, self.hints[name], parameter.default is parameter.empty)
+            for name, parameter in self._signature(inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        )
+
+    @functools.cached_property
+    def produces(self) -> tuple[type, ...]:
+        """The types of the artefacts it returns."""
+        result = self.hints.get("return", type(None))
+        parts = get_args(result) if get_origin(result) is tuple else (result,)
+        return tuple(part for part in parts if part is not type(None))
+
+    @functools.cached_property
+    def parameters(self) -> dict[str, Role | None]:
+        """Keyword-only parameters and their roles."""
+        names = [name for name, _ in self._signature(inspect.Parameter.KEYWORD_ONLY)]
+        return {name: next(_roles(self.hints[name]), None) for name in names}
+
+    @functools.cached_property
+    def model(self) -> type[BaseModel]:
+        """The pydantic model of the parameters: strict types, no unknown keys, finite numbers, defaults checked too."""
+        from pydantic import ConfigDict, create_model
+
+        fields: dict[str, Any] = {}
+        for name, parameter in self._signature(inspect.Parameter.KEYWORD_ONLY):
+            if self.parameters[name] is not Role.PROGRESS:
+                fields[name] = (self.hints[name], ... if parameter.default is parameter.empty else parameter.default)
+        config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, validate_default=True, frozen=True)
+        return create_model(self.name, __config__=config, **fields)
+
+    def validate(self, given: Mapping[str, Any], where: str | None = None) -> dict[str, Any]:
+        """All parameters as the function takes them, defaults included; `where` is the place that messages name.
+
+        Values go through JSON whoever gives them, so that a notebook and a pipeline are checked alike.
+        """
+        from pydantic import ValidationError
+
+        where, known = where or self.name, self.model.model_fields
+        for key in given:
+            if key not in known:
+                raise PipelineError(f"{where}.{key}", f"{self.name} has no such parameter{nearest(key, known)}")
+        try:
+            model = self.model.model_validate_json(json.dumps(dict(given), default=_jsonable))
+        except ValidationError as error:
+            raise _complaint(error, given, where) from None
+        except (TypeError, ValueError, RecursionError) as error:
+            raise PipelineError(where, f"a parameter is not a JSON value: {error}") from None
+        return {name: getattr(model, name) for name in known}
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run on artefacts (positional, or by name) with parameters by name."""
+        kinds = {source.name: source for source in self.sources}
+        passed = {key: value for key, value in kwargs.items() if key in kinds or self._is_progress(key)}
+        parameters = self.validate({key: value for key, value in kwargs.items() if key not in passed})
+        for name, value in [*zip(kinds, args, strict=False), *passed.items()]:
+            if name in kinds:
+                self._check_source(kinds[name], value)
+        return self.function(*args, **passed, **parameters)
+
+    def _is_progress(self, key: str) -> bool:
+        return self.parameters.get(key) is Role.PROGRESS
+
+    def _check_source(self, source: Source, value: Any) -> None:
+        expected = f"expected {'several ' if source.several else ''}{source.type.__name__}"
+        for one in value if source.several and isinstance(value, Sequence) else [value]:
+            if not isinstance(one, source.type) and (source.required or one is not None):
+                raise PipelineError(f"{self.name}.{source.name}", f"{expected}, got {type(one).__name__}")
+
+    def _signature(self, kind: Any) -> list[tuple[str, inspect.Parameter]]:
+        """The function's parameters of one kind; refuses signatures that no pipeline could fill."""
+        parameters = inspect.signature(self.function).parameters
+        for name, parameter in parameters.items():
+            if parameter.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
+                raise self._defect(f"parameter '{name}' is variadic or positional-only")
+            if name in RESERVED or name not in self.hints:
+                raise self._defect(f"parameter '{name}' has a reserved name or no annotation")
+        return [(name, parameter) for name, parameter in parameters.items() if parameter.kind is kind]
+
+    def _defect(self, text: str) -> PipelineError:
+        return PipelineError(f"stage {self.name} ({self.function.__module__})", text)
+
+
+REGISTRY: dict[str, Stage] = {}
 
 
 def stage(name: str) -> Callable[[F], F]:
-    """Register a function as the stage `name` ('family.verb')."""
+    """Register a function as the stage `name` ('family.verb'); the function returned checks its parameters."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*", name):
+        raise PipelineError(f"stage {name!r}", "expected a name like 'family.verb' in lower case")
 
     def register(function: F) -> F:
-        REGISTRY[name] = function
-        return function
+        place = (function.__module__, function.__qualname__)
+        known = REGISTRY.get(name)
+        if known and (known.function.__module__, known.function.__qualname__) != place:
+            raise PipelineError(f"stage {name}", f"registered by {known.function.__module__} and by {place[0]}")
+        REGISTRY[name] = entry = Stage(name, function)
+
+        @functools.wraps(function)
+        def checked(*args: Any, **kwargs: Any) -> Any:
+            return entry(*args, **kwargs)
+
+        return checked  # type: ignore[return-value]  # same signature as `function`
 
     return register
+
+
+def _source(name: str, hint: Any, required: bool) -> Source:
+    """Read `X`, `X | None`, `tuple[X, ...]` or a sequence of X."""
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(part for part in get_args(hint) if part is not type(None))
+    if get_origin(hint) in (tuple, list, Sequence):
+        return Source(name, get_args(hint)[0], several=True, required=required)
+    return Source(name, hint, required=required)
+
+
+def _roles(hint: Any) -> Iterator[Role]:
+    """Roles named anywhere in an annotation."""
+    if get_origin(hint) is Annotated:
+        yield from (mark for mark in hint.__metadata__ if isinstance(mark, Role))
+    for part in get_args(hint):
+        if get_origin(part) is not None:
+            yield from _roles(part)
+
+
+def _jsonable(value: Any) -> Any:
+    """What JSON lacks but a notebook passes: paths, numpy scalars and arrays."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def _complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
+    """The first thing that pydantic found, as place and expectation."""
+    first = error.errors(include_url=False)[0]
+    value: Any = given
+    for key in first["loc"]:
+        try:
+            value = value[key]
+        except (KeyError, IndexError, TypeError):
+            break  # a missing key, or the tag of a union
+        where += f"[{key}]" if isinstance(key, int) else f".{key}"
+    if first["type"] == "missing":
+        key = first["loc"][-1]
+        return PipelineError(where + (f"[{key}]" if isinstance(key, int) else f".{key}"), "is required, but missing")
+    text = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    shown = repr(first.get("input", value))
+    return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")

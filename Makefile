@@ -1,0 +1,51 @@
+# What a user types. Every target sets up .venv first; that is quick where nothing is to do.
+.PHONY: help setup demo test lint metrology bench docs data lock clean
+.NOTPARALLEL:
+MAKEFLAGS += --no-print-directory
+BIN := .venv/bin
+
+help:
+	@echo "make demo       inspect a milled edge: table on the screen, report in out/demo/report.html"
+	@echo "make test       run the tests"
+	@echo "make lint       style, types, import floors, repository"
+	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/metrology.md"
+	@echo "make bench      speed and memory beside Open3D (long); writes docs/bench.md"
+	@echo "make docs       write the page of every stage anew"
+	@echo "make data       write the recordings in data/synthetic anew from their recipes"
+	@echo "make lock       choose the newest versions of all packages: requirements.lock"
+	@echo "make clean      remove what was made, .venv too"
+
+setup:
+	@scripts/setup.sh
+
+demo: setup
+	@$(BIN)/workbench run pipelines/inspect_bevel.json --out out/demo
+
+test: setup
+	@$(BIN)/python -m pytest -q
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+	@$(BIN)/python scripts/check_repository.py
+
+metrology: setup
+	@$(BIN)/python -m tests.metrology
+
+bench: setup
+	@$(BIN)/python -m bench
+
+docs: setup
+	@$(BIN)/python scripts/stage_pages.py
+
+data: setup
+	@for recipe in data/synthetic/*.json; do case $$recipe in *.truth.json) ;; *) $(BIN)/workbench simulate $$recipe --out $${recipe%.json}.h5 || exit;; esac; done
+
+lock:
+	@scripts/lock.sh
+
+clean:
+	rm -rf .venv out build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

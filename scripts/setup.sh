@@ -1,0 +1,91 @@
+#!/bin/sh
+# Make .venv with everything that workbench needs. Does nothing where nothing is to do.
+# PYTHON=/path/to/python chooses the interpreter; otherwise python3 if it will do, else the newest that will.
+set -eu
+cd "$(dirname "$0")/.."
+
+# The Pythons for which every package in requirements.lock has a wheel.
+OLDEST=11
+NEWEST=14
+
+fail() {
+    echo "setup: $*" >&2
+    exit 1
+}
+
+# Prints the version of the interpreter $1 if it runs at all.
+version_of() {
+    "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null
+}
+
+will_do() {
+    version=$(version_of "$1") || return 1
+    [ "${version%%.*}" = 3 ] && [ "${version#3.}" -ge $OLDEST ] && [ "${version#3.}" -le $NEWEST ]
+}
+
+choose_python() {
+    wanted="Python 3.$OLDEST to 3.$NEWEST"
+    if [ -n "${PYTHON:-}" ]; then
+        will_do "$PYTHON" || fail "$wanted needed, but PYTHON=$PYTHON is ${version:-not a Python that runs}"
+        echo "$PYTHON"
+        return
+    fi
+    found=
+    for candidate in python3 python3.14 python3.13 python3.12 python3.11; do
+        will_do $candidate && { command -v $candidate; return; }
+        [ -z "$version" ] || found="${found:+$found, }$candidate is $version"
+    done
+    fail "$wanted needed, found: ${found:-none}; name another with PYTHON=..."
+}
+
+# Debian packages that are missing: shared libraries, and the module that makes virtual environments.
+missing_packages() {
+    "$1" scripts/system_libraries.py
+    [ -x .venv/bin/python ] || "$1" -c 'import ensurepip, venv' 2>/dev/null ||
+        echo "python$(version_of "$1")-venv"
+}
+
+install_packages() {
+    if [ "$(id -u)" = 0 ]; then as_root=
+    elif sudo -n true 2>/dev/null; then as_root='sudo -n'
+    else return 1
+    fi
+    command -v apt-get >/dev/null || return 1
+    echo "setup: installing $*"
+    export DEBIAN_FRONTEND=noninteractive
+    log=$(mktemp)
+    { $as_root apt-get update && $as_root apt-get install -y --no-install-recommends "$@"; } >"$log" 2>&1 </dev/null ||
+        { tail -n 5 "$log" >&2; rm -f "$log"; return 1; }
+    rm -f "$log"
+}
+
+provide_packages() {
+    # shellcheck disable=SC2046
+    set -- "$1" $(missing_packages "$1")
+    python=$1
+    shift
+    [ $# = 0 ] || install_packages "$@" || fail "needed first: apt-get install $* (as root)"
+    left=$(missing_packages "$python" | tr '\n' ' ')
+    [ -z "$left" ] || fail "still missing after installing: $left"
+}
+
+up_to_date() {
+    [ -x .venv/bin/workbench ] && [ .venv/complete -nt requirements.lock ] && [ .venv/complete -nt pyproject.toml ] &&
+        [ .venv/complete -nt scripts/setup.sh ] && [ "$(cat .venv/complete)" = "$PWD" ]
+}
+
+install_wheels() {
+    echo "setup: installing the packages of requirements.lock into .venv; the first time this takes some minutes"
+    pip=".venv/bin/python -m pip --disable-pip-version-check"
+    $pip install --quiet --only-binary :all: --requirement requirements.lock
+    $pip install --quiet --no-deps --no-build-isolation --editable .
+    .venv/bin/python scripts/try_wheels.py || fail "a package of .venv does not work here, see above"
+    pwd >.venv/complete
+}
+
+python=$(choose_python)
+provide_packages "$python"
+up_to_date && exit
+will_do .venv/bin/python || { rm -rf .venv && "$python" -m venv .venv; }
+install_wheels
+echo "setup: done"

@@ -1,0 +1,32 @@
+"""Print the Debian/Ubuntu packages of shared libraries that the wheels need and this machine lacks, one a line.
+
+Runs before anything is installed, on the plain Python of the machine: standard library only.
+"""
+
+import ctypes
+
+# What open3d (the first six), numba and pin are linked against; vtk opens the first two when it draws.
+PACKAGE_OF_LIBRARY = {
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libX11.so.6": "libx11-6",
+    "libusb-1.0.so.0": "libusb-1.0-0",
+    "libudev.so.1": "libudev1",
+    "libidn2.so.0": "libidn2-0",
+    "libgomp.so.1": "libgomp1",
+    "libquadmath.so.0": "libquadmath0",
+}
+
+
+def loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    for library, package in PACKAGE_OF_LIBRARY.items():
+        if not loads(library):
+            print(package)

@@ -1,0 +1,71 @@
+"""The compiled grid kernels against plain numpy in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.geometry import grids, poses
+from workbench.units import Float, Float32
+
+
+def scene(frames: int = 40, columns: int = 77) -> tuple[Float32, Float32, Float]:
+    """A grid 80 mm wide at 250 to 330 mm of range with gaps, 5 m from the base, each frame posed at random."""
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-40, 40, (frames, columns)).astype(np.float32)
+    z = rng.uniform(250, 330, (frames, columns)).astype(np.float32)
+    x[rng.random(x.shape) < 0.05] = np.nan
+    z[rng.random(z.shape) < 0.05] = np.nan
+    position = np.array([4000.0, -2500.0, 1700.0]) + rng.uniform(-100, 100, (frames, 3))
+    return x, z, poses.pose_from(Rotation.random(frames, random_state=rng).as_matrix(), position)
+
+
+def exact(x: Float32, z: Float32, base_from_profiler: Float) -> Float:
+    local = np.stack([x, np.zeros_like(x), z, np.ones_like(x)], axis=-1).astype(float)
+    return np.einsum("nij,nmj->nmi", base_from_profiler, local)[..., :3]
+
+
+def test_fused_points_err_by_less_than_a_tenth_of_a_micrometre_5_m_from_the_base() -> None:
+    x, z, pose = scene()
+    origin = np.array([4000.0, -2500.0, 1700.0])
+    points = grids.fuse(x, z, pose, origin)
+    assert points.dtype == np.float32
+    truth = exact(x, z, pose)
+    assert np.nanmax(np.abs(points.astype(float) + origin - truth)) < 1e-4
+    assert np.nanmax(np.abs(truth.astype(np.float32) - truth)) > 1e-4  # what float32 in base coordinates would cost
+    np.testing.assert_array_equal(np.isnan(points), np.isnan(x + z)[..., None].repeat(3, axis=2))
+
+
+def test_fuse_writes_in_place() -> None:
+    x, z, pose = scene(frames=3)
+    out = np.empty((3, 77, 3), np.float32)
+    assert grids.fuse(x, z, pose, np.zeros(3), out=out) is out
+    np.testing.assert_array_equal(out, grids.fuse(x, z, pose, np.zeros(3)))
+
+
+def test_fuse_of_a_block_of_frames_is_the_block_of_the_whole() -> None:
+    x, z, pose = scene()
+    whole = grids.fuse(x, z, pose, np.zeros(3))
+    np.testing.assert_array_equal(grids.fuse(x[11:23], z[11:23], pose[11:23], np.zeros(3)), whole[11:23])
+
+
+@pytest.mark.parametrize("fault", ["columns", "poses", "out"])
+def test_fuse_refuses_shapes_that_do_not_match(fault: str) -> None:
+    x, z, pose = scene(frames=4)
+    out = np.empty((4, 77, 3), np.float64 if fault == "out" else np.float32)
+    with pytest.raises(ValueError, match="N, M"):
+        grids.fuse(
+            x, z[:, 1:] if fault == "columns" else z, pose[1:] if fault == "poses" else pose, np.zeros(3), out=out
+        )
+
+
+def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:
+    x, z, _ = scene()
+    x[0, :4] = (np.inf, -np.inf, np.nan, -0.0)
+    z[0, :4] = (1.0, np.nan, np.inf, 1e-45)
+    finite = np.isfinite(x) & np.isfinite(z)
+    np.testing.assert_array_equal(grids.returns(x, z), finite)
+    assert finite[0, 3]
+    assert grids.census(x, z) == (int(finite.sum()), int(np.isinf(x).sum() + np.isinf(z).sum()))
+    assert grids.census(x[:0], z[:0]) == (0, 0)

@@ -8,7 +8,7 @@ trap 'rm -rf "$scratch"' EXIT
 "${PYTHON:-python3}" -m venv "$scratch/venv"
 python="$scratch/venv/bin/python"
 $python -m pip install --quiet --upgrade pip
-$python -m pip install --quiet --only-binary :all: --dry-run --report "$scratch/report.json" . --group dev
+$python -m pip install --quiet --only-binary :all: --dry-run --ignore-installed --report "$scratch/report.json" . --group dev
 $python - "$scratch/report.json" >"$scratch/lock" <<'END'
 import json, sys
 print("# Written by `make lock`; every version is tested together.")

@@ -14,7 +14,6 @@ PACKAGE_OF_LIBRARY = {
     "libudev.so.1": "libudev1",
     "libidn2.so.0": "libidn2-0",
     "libgomp.so.1": "libgomp1",
-    "libquadmath.so.0": "libquadmath0",
 }
 
 

@@ -1,0 +1,47 @@
+"""The repository check finds what it is for, and only that."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+spec = importlib.util.spec_from_file_location("check_repository", ROOT / "scripts/check_repository.py")
+check = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(check)
+
+
+@pytest.fixture
+def findings(tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "ROOT", tmp_path)
+
+    def write(text):
+        path = tmp_path / "file.txt"
+        path.write_text(text)
+        return check.findings(path)
+
+    return write
+
+
+@pytest.mark.parametrize("host", ["pypi" + ".org", "files.python" + "hosted.org", "deb.deb" + "ian.org"])
+def test_a_registry_host_is_found_with_its_line(findings, host):
+    assert findings(f"first\nsee {host}/simple\n") == ["file.txt:2: host of a package registry"]
+
+
+@pytest.mark.parametrize("folder", ["home", "root", "work"])
+def test_a_path_of_one_machine_is_found(findings, folder):
+    assert findings(f'open("/{folder}/someone/data")') == ["file.txt:1: path of one machine"]
+
+
+@pytest.mark.parametrize("text", ["docs/work/page.md", "profiles/root/x", "a root/bevel ratio", "/robot/time", "PyPI"])
+def test_ordinary_text_passes(findings, text):
+    assert findings(text) == []
+
+
+def test_a_large_file_is_found(findings, monkeypatch):
+    monkeypatch.setattr(check, "LARGEST_BYTES", 10)
+    assert findings("eleven byte") == ["file.txt: 11 bytes, at most 10"]
+
+
+def test_the_repository_itself_passes():
+    assert check.main() == 0

@@ -1,0 +1,73 @@
+"""What is declared, locked, installed and imported agree."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+LOCK = [line for line in (ROOT / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
+MODULE_OF = {
+    "scikit-image": "skimage",
+    "pin": "pinocchio",
+    "python-fcl": "fcl",
+}
+LATER = {"pin", "python-fcl", "scikit-image"}  # for stages that are still to come
+HEAVY = set("numpy scipy numba open3d vtkmodules pyvista pinocchio fcl h5py pydantic matplotlib skimage".split())
+
+
+def distributions(requirements):
+    return {re.split(r"[<>=;\[ ]", requirement)[0].lower().replace("_", "-") for requirement in requirements}
+
+
+def imported_packages():
+    """First names of all absolute imports in workbench/, the standard library left out."""
+    found = set()
+    for path in (ROOT / "workbench").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                found.add(node.module.split(".")[0])
+    return found - set(sys.stdlib_module_names) - {"workbench"}
+
+
+def test_the_lock_has_exact_versions_and_nothing_else():
+    assert LOCK
+    assert [line for line in LOCK if not re.fullmatch(r"[a-z0-9.-]+==[0-9][0-9a-z.+]*", line)] == []
+
+
+def test_every_declared_dependency_is_locked():
+    declared = distributions(PROJECT["project"]["dependencies"] + PROJECT["dependency-groups"]["dev"])
+    assert declared - distributions(LOCK) == set()
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
+    declared = distributions(PROJECT["project"]["dependencies"])
+    modules = {MODULE_OF.get(name, name) for name in declared}
+    imported = imported_packages()
+    assert imported - modules - {"numpy", "vtk", "vtkmodules"} == set()
+    assert {name for name in declared - LATER if MODULE_OF.get(name, name) not in imported} == set()
+
+
+@pytest.mark.parametrize("point", metadata.entry_points(group="workbench.stages"), ids=lambda point: point.name)
+def test_every_family_of_stages_imports(point):
+    point.load()
+
+
+def test_entry_points_are_those_of_the_project_file():
+    installed = {point.name: point.value for point in metadata.entry_points(group="workbench.stages")}
+    assert PROJECT["project"]["entry-points"]["workbench.stages"].items() <= installed.items()
+
+
+@pytest.mark.parametrize("module", ["workbench", "workbench.cli"])
+def test_importing_the_command_loads_nothing_heavy(module):
+    code = f"import sys, {module}; print(*{{name.split('.')[0] for name in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert HEAVY & set(done.stdout.split()) == set()

@@ -1,0 +1,334 @@
+"""Exact rays against the analytic part: compiled kernels, no mesh.
+
+In the part's frame a point has the coordinates (u, h, z): u names the normal plane of the lower edge that holds it, h
+is its distance from the edge's plan curve, outwards, z its height. In a normal plane, which is the section plane at u,
+the part is the polygon that the recipe asks for, so root size and bevel angle hold exactly, drifting or not. The body
+is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from workbench.units import AnyArray, Float
+
+STRAIGHT, ARC, WAVY = range(3)
+NOTHING, ROOT, BEVEL, UPPER, LOWER, END, CLAMP, TABLE = range(8)
+
+_ON_FACE_MM = 1e-9
+_OFFSET_MM = 0.02  # shadow rays start this far off the surface
+_OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
+
+
+class Surface(NamedTuple):
+    """The part as the kernels see it. A course is (value at 0, slope per mm, amplitude, wave number, phase)."""
+
+    bend: int
+    curvature: float  # 1/mm; positive: centre on the plate's side (convex)
+    wave_amplitude: float
+    wave_number: float
+    wave_phase: float
+    length: float
+    width: float
+    tilt_cos: float
+    tilt_sin: float
+    milled: bool
+    thickness: Float
+    root: Float
+    bevel: Float  # rad
+    roughness: Float  # (c, 4) amplitude, wave numbers along and across, phase
+    burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
+    top: float  # greatest height
+    relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
+
+
+class Sensor(NamedTuple):
+    """The scanner in its own frame {P}: emitter at (emitter_x, 0, emitter_z), camera `baseline` further along y."""
+
+    sign: float  # +1: z counts away from the sensor
+    emitter_x: float
+    emitter_z: float
+    baseline: float
+    near: float
+    far: float
+    fan: bool
+    angular: bool
+    cos_min: float
+
+
+@njit(cache=True)
+def course(c: Float, u: float) -> tuple[float, float]:
+    """Value at u, and its slope."""
+    value, slope = c[0] + c[1] * u, c[1]
+    if c[2] != 0.0:
+        angle = c[3] * u + c[4]
+        value += c[2] * math.sin(angle)
+        slope += c[2] * c[3] * math.cos(angle)
+    return value, slope
+
+
+@njit(cache=True)
+def edge_point(s: Surface, u: float) -> tuple[float, float, float, float]:
+    """Plan position x, y of the lower edge at u, and its unit tangent."""
+    if s.bend == ARC:
+        angle = u * s.curvature
+        return math.sin(angle) / s.curvature, (1.0 - math.cos(angle)) / s.curvature, math.cos(angle), math.sin(angle)
+    if s.bend == WAVY:
+        angle = s.wave_number * u + s.wave_phase
+        rise = s.wave_amplitude * (math.sin(angle) - math.sin(s.wave_phase))
+        steep = s.wave_amplitude * s.wave_number * math.cos(angle)
+        stretch = math.sqrt(1.0 + steep * steep)
+        return u, rise, 1.0 / stretch, steep / stretch
+    return u, 0.0, 1.0, 0.0
+
+
+@njit(cache=True)
+def project(s: Surface, x: float, y: float) -> tuple[float, float, float, float, float]:
+    """u and h of a plan point, the tangent at u, and the length that a unit of u has at that h."""
+    if s.bend == ARC:
+        radius = 1.0 / s.curvature
+        side = 1.0 if radius > 0.0 else -1.0
+        angle = math.atan2(side * x, side * (radius - y))
+        h = side * math.hypot(x, radius - y) - radius
+        return angle * radius, h, math.cos(angle), math.sin(angle), 1.0 + h * s.curvature
+    if s.bend == WAVY:
+        return _project_wave(s, x, y)
+    return x, -y, 1.0, 0.0, 1.0
+
+
+@njit(cache=True)
+def _project_wave(s: Surface, x: float, y: float) -> tuple[float, float, float, float, float]:
+    a, k = s.wave_amplitude, s.wave_number
+    offset = a * math.sin(s.wave_phase)
+    u, rise, steep, bend = x, 0.0, 0.0, 0.0
+    for _ in range(30):
+        sine, cosine = math.sin(k * u + s.wave_phase), math.cos(k * u + s.wave_phase)
+        rise, steep, bend = a * sine - offset, a * k * cosine, -a * k * k * sine
+        slope = 1.0 + steep * steep - (y - rise) * bend
+        step = ((x - u) + (y - rise) * steep) / max(slope, 0.2)
+        u += step
+        if abs(step) < 1e-12 * (1.0 + abs(u)):
+            break
+    stretch = math.sqrt(1.0 + steep * steep)
+    tx, ty = 1.0 / stretch, steep / stretch
+    h = (x - u) * ty - (y - rise) * tx
+    return u, h, tx, ty, max(stretch * (1.0 + h * bend / stretch**3), 0.2)
+
+
+@njit(cache=True)
+def _rough(s: Surface, u: float, v: float) -> tuple[float, float, float]:
+    height, along, across = 0.0, 0.0, 0.0
+    for i in range(s.roughness.shape[0]):
+        a, ku, kv, phase = s.roughness[i]
+        sine, cosine = math.sin(ku * u + kv * v + phase), math.cos(ku * u + kv * v + phase)
+        height += a * cosine
+        along -= a * ku * sine
+        across -= a * kv * sine
+    return height, along, across
+
+
+@njit(cache=True)
+def _ridge(s: Surface, upper: int, u: float, q: float) -> tuple[float, float, float]:
+    """Height of the burrs on one edge at distance q from it, and its slopes along u and q."""
+    height, along, across = 0.0, 0.0, 0.0
+    for i in range(s.burrs.shape[0]):
+        side, start, stop, peak, width = s.burrs[i]
+        if side != upper or u <= start or u >= stop:
+            continue
+        w = math.pi / (stop - start)
+        sine, cosine = math.sin(w * (u - start)), math.cos(w * (u - start))
+        bell = peak * math.exp(-((q / width) ** 2))
+        height += sine * sine * bell
+        along += 2.0 * w * sine * cosine * bell
+        across -= 2.0 * q / (width * width) * sine * sine * bell
+    return height, along, across
+
+
+@njit(cache=True)
+def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, float, float]:
+    """F at a point, the face that F comes from, and F's derivatives by u, h and z."""
+    thick, thick_u = course(s.thickness, u)
+    g, v = h * s.tilt_cos - z * s.tilt_sin, z * s.tilt_cos + h * s.tilt_sin
+    best, face, fu, fh, fz = -z, LOWER, 0.0, 0.0, -1.0
+    root, root_u, sine, cosine, bevel_u = 0.0, 0.0, 0.0, 1.0, 0.0
+    if s.milled:
+        root, root_u = course(s.root, u)
+        angle, bevel_u = course(s.bevel, u)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        f = cosine * g + sine * (v - root)
+        if f > best:
+            best, face = f, BEVEL
+            fu = bevel_u * (cosine * (v - root) - sine * g) - sine * root_u
+            fh, fz = cosine * s.tilt_cos + sine * s.tilt_sin, sine * s.tilt_cos - cosine * s.tilt_sin
+    bump, bump_u, bump_q = 0.0, 0.0, 0.0
+    if s.burrs.shape[0] > 0:
+        along_bevel = cosine * s.tilt_cos + sine * s.tilt_sin
+        corner = (root * sine - thick * (sine * s.tilt_cos - cosine * s.tilt_sin)) / along_bevel
+        bump, bump_u, bump_q = _ridge(s, 1, u, h - corner)
+    if z - thick - bump > best:
+        best, face, fu, fh, fz = z - thick - bump, UPPER, -thick_u - bump_u, -bump_q, 1.0
+    bump, bump_u, bump_q = 0.0, 0.0, 0.0
+    if s.relax > 0.0:
+        burr, burr_u, burr_q = _ridge(s, 0, u, v)
+        rough, rough_u, rough_q = _rough(s, u, v)
+        bump, bump_u, bump_q = burr + rough, burr_u + rough_u, burr_q + rough_q
+    if g - bump > best:
+        best, face, fu = g - bump, ROOT, -bump_u
+        fh, fz = s.tilt_cos - bump_q * s.tilt_sin, -s.tilt_sin - bump_q * s.tilt_cos
+    if -u > best:
+        best, face, fu, fh, fz = -u, END, -1.0, 0.0, 0.0
+    if u - s.length > best:
+        best, face, fu, fh, fz = u - s.length, END, 1.0, 0.0, 0.0
+    if -h - s.width > best:
+        best, face, fu, fh, fz = -h - s.width, END, 0.0, -1.0, 0.0
+    return best, face, fu, fh, fz
+
+
+@njit(cache=True)
+def _prism(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) -> tuple[float, float]:
+    """The stretch of a ray in which it can meet the plate: below its top, above its bottom, close to its end face."""
+    along = d[0] * near[2] + d[1] * near[3]
+    gap = (o[0] - near[0]) * near[2] + (o[1] - near[1]) * near[3] - _OUTREACH_MM
+    for rate, value in ((along, gap), (d[2], o[2] - s.top - 1.0), (-d[2], -o[2] - 1.0)):
+        if abs(rate) < 1e-15:
+            if value > 0.0:
+                return 1.0, 0.0
+        elif rate < 0.0:
+            lo = max(lo, -value / rate)
+        else:
+            hi = min(hi, -value / rate)
+    return lo, hi
+
+
+@njit(cache=True)
+def enter(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) -> tuple[float, int, float, float, float]:
+    """Where the ray o + a d, lo <= a <= hi, enters the part: a, face, u, distance v along m, cos(incidence).
+
+    `near` is a plan point of the edge and the outward normal there, in whose neighbourhood the ray is followed.
+    The face is NOTHING where it misses. A start inside the part counts as a hit at once.
+    """
+    lo, hi = _prism(s, near, o, d, lo, hi)
+    a = lo
+    for _ in range(30 if s.relax == 0.0 else 400):
+        if a > hi:
+            break
+        z = o[2] + a * d[2]
+        u, h, tx, ty, unit = project(s, o[0] + a * d[0], o[1] + a * d[1])
+        f, face, fu, fh, fz = body(s, u, h, z)
+        fu /= unit
+        slope = fu * (d[0] * tx + d[1] * ty) + fh * (d[0] * ty - d[1] * tx) + fz * d[2]
+        if abs(f) < _ON_FACE_MM or (a == lo and f < 0.0):
+            steep = math.sqrt((fu * fu + fh * fh + fz * fz) * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+            return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / steep
+        if s.relax > 0.0 and abs(f) > 1e-3:
+            a += s.relax * f
+        elif slope < -1e-12:
+            a -= f / slope
+        elif s.relax > 0.0:
+            a += s.relax * max(f, 1e-4)
+        else:
+            break
+    return math.inf, NOTHING, 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def enter_box(boxes: Float, o: Float, d: Float, lo: float) -> tuple[float, float]:
+    """Where the ray first enters one of the clamps, (inf, 0) if never, and cos(incidence) there.
+
+    A box: plan centre x, y; tangent x, y; lower and upper limits along the tangent, outwards and upwards.
+    """
+    best, best_cos = math.inf, 0.0
+    norm = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    for i in range(boxes.shape[0]):
+        cx, cy, tx, ty = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
+        px, py = o[0] - cx, o[1] - cy
+        first, last, cos = lo, math.inf, 1.0
+        for axis in range(3):
+            if axis == 0:
+                p, q = px * tx + py * ty, d[0] * tx + d[1] * ty
+            elif axis == 1:
+                p, q = px * ty - py * tx, d[0] * ty - d[1] * tx
+            else:
+                p, q = o[2], d[2]
+            low, high = boxes[i, 4 + 2 * axis] - p, boxes[i, 5 + 2 * axis] - p
+            if abs(q) < 1e-15:
+                if low > 0.0 or high < 0.0:
+                    first = math.inf
+                continue
+            one, two = low / q, high / q
+            if min(one, two) > first:
+                first, cos = min(one, two), abs(q) / norm
+            last = min(last, max(one, two))
+        if first < last and first < best:
+            best, best_cos = first, cos
+    return best, best_cos
+
+
+@njit(cache=True)
+def hidden(s: Surface, boxes: Float, near: Float, p: Float, target: Float) -> bool:
+    """Whether part or clamps stand between the surface point p and `target`."""
+    d = target - p
+    distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    d = d / distance
+    if enter(s, near, p, d, _OFFSET_MM, distance)[1] != NOTHING:
+        return True
+    return boxes.shape[0] > 0 and enter_box(boxes, p, d, _OFFSET_MM)[0] < distance
+
+
+@njit(cache=True)
+def cast(
+    s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float
+) -> tuple[Float, AnyArray, Float, Float]:
+    """Range of every ray (N, M) (NaN: no return), its face, cos(incidence), and what each frame sees of the edge (N, 4).
+
+    Ranges count along the range axis from the emitter. `offsets` (M,) are the columns' lateral positions from the
+    emitter (mm), or, where `sensor.angular`, the tangents of their angles. The last array holds, per frame, the number
+    of returns from root face and bevel, the lowest return on the root face (distance from the lower edge) and its u.
+    """
+    n, m = part_from_profiler.shape[0], offsets.shape[0]
+    ranges, cosines = np.full((n, m), np.nan), np.zeros((n, m))
+    faces = np.zeros((n, m), np.uint8)
+    sight = np.zeros((n, 4))
+    near = np.empty(4)
+    for i in range(n):
+        pose = part_from_profiler[i]
+        w, lateral = pose[:3, 2] * sensor.sign, pose[:3, 0].copy()
+        emitter = pose[:3, 3] + pose[:3, 0] * sensor.emitter_x + pose[:3, 2] * sensor.emitter_z
+        camera = emitter + pose[:3, 1] * sensor.baseline
+        middle = emitter + w * (0.5 * (sensor.near + sensor.far))
+        x, y, tx, ty = edge_point(s, project(s, middle[0], middle[1])[0])
+        near[0], near[1], near[2], near[3] = x, y, ty, -tx
+        sight[i, 2], sight[i, 3] = math.inf, math.nan
+        for j in range(m):
+            origin, d = emitter, w
+            if sensor.angular:
+                d = w + lateral * offsets[j]
+            else:
+                origin = emitter + lateral * offsets[j]
+            a, face, u, v, cos = enter(s, near, origin, d, 0.0, sensor.far)
+            if boxes.shape[0] > 0:
+                box, box_cos = enter_box(boxes, origin, d, 0.0)
+                if box < a:
+                    a, face, cos = box, CLAMP, box_cos
+            if d[2] < 0.0 and (table_z - origin[2]) / d[2] < a:
+                a, face = (table_z - origin[2]) / d[2], TABLE
+                cos = -d[2] / math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            if face == NOTHING or a < sensor.near or a > sensor.far or cos < sensor.cos_min:
+                continue
+            p = origin + d * a
+            if sensor.fan and not sensor.angular and hidden(s, boxes, near, p, emitter):
+                continue
+            if hidden(s, boxes, near, p, camera):
+                continue
+            ranges[i, j], faces[i, j], cosines[i, j] = a, face, cos
+            if face == ROOT:
+                sight[i, 0] += 1.0
+                if v < sight[i, 2]:
+                    sight[i, 2], sight[i, 3] = v, u
+            elif face == BEVEL:
+                sight[i, 1] += 1.0
+    return ranges, faces, cosines, sight

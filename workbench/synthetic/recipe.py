@@ -1,0 +1,282 @@
+"""What a synthetic recording is made from: part, scanner, robot and disturbances, as one JSON document.
+
+Every key is documented in `docs/simulation.md`. Lengths in mm, angles in degrees (`_deg`), times in s. The part's
+frame: the lower surface lies in z = 0, the plate above it; the lower edge starts at the origin and runs along +x,
+the plate to its left (+y), so that t = x, n = -y, m = z there.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from workbench.errors import InputError, nearest
+
+Triple: TypeAlias = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=0.9)]
+
+
+class Strict(BaseModel):
+    """Unknown keys, infinities and NaN are refused; a recipe does not change once made."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Course(Strict):
+    """A value along the edge, in its key's unit: linear from `start` to `end`, plus a sine wave."""
+
+    start: float
+    end: float
+    amplitude: float = 0.0
+    wavelength_mm: Positive = 100.0
+    phase_deg: float = 0.0
+
+    @property
+    def lowest(self) -> float:
+        return min(self.start, self.end) - abs(self.amplitude)
+
+    @property
+    def highest(self) -> float:
+        return max(self.start, self.end) + abs(self.amplitude)
+
+
+def _constant(value: Any) -> Any:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"start": value, "end": value}
+    return value
+
+
+Along = Annotated[Course, BeforeValidator(_constant)]
+
+
+class Placement(Strict):
+    """A pose: translation, and R = Rz(roll) Ry(pitch) Rx(yaw) as in the paper."""
+
+    position_mm: Triple = (0.0, 0.0, 0.0)
+    rpy_deg: Triple = (0.0, 0.0, 0.0)
+
+
+class Curve(Strict):
+    """Plan curve of the lower edge. An arc is convex (centre on the plate's side) or concave; a wave is a sine."""
+
+    shape: Literal["straight", "arc", "wavy"] = "straight"
+    radius_mm: Annotated[float, Field(ge=100)] = 1000.0
+    sense: Literal["convex", "concave"] = "convex"
+    amplitude_mm: Annotated[float, Field(ge=0, le=10)] = 3.0
+    wavelength_mm: Annotated[float, Field(ge=50)] = 200.0
+    phase_deg: float = 0.0
+
+
+class Burr(Strict):
+    """A ridge that stands out of the root face at its lower edge, or out of the upper surface at its edge."""
+
+    edge: Literal["lower", "upper"] = "lower"
+    from_mm: float
+    to_mm: float
+    height_mm: Annotated[float, Field(gt=0, le=3)] = 0.3
+    width_mm: Annotated[float, Field(gt=0, le=5)] = 0.4
+
+
+class Clamp(Strict):
+    """A box over the edge from `from_mm` to `to_mm`: it hides the edge there."""
+
+    from_mm: float
+    to_mm: float
+    reach_in_mm: Positive = 40.0
+    reach_out_mm: Positive = 6.0
+    height_mm: Positive = 15.0
+
+
+class Part(Strict):
+    """A plate with one edge. Angles and sizes hold in the section plane, normal to the lower edge's tangent."""
+
+    kind: Literal["milled", "raw"] = "milled"
+    length_mm: Annotated[float, Field(ge=5, le=20000)] = 120.0
+    curve: Curve = Curve()
+    thickness_mm: Along = Course(start=8.0, end=8.0)
+    root_mm: Along = Course(start=1.5, end=1.5)
+    bevel_deg: Along = Course(start=40.0, end=40.0)
+    end_face_tilt_deg: Annotated[float, Field(ge=-20, le=20)] = 0.0
+    roughness_mm: Annotated[float, Field(ge=0, le=0.3)] = 0.0
+    plate_width_mm: Positive = 200.0
+    table_gap_mm: NonNegative | None = None
+    burrs: tuple[Burr, ...] = ()
+    clamps: tuple[Clamp, ...] = ()
+    base_from_part: Placement = Placement(position_mm=(1500.0, 0.0, 800.0))
+
+    @model_validator(mode="after")
+    def _sound(self) -> Part:
+        if self.thickness_mm.lowest <= 0:
+            raise ValueError("thickness_mm must stay above 0 along the edge")
+        if self.kind == "milled":
+            if not 0 < self.root_mm.lowest or self.root_mm.highest >= self.thickness_mm.lowest:
+                raise ValueError("root_mm must stay above 0 and below thickness_mm along the edge")
+            if not 0 < self.bevel_deg.lowest or self.bevel_deg.highest >= 80:
+                raise ValueError("bevel_deg must stay between 0 and 80 along the edge")
+        for name, intervals in (("burrs", self.burrs), ("clamps", self.clamps)):
+            if any(item.to_mm <= item.from_mm for item in intervals):
+                raise ValueError(f"{name}: to_mm must be above from_mm")
+        return self
+
+
+class Noise(Strict):
+    """Range noise (along z): `sd_mm` / cos(incidence)^`grazing_power`, at most `grazing_cap` times `sd_mm`."""
+
+    sd_mm: NonNegative = 0.012
+    grazing_power: Annotated[float, Field(ge=0, le=4)] = 0.5
+    grazing_cap: Annotated[float, Field(ge=1, le=20)] = 3.0
+    correlation_columns: NonNegative = 0.0
+
+
+class Scanner(Strict):
+    """A laser profiler: its rays, its field of view, its axes and its noise."""
+
+    columns: Annotated[int, Field(ge=8, le=8192)] = 800
+    pitch_mm: Positive = 0.05
+    beam: Literal["parallel", "fan"] = "fan"
+    sampling: Literal["lateral", "angular"] = "lateral"
+    x_rises: bool = True
+    z_away: bool = True
+    zero_range_mm: float = 0.0
+    x_offset_mm: float = 0.0
+    standoff_mm: Positive = 150.0
+    near_mm: NonNegative = 100.0
+    far_mm: Positive = 200.0
+    baseline_mm: float = 60.0
+    max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 85.0
+    noise: Noise = Noise()
+    quantum_mm: NonNegative = 0.0
+    intensity: bool = False
+
+    @model_validator(mode="after")
+    def _sound(self) -> Scanner:
+        if not self.near_mm < self.standoff_mm < self.far_mm:
+            raise ValueError("near_mm < standoff_mm < far_mm must hold")
+        return self
+
+
+class Disturbances(Strict):
+    """What goes wrong in the returns, as shares of all returns."""
+
+    dropout_share: Share = 0.0
+    grazing_dropout: Share = 0.0
+    streak_dropout_share: Share = 0.0
+    outlier_share: Share = 0.0
+    streak_outlier_share: Share = 0.0
+    outlier_reach_mm: Positive = 5.0
+    mixed_pixel_probability: Annotated[float, Field(ge=0, le=1)] = 0.0
+    mixed_pixel_jump_mm: Positive = 0.5
+
+
+class Pass(Strict):
+    """One scanning pass: where from, where to, how the scanner looks at the edge and how the robot moves."""
+
+    from_mm: float
+    to_mm: float
+    elevation_deg: Annotated[float, Field(gt=-90, lt=90)] = 40.0
+    oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    aim_mm: tuple[float, float] = (-2.0, 4.0)
+    skew_mm: tuple[float, float] = (0.0, 0.0)
+    turn_deg: Triple = (0.0, 0.0, 0.0)
+    upside_down: bool = False
+    motion: Literal["two_poses", "stream", "stop_and_go"] = "two_poses"
+    follow: Literal["line", "edge"] = "line"
+
+    @model_validator(mode="after")
+    def _sound(self) -> Pass:
+        if self.from_mm == self.to_mm:
+            raise ValueError("from_mm and to_mm must differ")
+        if self.motion == "two_poses" and self.follow == "edge":
+            raise ValueError("a motion of two_poses is a straight line: follow must be 'line'")
+        return self
+
+
+class Robot(Strict):
+    """The robot's motion as it is and as it is recorded."""
+
+    frame_rate_hz: Positive = 50.0
+    frame_pitch_mm: Positive = 0.2
+    pose_rate_hz: Positive = 100.0
+    flange_from_profiler: Placement = Placement(position_mm=(126.92, 9.44, 41.48), rpy_deg=(60.489, -3.813, -2.024))
+    hand_eye_error_mm: NonNegative = 0.0
+    hand_eye_error_deg: NonNegative = 0.0
+    pose_noise_mm: NonNegative = 0.0
+    pose_noise_deg: NonNegative = 0.0
+    smooth_error_mm: NonNegative = 0.0
+    smooth_error_wavelength_mm: tuple[Positive, Positive] = (50.0, 200.0)
+    vibration_mm: NonNegative = 0.0
+    clock_jitter_s: NonNegative = 0.0
+
+
+class Recipe(Strict):
+    """A synthetic recording in full. The same recipe gives the same bytes."""
+
+    format: Literal["bevel-recipe"] = "bevel-recipe"
+    version: Literal[1] = 1
+    title: str = ""
+    part_id: str | None = None
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    part: Part = Part()
+    scanner: Scanner = Scanner()
+    robot: Robot = Robot()
+    disturbances: Disturbances = Disturbances()
+    passes: Annotated[tuple[Pass, ...], Field(min_length=1, max_length=100)]
+
+
+def read_recipe(path: str | Path) -> Recipe:
+    """The recipe in the JSON file `path`; InputError names the place and what was expected."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), f"a readable recipe file ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(str(path), "a recipe in JSON, encoded as UTF-8") from error
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"JSON: {error.msg}") from error
+    except RecursionError as error:
+        raise InputError(str(path), "JSON nested less deeply") from error
+    return parse_recipe(document, source=str(path))
+
+
+def parse_recipe(document: Any, source: str = "recipe") -> Recipe:
+    """The recipe that `document` (parsed JSON) describes; InputError as for `read_recipe`."""
+    if not isinstance(document, Mapping):
+        raise InputError(source, "a JSON object, the recipe")
+    try:
+        return Recipe.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place, expected = _path(first["loc"]), str(first["msg"])
+        if first["type"] == "extra_forbidden":
+            expected = "no such key" + nearest(str(first["loc"][-1]), _siblings(first["loc"]))
+        raise InputError(f"{source}: {place}" if place else source, expected) from error
+
+
+def _path(location: tuple[int | str, ...]) -> str:
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
+    return "".join(steps).removeprefix(".")
+
+
+def _siblings(location: tuple[int | str, ...]) -> list[str]:
+    """Keys that the object at `location`'s parent may have."""
+    schema: dict[str, Any] = Recipe.model_json_schema()
+    node = schema
+    for step in location[:-1]:
+        node = _resolved(node["items"] if isinstance(step, int) else node["properties"][step], schema)
+    return list(node.get("properties", {}))
+
+
+def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    for option in (node, *node.get("anyOf", ())):
+        if "$ref" in option:
+            return dict(schema["$defs"][option["$ref"].rsplit("/", 1)[-1]])
+    return node

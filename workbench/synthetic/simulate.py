@@ -1,0 +1,200 @@
+"""A recipe in, a profile recording and its exact truth out: in memory, or as files written block by block."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.artefacts import Recording
+from workbench.errors import OutputError
+from workbench.synthetic import raycast
+from workbench.synthetic.motion import PassMotion, move, recorded_hand_eye
+from workbench.synthetic.recipe import Recipe, Scanner, read_recipe
+from workbench.synthetic.returns import disturb, intensities
+from workbench.synthetic.surface import build_surface, clamp_boxes, pose
+from workbench.synthetic.truth import Truth, build_truth
+from workbench.units import AnyArray, Float, Float32, Int
+
+BLOCK_FRAMES = 256
+_PAUSE_S = 2.0  # between passes
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Some frames of one pass, as returned."""
+
+    x_mm: Float32  # (B, M)
+    z_mm: Float32  # (B, M)
+    intensity: AnyArray | None  # (B, M) uint16
+    faces: AnyArray  # (B, M) uint8, the true face of each ray (`raycast.ROOT`, ...)
+    seen_u: Float  # where those frames that see the edge cross it
+
+
+def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
+    """The recording that `recipe` describes, and its truth. The same recipe gives the same numbers."""
+    motions = plan_motion(recipe)
+    blocks = [[block for _, block in scan_pass(recipe, motion, k)] for k, motion in enumerate(motions)]
+    flat = [block for scan in blocks for block in scan]
+    recording = Recording(
+        source="synthetic",
+        time_s=np.concatenate([m.time_s for m in motions]),
+        x_mm=np.concatenate([b.x_mm for b in flat]),
+        z_mm=np.concatenate([b.z_mm for b in flat]),
+        pass_index=_pass_index(len(m.time_s) for m in motions),
+        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
+        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
+        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
+        robot_pass=_pass_index(len(m.pose_time_s) for m in motions),
+        flange_from_profiler=recorded_hand_eye(recipe),
+        intensity=np.concatenate([b.intensity for b in flat if b.intensity is not None])
+        if recipe.scanner.intensity
+        else None,
+        part_id=recipe.part_id,
+    )
+    return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks])
+
+
+def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> Truth:
+    """Write the recording of the recipe at `recipe_path` to `out_path`, its truth to `<out_path>.truth.json`.
+
+    Both files appear whole or not at all. `progress` is told frames done and frames in all.
+    InputError: the recipe is unusable. OutputError: the files cannot be written.
+    """
+    return write_simulation(read_recipe(recipe_path), out_path, progress)
+
+
+def write_simulation(recipe: Recipe, out_path: str | Path, progress: Progress | None = None) -> Truth:
+    """As `simulate_file`, from a recipe at hand."""
+    recording, truth_file = Path(out_path), truth_path(out_path)
+    beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
+    try:
+        truth = _write_recording(recipe, beside[0], progress)
+        text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
+        beside[1].write_text(text, encoding="utf-8")
+        beside[1].replace(truth_file)
+        beside[0].replace(recording)
+    except OSError as error:
+        raise OutputError(str(out_path), f"a place to write the recording to ({error.strerror or error})") from error
+    finally:
+        for path in beside:
+            path.unlink(missing_ok=True)
+    return truth
+
+
+def truth_path(recording_path: str | Path) -> Path:
+    """Where the truth of a recording stands: `FILE.truth.json` beside `FILE.h5`."""
+    path = Path(recording_path)
+    return path.with_name(path.name.removesuffix(".h5") + ".truth.json")
+
+
+def plan_motion(recipe: Recipe) -> list[PassMotion]:
+    """The motion of every pass, one after the other in time."""
+    surface, motions, start = build_surface(recipe.part, recipe.seed), [], 1.0
+    for index in range(len(recipe.passes)):
+        motions.append(move(recipe, surface, index, start))
+        start = float(max(motions[-1].time_s[-1], motions[-1].pose_time_s[-1])) + _PAUSE_S
+    return motions
+
+
+def scan_pass(recipe: Recipe, motion: PassMotion, index: int) -> Iterator[tuple[int, Block]]:
+    """The frames of pass `index` block by block: first frame, block. Random numbers are drawn per block."""
+    surface = build_surface(recipe.part, recipe.seed)
+    boxes, sensor = clamp_boxes(recipe.part, surface), sensor_of(recipe.scanner)
+    table = -np.inf if recipe.part.table_gap_mm is None else -recipe.part.table_gap_mm
+    offsets = column_offsets(recipe.scanner)
+    profiler_from = np.linalg.inv(pose(recipe.part.base_from_part))
+    for number, first in enumerate(range(0, len(motion.time_s), BLOCK_FRAMES)):
+        part_from_profiler = profiler_from @ motion.base_from_profiler[first : first + BLOCK_FRAMES]
+        exact, faces, cosines, sight = raycast.cast(surface, boxes, table, sensor, part_from_profiler, offsets)
+        rng = np.random.default_rng([recipe.seed, 3, index, number])
+        ranges = disturb(recipe, exact, cosines, rng)
+        x, z = _coordinates(sensor, ranges, offsets)
+        seen = (sight[:, 0] >= 2) & (sight[:, 2] < 0.4 * recipe.part.root_mm.lowest)
+        if surface.milled:
+            seen &= sight[:, 1] >= 2
+        grey = intensities(ranges, cosines, rng) if recipe.scanner.intensity else None
+        yield first, Block(x, z, grey, faces, sight[seen, 3])
+
+
+def sensor_of(scanner: Scanner) -> raycast.Sensor:
+    """The scanner as the kernels see it."""
+    sign = 1.0 if scanner.z_away else -1.0
+    return raycast.Sensor(
+        sign=sign,
+        emitter_x=scanner.x_offset_mm,
+        emitter_z=-sign * scanner.zero_range_mm,
+        baseline=scanner.baseline_mm,
+        near=scanner.near_mm,
+        far=scanner.far_mm,
+        fan=scanner.beam == "fan" or scanner.sampling == "angular",
+        angular=scanner.sampling == "angular",
+        cos_min=float(np.cos(np.radians(scanner.max_incidence_deg))),
+    )
+
+
+def column_offsets(scanner: Scanner) -> Float:
+    """Lateral position of each column from the emitter (mm), or the tangent of its angle, `pitch_mm` at standoff."""
+    offsets = (np.arange(scanner.columns) - (scanner.columns - 1) / 2) * scanner.pitch_mm
+    if not scanner.x_rises:
+        offsets = -offsets
+    return np.tan(offsets / scanner.standoff_mm) if scanner.sampling == "angular" else offsets
+
+
+def _coordinates(sensor: raycast.Sensor, ranges: Float, offsets: Float) -> tuple[Float32, Float32]:
+    """x and z in the profiler frame, mm."""
+    z = sensor.emitter_z + sensor.sign * ranges
+    lateral = ranges * offsets if sensor.angular else np.broadcast_to(offsets, ranges.shape)
+    return (sensor.emitter_x + lateral).astype(np.float32), z.astype(np.float32)
+
+
+def _pass_index(counts: Any) -> Int:
+    return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
+
+
+def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> Truth:
+    """The HDF5 file, block by block, so that metres of edge need little memory."""
+    import h5py
+
+    motions, scanner = plan_motion(recipe), recipe.scanner
+    total, done, seen = sum(len(m.time_s) for m in motions), 0, []
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
+        file.attrs.update({"sensor": "synthetic", "robot": "synthetic"})
+        if recipe.part_id is not None:
+            file.attrs["part_id"] = recipe.part_id
+        _write_poses(file, motions, recipe)
+        shape = {"shape": (total, scanner.columns), "chunks": (min(64, total), scanner.columns)}
+        packed = {**shape, "compression": "gzip", "compression_opts": 4, "shuffle": True}
+        x = file.create_dataset("profiles/x", dtype="f4", **packed)
+        z = file.create_dataset("profiles/z", dtype="f4", **packed)
+        grey = file.create_dataset("profiles/intensity", dtype="u2", **packed) if scanner.intensity else None
+        for index, motion in enumerate(motions):
+            seen.append([])
+            for _, block in scan_pass(recipe, motion, index):
+                rows = slice(done, done + len(block.x_mm))
+                x[rows], z[rows] = block.x_mm, block.z_mm
+                if grey is not None:
+                    grey[rows] = block.intensity
+                seen[index].append(block.seen_u)
+                done = rows.stop
+                if progress is not None:
+                    progress(done, total)
+    return build_truth(recipe, [np.concatenate(scan) for scan in seen])
+
+
+def _write_poses(file: Any, motions: list[PassMotion], recipe: Recipe) -> None:
+    file["profiles/time"] = np.concatenate([m.time_s for m in motions])
+    file["robot/time"] = np.concatenate([m.pose_time_s for m in motions])
+    file["robot/position"] = np.concatenate([m.position_mm for m in motions])
+    file["robot/quaternion_wxyz"] = np.concatenate([m.quaternion_wxyz for m in motions])
+    file["hand_eye/flange_from_profiler"] = recorded_hand_eye(recipe)
+    if len(motions) > 1:
+        file["profiles/pass"] = _pass_index(len(m.time_s) for m in motions).astype(np.int32)
+        file["robot/pass"] = _pass_index(len(m.pose_time_s) for m in motions).astype(np.int32)

@@ -1,0 +1,151 @@
+"""What a synthetic recording was made from, exactly: the lower edge in the base, root size and bevel angle along it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.synthetic import raycast
+from workbench.synthetic.recipe import Recipe, parse_recipe
+from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, pose
+from workbench.units import DEG, Bool, Float
+
+STATION_MM = 0.5
+FORMAT, VERSION = "bevel-truth", 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The part as built. Stations lie every 0.5 mm or so along the lower edge, from the part's start to its end.
+
+    Root size (mm) and bevel angle (deg) hold in the section plane, normal to the tangent; both are NaN on a raw edge.
+    Arc length counts from the part's start, seen or not: a measured edge begins at its first seen point.
+    """
+
+    recipe: Recipe
+    arc_length_mm: Float  # (n,)
+    position_mm: Float  # (n, 3) lower edge in the base
+    tangent: Float  # (n, 3) t = m x n
+    normal: Float  # (n, 3) outward normal of the root face or end face
+    across: Float  # (n, 3) m: from the lower to the upper side
+    root_mm: Float  # (n,)
+    bevel_deg: Float  # (n,)
+    thickness_mm: Float  # (n,)
+    seen: Bool  # (n,) False: under a clamp, or outside the scan
+    _parameter: Float = field(repr=False)  # (n,) u of the stations
+    _surface: raycast.Surface = field(repr=False)
+
+    def root_mm_at(self, position_mm: Float) -> Float:
+        """Root size (...,) at the section of the base points (..., 3): that of the nearest point of the lower edge."""
+        u = self._parameter_at(position_mm)
+        return course_values(self._surface.root, u) if self._surface.milled else np.full(u.shape, np.nan)
+
+    def bevel_deg_at(self, position_mm: Float) -> Float:
+        """Bevel angle (...,) at the section of the base points (..., 3)."""
+        u = self._parameter_at(position_mm)
+        return course_values(self._surface.bevel, u) / DEG if self._surface.milled else np.full(u.shape, np.nan)
+
+    def arc_length_mm_at(self, position_mm: Float) -> Float:
+        """Arc length (...,) of the sections of the base points (..., 3), from the part's start."""
+        u = self._parameter_at(position_mm)
+        return np.interp(u, self._parameter, self.arc_length_mm)
+
+    def seen_at(self, position_mm: Float) -> Bool:
+        """Whether the station nearest to each base point (..., 3) was seen."""
+        u = self._parameter_at(position_mm)
+        nearest = np.rint(np.interp(u, self._parameter, np.arange(len(self._parameter)))).astype(int)
+        within = (u > self._parameter[0] - STATION_MM) & (u < self._parameter[-1] + STATION_MM)
+        return np.asarray(self.seen[nearest] & within)
+
+    def _parameter_at(self, position_mm: Float) -> Float:
+        part_from_base = np.linalg.inv(pose(self.recipe.part.base_from_part))
+        points = np.asarray(position_mm, dtype=float) @ part_from_base[:3, :3].T + part_from_base[:3, 3]
+        flat = points.reshape(-1, 3)
+        u = [raycast.project(self._surface, float(x), float(y))[0] for x, y, _ in flat]
+        return np.array(u, dtype=float).reshape(points.shape[:-1])
+
+    def document(self) -> dict[str, Any]:
+        """The content of a truth file: strict JSON, null for what is not."""
+        columns = {
+            name: _rounded(getattr(self, name))
+            for name in ("arc_length_mm", "position_mm", "tangent", "normal", "across", "root_mm", "bevel_deg")
+        }
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "frame": "base",
+            "seed": self.recipe.seed,
+            "kind": self.recipe.part.kind,
+            **columns,
+            "thickness_mm": _rounded(self.thickness_mm),
+            "seen": self.seen.tolist(),
+            "base_from_part": pose(self.recipe.part.base_from_part).tolist(),
+            "flange_from_profiler": pose(self.recipe.robot.flange_from_profiler).tolist(),
+            "recipe": self.recipe.model_dump(mode="json"),
+        }
+
+
+def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None) -> Truth:
+    """The truth of `recipe`; `seen_parameters`: u where each pass's frames saw the edge, none: all of it is seen."""
+    part = recipe.part
+    surface = build_surface(part, recipe.seed)
+    u = np.linspace(0.0, part.length_mm, round(part.length_mm / STATION_MM) + 1)
+    base_from_edge = pose(part.base_from_part) @ edge_frames(surface, u)
+    outward, up = base_from_edge[:, :3, 0], base_from_edge[:, :3, 2]
+    milled = surface.milled
+    return Truth(
+        recipe=recipe,
+        arc_length_mm=arc_length(surface, u),
+        position_mm=base_from_edge[:, :3, 3],
+        tangent=base_from_edge[:, :3, 1],
+        normal=surface.tilt_cos * outward - surface.tilt_sin * up,
+        across=surface.tilt_cos * up + surface.tilt_sin * outward,
+        root_mm=course_values(surface.root, u) if milled else np.full(len(u), np.nan),
+        bevel_deg=course_values(surface.bevel, u) / DEG if milled else np.full(len(u), np.nan),
+        thickness_mm=course_values(surface.thickness, u),
+        seen=_seen(u, seen_parameters, recipe.robot.frame_pitch_mm),
+        _parameter=u,
+        _surface=surface,
+    )
+
+
+def read_truth(path: str | Path) -> Truth:
+    """The truth in the file `path` (format bevel-truth), built anew from its recipe; InputError if it is none."""
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(str(path), f"a readable truth file ({error.strerror or error})") from error
+    except ValueError as error:
+        raise InputError(str(path), "a truth file in JSON") from error
+    if not isinstance(document, dict) or (document.get("format"), document.get("version")) != (FORMAT, VERSION):
+        raise InputError(str(path), f"format '{FORMAT}', version {VERSION}")
+    truth = build_truth(parse_recipe(document.get("recipe"), source=str(path)))
+    seen = document.get("seen")
+    if not isinstance(seen, list) or len(seen) != len(truth.seen):
+        raise InputError(f"{path}: seen", f"a list of {len(truth.seen)} values, one a station")
+    truth.seen[:] = seen
+    return truth
+
+
+def _seen(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: float) -> Bool:
+    """Stations within half a frame pitch (and a bit for what the laser plane's obliquity adds) of a seeing frame."""
+    if seen_parameters is None:
+        return np.ones(len(u), dtype=bool)
+    seen = np.zeros(len(u), dtype=bool)
+    for at in seen_parameters:
+        at = np.concatenate([[-np.inf], np.sort(at), [np.inf]])
+        after = np.searchsorted(at, u)
+        seen |= np.minimum(u - at[after - 1], at[after] - u) <= 0.75 * frame_pitch_mm + 1e-9
+    return seen
+
+
+def _rounded(values: Float) -> list[Any]:
+    """As nested lists at 1e-9, null for NaN."""
+    if values.ndim == 2:
+        return [[round(float(x), 9) for x in row] for row in values]
+    return [None if np.isnan(x) else round(float(x), 9) for x in values]

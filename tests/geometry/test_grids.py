@@ -67,5 +67,8 @@ def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:
     finite = np.isfinite(x) & np.isfinite(z)
     np.testing.assert_array_equal(grids.returns(x, z), finite)
     assert finite[0, 3]
-    assert grids.census(x, z) == (int(finite.sum()), int(np.isinf(x).sum() + np.isinf(z).sum()))
-    assert grids.census(x[:0], z[:0]) == (0, 0)
+    x[1, :3] = (100.0, np.nextafter(np.float32(100), np.float32(200)), -3e38)
+    finite = np.isfinite(x) & np.isfinite(z)
+    beyond = int(sum((np.abs(grid) > 100.0).sum() for grid in (x, z)))
+    assert grids.census(x, z, 100.0) == (int(finite.sum()), beyond)
+    assert grids.census(x[:0], z[:0], 100.0) == (0, 0)

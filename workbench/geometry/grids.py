@@ -70,17 +70,21 @@ def _returns(x_bits: AnyArray, z_bits: AnyArray, keep: Bool) -> None:
             keep[i, j] = ((x_bits[i, j] & _MAGNITUDE) < _EXPONENT) & ((z_bits[i, j] & _MAGNITUDE) < _EXPONENT)
 
 
-def census(x_mm: Float32, z_mm: Float32) -> tuple[int, int]:
-    """(points that came back, infinite entries of x and z) in a block (N, M): one pass, for a block still in cache."""
-    finite, infinite = _census(x_mm.view(np.int32).ravel(), z_mm.view(np.int32).ravel())
-    return int(finite), int(infinite)
+def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
+    """(points that came back, entries of x and z beyond `limit_mm`, infinite ones too) in a block (N, M).
+
+    One pass over integers: meant for a block that is still in the cache.
+    """
+    limit = np.float32(limit_mm).view(np.int32)  # magnitudes of floats order as their bits do
+    finite, beyond = _census(x_mm.view(np.int32).ravel(), z_mm.view(np.int32).ravel(), limit)
+    return int(finite), int(beyond)
 
 
 @njit(nogil=True, cache=True)
-def _census(x_bits: AnyArray, z_bits: AnyArray) -> tuple[int, int]:
-    finite = infinite = 0
+def _census(x_bits: AnyArray, z_bits: AnyArray, limit: np.int32) -> tuple[int, int]:
+    finite = beyond = 0
     for i in range(x_bits.size):
         u, w = x_bits[i] & _MAGNITUDE, z_bits[i] & _MAGNITUDE
         finite += (u < _EXPONENT) & (w < _EXPONENT)
-        infinite += (u == _EXPONENT) + (w == _EXPONENT)
-    return finite, infinite
+        beyond += ((u > limit) & (u <= _EXPONENT)) + ((w > limit) & (w <= _EXPONENT))
+    return finite, beyond

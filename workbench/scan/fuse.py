@@ -1,0 +1,85 @@
+"""`scan.fuse`: every profile placed in the robot base by the pose at its own time (the paper's section 4.1)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from workbench.artefacts import Cloud, Recording
+from workbench.errors import InputError
+from workbench.geometry.poses import interpolate_poses
+from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
+from workbench.stage import InputFile, stage
+from workbench.units import Bool, Float
+
+
+@stage("scan.fuse")
+def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
+    """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
+
+    base_from_profiler = base_from_flange(t) @ flange_from_profiler. The flange's pose is interpolated within each
+    scanning pass: position linearly, orientation by slerp. Nothing is copied: the cloud keeps the scanner's grid
+    (frame x column, profiler coordinates in mm) with a pose a frame, and its frames stand pass after pass.
+
+    Args:
+        recording: profiles and flange poses on one clock.
+        hand_eye: a `handeye.json` to use instead of the recording's own calibration.
+
+    Raises:
+        InputError: no calibration at all, or an improper one; a recording on the profiler's own clock.
+    """
+    if recording.clock == "own":
+        raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
+    calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
+    recording = pass_after_pass(recording)
+    return Cloud(
+        x_mm=recording.x_mm,
+        z_mm=recording.z_mm,
+        keep=_returns(recording),
+        base_from_profiler=flange_poses(recording) @ calibration.flange_from_profiler,
+        time_s=recording.time_s,
+        pass_index=recording.pass_index,
+        hand_eye_covariance=calibration.covariance,
+        flange_from_profiler=calibration.flange_from_profiler,
+        source=recording.source,
+        part_id=recording.part_id,
+    )
+
+
+def pass_after_pass(recording: Recording) -> Recording:
+    """The recording with the frames of each pass together, in the order of first appearance; itself if they are."""
+    _, first, inverse = np.unique(recording.pass_index, return_index=True, return_inverse=True)
+    rank = first[inverse]
+    if (np.diff(rank) >= 0).all():
+        return recording
+    order = np.argsort(rank, kind="stable")
+    return dataclasses.replace(
+        recording,
+        time_s=recording.time_s[order],
+        x_mm=recording.x_mm[order],
+        z_mm=recording.z_mm[order],
+        pass_index=recording.pass_index[order],
+        intensity=None if recording.intensity is None else recording.intensity[order],
+    )
+
+
+def flange_poses(recording: Recording) -> Float:
+    """base_from_flange (N, 4, 4) at each frame's time, interpolated within its pass; a single pose holds."""
+    base_from_flange = np.empty((len(recording.time_s), 4, 4))
+    for number in np.unique(recording.pass_index):
+        frames = recording.pass_index == number
+        poses = recording.robot_pass == number
+        base_from_flange[frames] = interpolate_poses(
+            recording.time_s[frames],
+            recording.robot_time_s[poses],
+            recording.robot_position_mm[poses],
+            recording.robot_quaternion_wxyz[poses],
+        )
+    return base_from_flange
+
+
+def _returns(recording: Recording) -> Bool:
+    from workbench.geometry import grids  # compiled code: loaded when there is something to fuse
+
+    return grids.returns(recording.x_mm, recording.z_mm)

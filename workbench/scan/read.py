@@ -1,0 +1,93 @@
+"""`scan.read`: a profile recording from an HDF5 file (INTERFACES section 1), refused unless all of it makes sense."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.artefacts import Recording, frozen
+from workbench.errors import InputError
+from workbench.scan.checks import checked
+from workbench.scan.digest import digesting
+from workbench.scan.hdf5 import opened, whole
+from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, text
+from workbench.stage import InputFile, Progress, stage
+from workbench.units import AnyArray, Float32
+
+BLOCK_BYTES = 2**22  # of x, and as much of z: still in the cache when it is checked
+MAX_MM = 1e5  # 100 m: beyond it is not a length in mm but a code for 'no return', which is NaN here
+ON_THE_GRID = ("x_mm", "z_mm", "intensity")
+
+
+@stage("scan.read")
+def read(*, recording: InputFile, progress: Progress = None) -> Recording:
+    """Read a profile recording: laser profiles (frame x column, mm) and robot poses, each with its time in s.
+
+    The grid is read in blocks of frames straight into place and checked while in the cache; the file's SHA-256 is taken
+    meanwhile. Quaternions within 1e-3 of unit length are normalised. Anything else that the format does not allow is
+    refused, none of it repaired.
+
+    Args:
+        recording: the HDF5 file, `format = "profile-recording"`, version 1.
+        progress: called with the fraction read so far.
+
+    Raises:
+        InputError: not such a file, or not a whole one, with the place in it (data set, row) and what was expected.
+    """
+    where = str(recording)
+    with opened(recording) as file:
+        check_header(file, where)
+        sets = data_sets(file, where)
+        diameter_mm, clock = calibration(file, where)
+        values = {name: whole(sets[name], FIELDS[name].dtype) for name in sets if name not in ON_THE_GRID}
+        values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
+        values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
+        values = checked(where, values, diameter_mm is not None, clock)
+        with digesting(recording) as digest:
+            values |= _grid(sets, where, progress)
+        part_id = text(file, "part_id", where)
+        sha256 = digest.result()
+    return Recording(
+        source=where,
+        **{name: frozen(array) for name, array in values.items()},
+        sphere_diameter_mm=diameter_mm,
+        clock=clock,
+        part_id=part_id,
+        sha256=sha256,
+    )
+
+
+def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, AnyArray]:
+    """x, z and intensity, read and checked in blocks of frames; a block is whole chunks, so each is unpacked once."""
+    grid = {name: np.empty(sets[name].shape, FIELDS[name].dtype) for name in ON_THE_GRID if name in sets}
+    frames, columns = grid["x_mm"].shape
+    step = max([1, *(sets[name].chunks[0] for name in grid if sets[name].chunks)])
+    step *= max(1, BLOCK_BYTES // (4 * columns * step))
+    seen = 0
+    for start in range(0, frames, step):
+        block = np.s_[start : min(start + step, frames)]
+        for name, array in grid.items():
+            sets[name].read_direct(array, block, block)
+        seen += _count_returns(grid["x_mm"][block], grid["z_mm"][block], start, where)
+        if progress is not None:
+            progress(block.stop / frames)
+    if not seen:
+        raise InputError(f"{where}: /profiles", "no return in any frame: every x or z is NaN")
+    return grid
+
+
+def _count_returns(x_mm: Float32, z_mm: Float32, first_frame: int, where: str) -> int:
+    """How many points of a block came back; refuses infinities and what else cannot be a length."""
+    from workbench.geometry import grids  # compiled code: loaded when there is something to read
+
+    finite, absurd = grids.census(x_mm, z_mm, MAX_MM)
+    if absurd:
+        for name, values in (("x", x_mm), ("z", z_mm)):
+            rows, columns = np.nonzero(np.abs(values) > MAX_MM)
+            if len(rows):
+                place = f"{where}: /profiles/{name}[{first_frame + rows[0]}, {columns[0]}]"
+                raise InputError(
+                    place, f"expected mm, NaN where nothing came back, found {values[rows[0], columns[0]]:g}"
+                )
+    return finite

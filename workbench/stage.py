@@ -76,10 +76,14 @@ class Stage:
     @functools.cached_property
     def sources(self) -> tuple[Source, ...]:
         """The artefacts it takes, in order."""
-        return tuple(
+        found = [
             _source(name, self.hints[name], parameter.default is parameter.empty)
             for name, parameter in self._signature(inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        )
+        ]
+        for source in found:
+            if not isinstance(source.type, type):
+                raise self._defect(f"'{source.name}' is not an artefact's type, but {source.type}")
+        return tuple(found)
 
     @functools.cached_property
     def produces(self) -> tuple[type, ...]:

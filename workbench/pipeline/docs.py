@@ -1,0 +1,80 @@
+"""The docs pages of the stages, from their signatures: `python -m workbench.pipeline.docs [DIRECTORY]`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from workbench.pipeline.describe import ParameterText, makes, parameter_texts, source_text, summary
+from workbench.pipeline.registry import BUILT_IN, every_stage
+from workbench.stage import Stage
+
+DIRECTORY = Path("docs/stages")
+NOTE = "<!-- Written by `python -m workbench.pipeline.docs` from the stage's signature: change it there. -->"
+
+
+def pages() -> dict[str, str]:
+    """File name -> Markdown: one page for every stage of the project, and their index."""
+    found, broken = every_stage()
+    for family in BUILT_IN:
+        if family in broken:
+            raise SystemExit(broken[family])
+    own = {name: stage for name, stage in found.items() if stage.function.__module__.startswith("workbench.")}
+    return {"README.md": index(own), **{f"{name}.md": page(stage) for name, stage in own.items()}}
+
+
+def index(stages: Mapping[str, Stage]) -> str:
+    """The table of all stages."""
+    rows = [f"| [`{name}`]({name}.md) | {makes(stage)} | {_cell(summary(stage))} |" for name, stage in stages.items()]
+    return "\n".join([NOTE, "# Stages", "", "| stage | makes | what it does |", "|---|---|---|", *rows, ""])
+
+
+def page(stage: Stage) -> str:
+    """One stage: what it does, takes and makes, and its parameters."""
+    takes = [f"- `{source.name}`: {source_text(source)}" for source in stage.sources]
+    parts = [
+        NOTE,
+        f"# `{stage.name}`",
+        stage.doc,
+        "## Takes",
+        "\n".join(takes) or "No artefact.",
+        "## Makes",
+        makes(stage),
+    ]
+    parameters = parameter_texts(stage)
+    table = [
+        "| parameter | type | unit | default | range | meaning |",
+        "|---|---|---|---|---|---|",
+        *map(_row, parameters),
+    ]
+    parts += ["## Parameters", "\n".join(table) if parameters else "None."]
+    example = {"stage": stage.name} | {one.name: f"${{{one.name}}}" for one in parameters if one.default == "required"}
+    parts += ["## In a pipeline", f"```json\n{json.dumps(example)}\n```"]
+    return "\n\n".join(parts) + "\n"
+
+
+def _row(one: ParameterText) -> str:
+    default = one.default if one.default == "required" else f"`{one.default}`"
+    cells = (f"`{one.name}`", one.type, one.unit, default, one.range, one.description)
+    return "| " + " | ".join(map(_cell, cells)) + " |"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def main(directory: Path) -> None:
+    """Write the pages, and remove those of stages that are gone."""
+    written = pages()
+    directory.mkdir(parents=True, exist_ok=True)
+    for old in directory.glob("*.md"):
+        if old.name not in written:
+            old.unlink()
+    for name, text in written.items():
+        (directory / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else DIRECTORY)

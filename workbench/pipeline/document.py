@@ -1,0 +1,164 @@
+"""The pipeline document: strict JSON in, a checked `Document` out (docs/pipelines.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import PipelineError, nearest
+
+VERSION = 1
+KEYS = ("version", "title", "seed", "inputs", "stages")
+MAX_BYTES = 4_000_000  # a pipeline is written by people; this also ends the reading of /dev/zero
+MAX_DEPTH = 32
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of an input
+ID = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # of a stage in the pipeline
+
+
+@dataclass(frozen=True)
+class PipelineDocument:
+    """A pipeline as written: nothing substituted, no stage looked up yet."""
+
+    name: str  # its file, for messages
+    base_dir: Path  # where its relative paths start
+    title: str
+    seed: int
+    inputs: Mapping[str, Any]
+    stages: tuple[Mapping[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class _Refused:
+    """Stands in the parsed tree for what JSON does not allow, until its place is known."""
+
+    why: str
+
+
+def read_document(path: Path) -> PipelineDocument:
+    """Read a pipeline file. Raises PipelineError with line and column, or the JSON path, of what is wrong."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise PipelineError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > MAX_BYTES:
+        raise PipelineError(str(path), f"is larger than {MAX_BYTES / 1e6:g} MB: expected a pipeline in JSON")
+    return check_document(parse_json(content, str(path)), str(path), path.parent)
+
+
+def parse_json(content: bytes, name: str) -> Any:
+    """Strict JSON: no duplicate keys, NaN, infinities or numbers beyond float64, at most MAX_DEPTH levels."""
+    try:
+        tree = json.loads(
+            content.decode("utf-8-sig"),
+            object_pairs_hook=_object,
+            parse_constant=lambda text: _Refused(f"{text} is not JSON"),
+        )
+    except json.JSONDecodeError as error:
+        raise PipelineError(f"{name}: line {error.lineno}, column {error.colno}", error.msg) from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise PipelineError(f"{name}: line {line}", f"is not UTF-8 text (byte {error.start})") from None
+    except RecursionError:
+        raise PipelineError(name, f"is nested deeper than {MAX_DEPTH} levels") from None
+    except ValueError:  # an integer of thousands of digits
+        raise PipelineError(name, "holds a number with too many digits") from None
+    for place, value, depth in _walk(tree):
+        where = f"{name}: {place.lstrip('.')}" if place else name
+        if depth > MAX_DEPTH:
+            raise PipelineError(name, f"is nested deeper than {MAX_DEPTH} levels")
+        if isinstance(value, _Refused):
+            raise PipelineError(where, value.why)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise PipelineError(where, "expected a finite number")
+    return tree
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any] | _Refused:
+    made: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in made:
+            return _Refused(f"key '{key}' stands twice")
+        made[key] = value
+    return made
+
+
+def _walk(tree: Any) -> Iterator[tuple[str, Any, int]]:
+    """Every value with its JSON path and depth, in the order of the file."""
+    stack = [("", tree, 0)]
+    while stack:
+        place, value, depth = stack.pop()
+        yield place, value, depth
+        if depth > MAX_DEPTH:
+            continue
+        if isinstance(value, dict):
+            stack += [(f"{place}.{key}", part, depth + 1) for key, part in reversed(value.items())]
+        elif isinstance(value, list):
+            stack += [(f"{place}[{i}]", part, depth + 1) for i, part in reversed([*enumerate(value)])]
+
+
+def check_document(tree: Any, name: str, base_dir: Path) -> PipelineDocument:
+    """Check the document's own form; the stages are looked up by `workbench.pipeline.wiring`."""
+    if not isinstance(tree, dict):
+        raise PipelineError(name, f"expected an object, got {kind(tree)}")
+    for key in tree:
+        if key not in KEYS:
+            raise PipelineError(f"{name}: {key}", f"unknown key{nearest(key, KEYS)}")
+    version = _member(tree, name, "version", int, None)
+    if version != VERSION:
+        raise PipelineError(f"{name}: version", f"expected {VERSION}, got {version}")
+    inputs = _member(tree, name, "inputs", dict, {})
+    for key in inputs:
+        if not NAME.fullmatch(key):
+            raise PipelineError(f"{name}: inputs", f"expected names of letters, digits and _, got {key!r}")
+    stages = _member(tree, name, "stages", list, None)
+    if not stages:
+        raise PipelineError(f"{name}: stages", "expected at least one stage")
+    for i, entry in enumerate(stages):
+        _check_stage(entry, f"{name}: stages[{i}]")
+    seed = _member(tree, name, "seed", int, 0)
+    if not 0 <= seed < 2**63:
+        raise PipelineError(f"{name}: seed", f"expected an integer from 0 to 2^63 - 1, got {seed}")
+    title = _member(tree, name, "title", str, Path(name).stem)
+    return PipelineDocument(name, base_dir, title, seed, inputs, tuple(stages))
+
+
+def _check_stage(entry: Any, where: str) -> None:
+    if not isinstance(entry, dict):
+        raise PipelineError(where, f"expected an object, got {kind(entry)}")
+    _member(entry, where, "stage", str, None, ".")
+    if not ID.fullmatch(_member(entry, where, "id", str, "x", ".")):
+        raise PipelineError(f"{where}.id", f"expected letters, digits, '_', '-' and '.', got {entry['id']!r}")
+    for source, given in _member(entry, where, "from", dict, {}, ".").items():
+        if not all(isinstance(part, str) for part in (given if isinstance(given, list) else [given])):
+            raise PipelineError(f"{where}.from.{source}", "expected the id of an earlier stage, or a list of ids")
+
+
+def _member(tree: Mapping[str, Any], where: str, key: str, kind_: type, default: Any, link: str = ": ") -> Any:
+    if key not in tree:
+        if default is None:
+            raise PipelineError(where, f"key '{key}' is missing{nearest(key, tree)}")
+        return default
+    if type(tree[key]) is not kind_:
+        raise PipelineError(f"{where}{link}{key}", f"expected {KINDS[kind_]}, got {kind(tree[key])}")
+    return tree[key]
+
+
+KINDS = {
+    dict: "an object",
+    list: "an array",
+    str: "a string",
+    bool: "true or false",
+    int: "an integer",
+    float: "a number",
+}
+
+
+def kind(value: Any) -> str:
+    """The JSON type of a value, in words."""
+    return KINDS.get(type(value), "null" if value is None else type(value).__name__)

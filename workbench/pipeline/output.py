@@ -1,0 +1,132 @@
+"""The output directory: a whole set of results or none, and never an earlier run's in the place of this one's.
+
+Files are written into a hidden directory beside their final places and renamed when all are complete, `run.json` last
+(a set without it is not one). A directory that did not exist appears with one rename. Files that are not results stay
+untouched. When a run fails, the results that an earlier run left are moved to `superseded/`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from workbench.errors import OutputError
+from workbench.pipeline.results import RUN_FILE, is_plain_name
+
+# What the contract calls a result, whoever wrote it: a reader takes these for the last run's.
+RESULT_NAMES = (
+    RUN_FILE,
+    "inspection.json",
+    "toolpath.json",
+    "handeye.json",
+    "stiffness.json",
+    "posture.json",
+    "report.html",
+)
+PROBE_BYTES = 1_000_000
+SUPERSEDED = "superseded"
+
+
+class OutputDirectory:
+    """Where one run's results go. Every failure is an OutputError that names the directory."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def check(self) -> None:
+        """Before long work: is it a directory that takes files, or a place where one can be made?"""
+        with self._errors():
+            if (self.path.exists() or self.path.is_symlink()) and not self.path.is_dir():
+                raise OutputError(str(self.path), "is not a directory")
+            with tempfile.TemporaryFile(dir=self._place()) as probe:
+                probe.write(bytes(PROBE_BYTES))
+
+    def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
+        """Write `files` (run.json among them) as the directory's one set of results."""
+        with self._errors(), _signals_wait():
+            if not self.path.is_dir():
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+            place = self.path if self.path.is_dir() else self.path.parent
+            staged = Path(tempfile.mkdtemp(prefix=f".{self.path.name}.partial-", dir=place))
+            try:
+                for name, content in files.items():
+                    (staged / name).write_bytes(content)
+                staged.chmod(0o777 & ~_umask())
+                self._move_in(staged, sorted(files, key=lambda name: name == RUN_FILE))
+            finally:
+                shutil.rmtree(staged, ignore_errors=True)
+        return tuple(self.path / name for name in files)
+
+    def supersede(self) -> Path | None:
+        """Move an earlier run's results aside, into `superseded/N/`; None if there are none."""
+        with self._errors(), _signals_wait():
+            old = self._results()
+            if not old:
+                return None
+            (self.path / SUPERSEDED).mkdir(exist_ok=True)
+            taken = [int(p.name) for p in (self.path / SUPERSEDED).iterdir() if p.name.isdecimal()]
+            aside = self.path / SUPERSEDED / str(max(taken, default=0) + 1)
+            aside.mkdir()
+            for name in old:
+                os.rename(self.path / name, aside / name)
+            return aside
+
+    def _place(self) -> Path:
+        """The nearest directory that exists, from the output directory upwards."""
+        return next(place for place in (self.path, *self.path.absolute().parents) if place.is_dir())
+
+    def _move_in(self, staged: Path, names: list[str]) -> None:
+        """Change places: the whole directory by one rename where there was none, else file by file."""
+        if staged.parent != self.path:
+            os.rename(staged, self.path)
+            return
+        for name in names:
+            if (self.path / name).is_dir():
+                raise OutputError(str(self.path / name), "is a directory in the place of a result")
+        for name in self._results():  # run.json goes first and comes last
+            os.rename(self.path / name, staged / f"{name}.old")
+        for name in names:
+            os.rename(staged / name, self.path / name)
+
+    def _results(self) -> list[str]:
+        """Names of the results that stand there: the contract's, and those that its run.json lists."""
+        try:
+            listed = json.loads((self.path / RUN_FILE).read_bytes()).get("files", [])
+        except (OSError, ValueError, AttributeError, RecursionError):
+            listed = []
+        names = [*RESULT_NAMES, *(listed if isinstance(listed, list) else [])]
+        return [name for name in dict.fromkeys(filter(is_plain_name, names)) if (self.path / name).is_file()]
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            raise OutputError(str(self.path), f"cannot be written: {why}") from None
+
+
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Hold back interruptions for the moment in which files change places."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+
+
+def _umask() -> int:
+    mask = os.umask(0o22)
+    os.umask(mask)
+    return mask

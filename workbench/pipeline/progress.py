@@ -1,0 +1,89 @@
+"""What a person sees while a pipeline runs: the stages as they go by, and why the first run takes longer."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+
+class Reporter:
+    """Told what a run is doing; this one keeps it to itself."""
+
+    def begin(self, index: int, count: int, name: str) -> None:
+        """Stage `name`, number `index` from 0, begins."""
+
+    def fraction(self, done: float) -> None:
+        """The stage has done this share of its work, 0 to 1."""
+
+    def end(self, seconds: float) -> None:
+        """The stage has ended."""
+
+    def compiling(self) -> None:
+        """Kernels are being compiled, once after installing."""
+
+
+class Lines(Reporter):
+    """Plain lines on a stream, one a stage; on a terminal the line of the running stage is rewritten in place."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        self.live = stream.isatty()
+        self.label = ""
+
+    def begin(self, index: int, count: int, name: str) -> None:
+        """Show which stage is running."""
+        self.label = f"[{index + 1}/{count}] {name}"
+        if self.live:
+            self._show(self.label)
+
+    def fraction(self, done: float) -> None:
+        """Show how far it is, where a line can be rewritten."""
+        if self.live:
+            self._show(f"\r{self.label} {100 * min(max(done, 0.0), 1.0):3.0f} %")
+
+    def end(self, seconds: float) -> None:
+        """Show how long it took."""
+        self._show(f"{chr(13) if self.live else ''}{self.label} {seconds:.2f} s\n")
+
+    def compiling(self) -> None:
+        """Say why it takes so long this time."""
+        text = "compiling kernels for this machine: only once after installing, may take a minute"
+        self._show(f"{chr(13) if self.live else ''}{text}\n{self.label if self.live else ''}")
+
+    def close(self) -> None:
+        """End a line that was left open by a failure."""
+        if self.live and self.label:
+            self._show("\r\033[K")
+
+    def _show(self, text: str) -> None:
+        self.stream.write(text)
+        self.stream.flush()
+
+
+@contextmanager
+def compilation_watch(reporter: Reporter) -> Iterator[None]:
+    """Tell the reporter, once, when numba really compiles; a kernel out of the cache on disk raises no event."""
+    if "numba" not in sys.modules:  # no family of this pipeline has kernels
+        yield
+        return
+    from numba.core import event
+
+    class Watch(event.Listener):
+        told = False
+
+        def on_start(self, event: Any) -> None:
+            if not self.told:
+                self.told = True
+                reporter.compiling()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    watch = Watch()
+    event.register("numba:compile", watch)  # type: ignore[no-untyped-call]
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", watch)  # type: ignore[no-untyped-call]

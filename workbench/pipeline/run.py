@@ -1,0 +1,222 @@
+"""`Pipeline`: load, check, run. The command line and a notebook go through the same few lines."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, TypeVar
+
+from workbench import __version__
+from workbench.artefacts import Gate, Provenance
+from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
+from workbench.pipeline.document import check_document, read_document
+from workbench.pipeline.output import OutputDirectory
+from workbench.pipeline.progress import Reporter, compilation_watch
+from workbench.pipeline.results import RUN_FILE, plain, result_files, strict_json
+from workbench.pipeline.wiring import InputRecord, Plan, Step, plan
+from workbench.stage import Role, Source
+
+A = TypeVar("A")
+VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")
+NOTED = (UserWarning, RuntimeWarning)  # Python warnings that a user should see; the rest is for developers
+
+
+@dataclass
+class Results:
+    """What a run made: artefacts by stage id, in order; files, if it wrote any."""
+
+    artefacts: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    inputs: list[tuple[str, str, str]] = field(default_factory=list)  # name, path as given, SHA-256
+    warnings: list[str] = field(default_factory=list)
+    files: tuple[Path, ...] = ()
+
+    def __getitem__(self, stage_id: str) -> Any:
+        """What one stage returned: its artefact, or a tuple of them."""
+        made = self.artefacts[stage_id]
+        return made[0] if len(made) == 1 else made
+
+    def last(self, kind: type[A]) -> A:
+        """The last artefact of a type, e.g. `results.last(Inspection)`; KeyError if there is none."""
+        found = [artefact for artefact in self if isinstance(artefact, kind)]
+        if not found:
+            raise KeyError(f"the run made no {kind.__name__}")
+        return found[-1]
+
+    def __iter__(self) -> Iterator[Any]:
+        """All artefacts, in the order they were made."""
+        return (artefact for made in self.artefacts.values() for artefact in made)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every gate of the pipeline let the part through."""
+        return all(artefact.passed for artefact in self if isinstance(artefact, Gate))
+
+
+class Pipeline:
+    """A pipeline document (docs/pipelines.md): `Pipeline.load("inspect.json").run(out="result")`."""
+
+    def __init__(self, document: Mapping[str, Any], *, base_dir: str | Path = ".") -> None:
+        """Take a document as Python data; its relative paths start at `base_dir`. Raises PipelineError."""
+        self.document = check_document(plain(document), "pipeline", Path(base_dir))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Pipeline:
+        """Read a pipeline file; raises PipelineError with line and column, or the JSON path, of what is wrong."""
+        pipeline = cls.__new__(cls)
+        pipeline.document = read_document(Path(path))
+        return pipeline
+
+    def plan(self, inputs: Mapping[str, Any] | None = None, settings: Mapping[str, Any] | None = None) -> Plan:
+        """Check all that can be checked without running; raises PipelineError or InputError."""
+        return plan(self.document, inputs or {}, settings or {})
+
+    def run(
+        self,
+        out: str | Path | None = None,
+        *,
+        inputs: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        reporter: Reporter | None = None,
+    ) -> Results:
+        """Check, run, and write the results into the directory `out` (None: write nothing).
+
+        `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name. Raises a
+        WorkbenchError for anything unusable outside the program.
+        """
+        checked = self.plan(inputs, settings)
+        target = OutputDirectory(Path(out)) if out is not None else None
+        if target:
+            target.check()
+        results = run_plan(checked, reporter or Reporter())
+        if target:
+            results.files = target.publish(_files(checked, results))
+        return results
+
+
+def run_plan(checked: Plan, reporter: Reporter) -> Results:
+    """Run the steps in order, in memory."""
+    results = Results(warnings=list(checked.warnings))
+    with compilation_watch(reporter):
+        for i, step in enumerate(checked.steps):
+            reporter.begin(i, len(checked.steps), step.id)
+            start = time.perf_counter()
+            made = _run_step(step, checked, results, reporter)
+            results.seconds[step.id] = time.perf_counter() - start
+            results.artefacts[step.id] = made
+            results.inputs += [item for item in _digests(step, made) if item not in results.inputs]
+            results.warnings += [note for one in made for note in getattr(one, "warnings", ())]
+            reporter.end(results.seconds[step.id])
+    results.warnings = list(dict.fromkeys(results.warnings))
+    return results
+
+
+def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -> tuple[Any, ...]:
+    sources = {source.name: _artefact(source, step, checked, results) for source in step.stage.sources}
+    extra = {key: reporter.fraction for key, role in step.stage.parameters.items() if role is Role.PROGRESS}
+    with _one_line_errors(step, checked), warnings.catch_warnings(record=True) as caught:
+        for category in NOTED:
+            warnings.simplefilter("always", category)
+        made = step.stage.function(**sources, **step.parameters, **extra)
+    noted = [item for item in caught if issubclass(item.category, NOTED)]
+    results.warnings += [f"{step.id}: {one_line(str(item.message))}" for item in noted]
+    return made if isinstance(made, tuple) else (made,) if made is not None else ()
+
+
+def _artefact(source: Source, step: Step, checked: Plan, results: Results) -> Any:
+    """The value of one positional parameter."""
+    if issubclass(source.type, Provenance):
+        return provenance(checked, results)
+    found = [one for i in step.sources[source.name] for one in results.artefacts[i] if isinstance(one, source.type)]
+    return tuple(found) if source.several else (found[0] if found else None)
+
+
+@contextmanager
+def _one_line_errors(step: Step, checked: Plan) -> Iterator[None]:
+    """What a stage raises, as an error that names the stage; the cause stays attached for `--traceback`."""
+    where = f"{checked.document.name}: {step.id}"
+    try:
+        yield
+    except WorkbenchError:
+        raise
+    except MemoryError as error:
+        raise InputError(where, "not enough memory for this recording") from error
+    except Exception as error:
+        why = f"failed inside: {type(error).__name__}: {error} (--traceback shows where)"
+        raise PipelineError(where, why) from error
+
+
+def _digests(step: Step, made: tuple[Any, ...]) -> Iterator[tuple[str, str, str]]:
+    """SHA-256 of the files a step has read; a reader that has hashed its file already is not repeated."""
+    known = next((digest for one in made if (digest := getattr(one, "sha256", None))), None)
+    for record in step.files:
+        yield record.name, record.given, known if known and len(step.files) == 1 else _sha256(record)
+
+
+def _sha256(record: InputRecord) -> str:
+    try:
+        with open(record.path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(record.given, f"cannot be read any more: {error.strerror}") from None
+
+
+def provenance(checked: Plan, results: Results) -> Provenance:
+    """What the results so far rest on."""
+    return Provenance(
+        title=checked.document.title,
+        inputs=tuple(results.inputs),
+        versions=versions(),
+        pipeline=resolved(checked),
+        seed=checked.document.seed,
+    )
+
+
+def resolved(checked: Plan) -> dict[str, Any]:
+    """The pipeline as it runs: inputs substituted, defaults and sources spelt out; itself a pipeline document."""
+    from pydantic_core import to_jsonable_python
+
+    stages = []
+    for step in checked.steps:
+        sources = {name: ids[0] if len(ids) == 1 else list(ids) for name, ids in step.sources.items() if ids}
+        parameters = {**to_jsonable_python(dict(step.parameters)), **step.given}
+        stages.append({"stage": step.stage.name, "id": step.id, **({"from": sources} if sources else {}), **parameters})
+    document = checked.document
+    head = {"version": 1, "title": document.title, "seed": document.seed}
+    return {**head, "inputs": dict(checked.inputs), "stages": stages}
+
+
+def versions() -> dict[str, str]:
+    """Versions of the project, Python and the packages that the numbers depend on."""
+    found = {"workbench": __version__, "python": platform.python_version()}
+    for name in VERSIONED:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _files(checked: Plan, results: Results) -> dict[str, bytes]:
+    """All result files of a run, `run.json` included."""
+    files = result_files(results)
+    made_of = provenance(checked, results)
+    files[RUN_FILE] = strict_json(
+        {
+            "pipeline": made_of.pipeline,
+            "versions": made_of.versions,
+            "seed": made_of.seed,
+            "inputs": [dict(zip(("name", "path", "sha256"), item, strict=True)) for item in made_of.inputs],
+            "stages": [{"name": name, "seconds": round(spent, 6)} for name, spent in results.seconds.items()],
+            "warnings": results.warnings,
+            "files": [*files, RUN_FILE],
+        }
+    )
+    return files

@@ -1,0 +1,97 @@
+"""What the command prints: results and stages as tables on standard output."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from workbench.artefacts import Gate, Inspection, Section
+from workbench.errors import one_line
+from workbench.pipeline.describe import makes, parameter_texts, source_text, summary
+from workbench.pipeline.run import Results
+from workbench.stage import Stage
+
+COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow"}
+
+
+def print_results(results: Results) -> None:
+    """The inspection as a table, the gates' decisions, warnings and files."""
+    console = Console(highlight=False)
+    for artefact in results:
+        if isinstance(artefact, Inspection):
+            console.print(_inspection_table(artefact))
+            line = Text("part: ").append(artefact.verdict, f"bold {COLOURS[artefact.verdict]}")
+            console.print(line.append(one_line(f" ({artefact.reason})")), soft_wrap=True)
+        if isinstance(artefact, Gate):
+            console.print(
+                Text(one_line(f"gate: {'passed' if artefact.passed else 'rejected'} ({artefact.reason})")),
+                soft_wrap=True,
+            )
+    for note in results.warnings:
+        console.print(Text(one_line(f"warning: {note}"), "yellow"), soft_wrap=True)
+    for path in results.files:
+        label = "report" if path.suffix == ".html" else "wrote"
+        console.print(Text(one_line(f"{label}: {path}")), soft_wrap=True)
+
+
+def _inspection_table(inspection: Inspection) -> Table:
+    needs = inspection.requirements
+    root = f"root face, mm\n{_limits(needs.root_nominal_mm, needs.root_tolerance_mm)}"
+    bevel = f"bevel angle, deg\n{_limits(needs.bevel_nominal_deg, needs.bevel_tolerance_deg)}"
+    table = Table(caption="± U: expanded uncertainty, U = 2u", caption_justify="left")
+    for title in ("section", "arc length, mm", root, bevel):
+        table.add_column(title, justify="right")
+    table.add_column("verdict")
+    for section in inspection.sections:
+        table.add_row(*_row(section), Text(section.verdict, COLOURS[section.verdict]))
+    return table
+
+
+def _row(section: Section) -> tuple[str, str, str, str]:
+    root = _value(section.root_mm, section.root_u_mm, 3)
+    return str(section.index), f"{section.arc_length_mm:.2f}", root, _value(section.bevel_deg, section.bevel_u_deg, 3)
+
+
+def _value(value: float | None, u: float | None, digits: int) -> str:
+    if value is None or u is None:
+        return "not measured"
+    return f"{value:.{digits}f} ± {2 * u:.{digits}f}"
+
+
+def _limits(nominal: float, tolerance: tuple[float, float]) -> str:
+    return f"{nominal:g} {tolerance[0]:+g} {tolerance[1]:+g}"
+
+
+def print_stages(stages: dict[str, Stage]) -> None:
+    """All stages, one a row."""
+    table = Table("stage", "takes", "makes", "what it does")
+    for name, stage in stages.items():
+        takes = ", ".join(map(source_text, stage.sources))
+        table.add_row(Text(name), Text(takes), Text(makes(stage)), Text(summary(stage)))
+    Console(highlight=False).print(table)
+
+
+def print_stage(stage: Stage) -> None:
+    """One stage: what it does, takes, makes and its parameters with units and defaults."""
+    console = Console(highlight=False)
+    console.print(Text(stage.name, "bold"))
+    console.print(Text(stage.doc + "\n"))
+    for source in stage.sources:
+        console.print(Text(f"takes {source.name}: {source_text(source)}"))
+    console.print(Text(f"makes {makes(stage)}"))
+    for one in parameter_texts(stage):
+        default = one.default if one.default == "required" else f"default {one.default}"
+        facts = [one.type, one.unit, one.range, default]
+        console.print(Text(f"\n{one.name}", "bold").append(f"  ({', '.join(filter(None, facts))})", "not bold"))
+        if one.description:
+            console.print(Text(f"    {one.description}"))
+
+
+def print_plan(name: Path, count: int, warnings: tuple[str, ...]) -> None:
+    """That a pipeline is valid."""
+    for note in warnings:
+        print(one_line(f"warning: {note}"))
+    print(one_line(f"{name}: valid, {count} stages"))

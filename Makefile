@@ -38,7 +38,7 @@ bench: setup
 	@$(BIN)/python -m bench
 
 docs: setup
-	@$(BIN)/python scripts/stage_pages.py
+	@$(BIN)/python -m workbench.pipeline.docs
 
 data: setup
 	@for recipe in data/synthetic/*.json; do case $$recipe in *.truth.json) ;; *) $(BIN)/workbench simulate $$recipe --out $${recipe%.json}.h5 || exit;; esac; done

@@ -41,7 +41,7 @@ choose_python() {
 # Debian packages that are missing: shared libraries, and the module that makes virtual environments.
 missing_packages() {
     "$1" scripts/system_libraries.py
-    [ -x .venv/bin/python ] || "$1" -c 'import ensurepip, venv' 2>/dev/null ||
+    [ -x .venv/bin/pip ] || "$1" -c 'import ensurepip, venv' 2>/dev/null ||
         echo "python$(version_of "$1")-venv"
 }
 
@@ -64,7 +64,8 @@ provide_packages() {
     set -- "$1" $(missing_packages "$1")
     python=$1
     shift
-    [ $# = 0 ] || install_packages "$@" || fail "needed first: apt-get install $* (as root)"
+    [ $# -gt 0 ] || return 0
+    install_packages "$@" || fail "needed first: apt-get install $* (as root)"
     left=$(missing_packages "$python" | tr '\n' ' ')
     [ -z "$left" ] || fail "still missing after installing: $left"
 }
@@ -74,10 +75,16 @@ up_to_date() {
         [ .venv/complete -nt scripts/setup.sh ] && [ "$(cat .venv/complete)" = "$PWD" ]
 }
 
+# A .venv that was begun, or moved together with its folder, is made anew.
+is_usable() {
+    will_do .venv/bin/python && [ -x .venv/bin/pip ] && [ "$(cat .venv/complete 2>/dev/null || pwd)" = "$PWD" ]
+}
+
 install_wheels() {
     echo "setup: installing the packages of requirements.lock into .venv; the first time this takes some minutes"
     pip=".venv/bin/python -m pip --disable-pip-version-check"
-    $pip install --quiet --only-binary :all: --requirement requirements.lock
+    $pip install --quiet --only-binary :all: --requirement requirements.lock ||
+        fail "the packages of requirements.lock could not be installed, see above"
     $pip install --quiet --no-deps --no-build-isolation --editable .
     .venv/bin/python scripts/try_wheels.py || fail "a package of .venv does not work here, see above"
     pwd >.venv/complete
@@ -86,6 +93,6 @@ install_wheels() {
 python=$(choose_python)
 provide_packages "$python"
 up_to_date && exit
-will_do .venv/bin/python || { rm -rf .venv && "$python" -m venv .venv; }
+is_usable || { rm -rf .venv && "$python" -m venv .venv; }
 install_wheels
 echo "setup: done"

@@ -1,0 +1,162 @@
+"""Milled edges of exact geometry, as the stages before the report hand them over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import (
+    BEVEL_FACE,
+    ROOT_FACE,
+    UNLABELLED,
+    UPPER_SURFACE,
+    Cloud,
+    Edge,
+    EdgeProfile,
+    Inspection,
+    Provenance,
+    Requirements,
+    Section,
+)
+from workbench.units import DEG
+
+THICKNESS_MM, ROOT_MM, BEVEL_DEG = 10.0, 1.5, 40.0
+LENGTH_MM, VIEW = 200.0, 42 * DEG  # VIEW: from the outward normal up to the direction towards the sensor
+
+
+@dataclass(frozen=True)
+class Part:
+    cloud: Cloud
+    edge: Edge
+    inspection: Inspection
+
+
+def root_at(s):
+    return ROOT_MM + 0.08 * np.sin(2 * np.pi * s / 120)
+
+
+def angle_deg_at(s):
+    return BEVEL_DEG + 0.3 * np.cos(2 * np.pi * s / 160)
+
+
+def edge_frames(s, radius_mm):
+    """Lower edge P, tangent t, outward normal n, across m at arc lengths s: straight, or an arc seen from outside."""
+    s = np.asarray(s, float)
+    across = np.tile([0.0, 0.0, 1.0], (len(s), 1))
+    if radius_mm is None:
+        normal = np.tile([0.0, -1.0, 0.0], (len(s), 1))
+        position = np.column_stack([s, np.zeros_like(s), np.zeros_like(s)])
+    else:
+        a = s / radius_mm
+        normal = np.column_stack([np.sin(a), -np.cos(a), np.zeros_like(a)])
+        position = radius_mm * normal
+    return position + np.array([1200.0, -300.0, 800.0]), np.cross(across, normal), normal, across
+
+
+def section_hits(s, lateral):
+    """(u, v) and label where parallel rays at `lateral` meet the section at arc length s, seen from the upper side."""
+    root, beta = root_at(s), angle_deg_at(s) * DEG
+    to_sensor = np.array([np.cos(VIEW), np.sin(VIEW)])
+    sideways = np.array([-np.sin(VIEW), np.cos(VIEW)])
+    upper = np.array([-(THICKNESS_MM - root) * np.tan(beta), THICKNESS_MM])
+    corners = np.array([[0.0, 0.0], [0.0, root], upper, [-16.0, THICKNESS_MM]])
+    at = corners @ sideways
+    hit = np.full((len(lateral), 2), np.nan)
+    label = np.full(len(lateral), UNLABELLED, np.uint8)
+    for k, face in enumerate((ROOT_FACE, BEVEL_FACE, UPPER_SURFACE)):
+        inside = (lateral >= at[k]) & (lateral < at[k + 1])
+        part = ((lateral[inside] - at[k]) / (at[k + 1] - at[k]))[:, None]
+        hit[inside] = corners[k] + part * (corners[k + 1] - corners[k])
+        label[inside] = face
+    return hit, label, to_sensor, sideways
+
+
+def scan(frames, columns, radius_mm, rng, clamp):
+    s_frames = np.linspace(0, LENGTH_MM, frames)
+    position, tangent, normal, across = edge_frames(s_frames, radius_mm)
+    lateral = np.linspace(-1.0, 19.0, columns)
+    x = np.tile(lateral, (frames, 1)).astype(np.float32)
+    z = np.full((frames, columns), np.nan, np.float32)
+    labels = np.zeros((frames, columns), np.uint8)
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    for i, s in enumerate(s_frames):
+        hit, labels[i], to_sensor, sideways = section_hits(s, lateral)
+        z[i] = 200.0 - hit @ to_sensor
+        x_axis = sideways[0] * normal[i] + sideways[1] * across[i]
+        z_axis = -(to_sensor[0] * normal[i] + to_sensor[1] * across[i])
+        origin = position[i] - 200.0 * z_axis
+        poses[i, :3] = np.column_stack([x_axis, np.cross(z_axis, x_axis), z_axis, origin])
+    z += rng.normal(0, 0.012, z.shape).astype(np.float32)
+    clamped = (s_frames >= clamp[0]) & (s_frames <= clamp[1])
+    z[clamped] = (188.0 + rng.normal(0, 0.012, (clamped.sum(), columns))).astype(np.float32)
+    labels[clamped] = UNLABELLED
+    keep = np.isfinite(z)
+    outlier = keep & (rng.random(z.shape) < 0.004)
+    z[outlier] += rng.normal(0, 3.0, outlier.sum()).astype(np.float32)
+    keep &= ~outlier
+    labels[~keep] = UNLABELLED
+    s_seen = np.where(clamped, np.nan, s_frames)
+    return s_seen, tangent, normal, x, z, labels, keep, poses, int(outlier.sum())
+
+
+def sections_of(count, radius_mm, s_seen, clamp, verdict_of):
+    for i in range(count):
+        s = (i + 0.5) / count * LENGTH_MM
+        position, tangent, normal, across = (each[0] for each in edge_frames([s], radius_mm))
+        hidden = clamp[0] <= s <= clamp[1]
+        values = (None,) * 4 if hidden else (float(root_at(s)), 0.0031, float(angle_deg_at(s)), 0.021)
+        verdict = "undecided" if hidden else verdict_of(i)
+        reason = "the edge is hidden here" if hidden else ""
+        with np.errstate(invalid="ignore"):
+            frames = np.flatnonzero(np.abs(s_seen - s) < 2.0)
+        yield Section(i + 1, s, position, tangent, normal, across, *values, verdict, reason, frames)
+
+
+def make_part(
+    *, radius_mm=None, frames=400, columns=300, clamp=(90.0, 122.0), verdict="pass", part_id="B-17", seed=1, sections=9
+):
+    rng = np.random.default_rng(seed)
+    s_seen, tangent, normal, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
+    cloud = Cloud(
+        x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
+        source="milled_edge.h5", part_id=part_id, rejected={"isolated": outliers - 3, "mixed pixel": 3},
+    )  # fmt: skip
+    s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
+    seen = ~((s >= clamp[0]) & (s <= clamp[1]))
+    p, t, n, m = edge_frames(s, radius_mm)
+    hide = np.where(seen, 0.0, np.nan)
+    edge = Edge(
+        "milled", {}, labels, s_seen, tangent, normal, np.full((frames, 3), np.nan), np.zeros(frames, bool),
+        s, p + hide[:, None], t, n, m, seen, np.array([31, 32, 170]),
+        warnings=() if seen.all() else (f"edge hidden from {clamp[0]:.0f} to {clamp[1]:.0f} mm",),
+    )  # fmt: skip
+    unsure = 1.0 + 0.3 * np.sin(s / 9) ** 2
+    profile = EdgeProfile(
+        s, p, root_at(s) + rng.normal(0, 0.004, len(s)) + hide, 0.0062 * unsure + hide,
+        angle_deg_at(s) + rng.normal(0, 0.03, len(s)) + hide, 0.045 * unsure + hide,
+    )  # fmt: skip
+    measured = tuple(sections_of(sections, radius_mm, s_seen, clamp, lambda i: verdict if i in (2, 5) else "pass"))
+    inspection = Inspection(
+        measured, profile, Requirements(), 1.645, verdict, f"the part is made to {verdict}", "whole edge",
+        warnings=("the tilt of the root face rests on 1.5 mm of width",),
+    )  # fmt: skip
+    return Part(cloud, edge, inspection)
+
+
+@pytest.fixture(scope="session")
+def part():
+    """Builds a `Part`; keyword arguments choose its shape and verdict."""
+    return make_part
+
+
+@pytest.fixture(scope="session")
+def provenance():
+    return Provenance(
+        title="Inspect a milled bevel",
+        inputs=(("recording", "data/milled_edge.h5", "ab" * 32),),
+        versions={"python": "3.11.2", "workbench": "0.1.0"},
+        pipeline={"version": 1, "stages": [{"stage": "scan.read"}, {"stage": "report.html"}]},
+        seed=7,
+    )

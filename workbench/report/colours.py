@@ -1,0 +1,18 @@
+"""The report's colours: told apart with any colour vision (after Okabe and Ito), and dark enough to print."""
+
+from __future__ import annotations
+
+from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE
+
+INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
+MEASURED, TOLERANCE, LIMIT, REJECTED = "#0072b2", "#d9efe6", "#00664b", "#8c0f5b"
+
+FACES = {
+    ROOT_FACE: "#d55e00",
+    BEVEL_FACE: "#0072b2",
+    UPPER_SURFACE: "#8fa3ad",
+    LOWER_SURFACE: "#b79f6a",
+    UNLABELLED: "#d5d9de",
+}
+VERDICTS = {"pass": "#00664b", "fail": "#a8200d", "undecided": "#8a5a00"}
+SIGNS = {"pass": "✓", "fail": "✕", "undecided": "?"}

@@ -1,0 +1,67 @@
+"""Coordinates along and across the edge: the edge laid out straight, each section in its own plane.
+
+For a point p near arc length s: u = (p - P(s)) . n, v = (p - P(s)) . m with the lower edge P and the axes (n, m) of
+the stations, where s is the foot point, (p - P(s)) . t = 0. So a section of a curved edge is drawn without the
+curvature.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from workbench.artefacts import Edge, Section
+from workbench.units import Float
+
+FOOT_STEPS = 3  # Newton steps to the foot point: each divides its error by the radius over the distance
+
+
+def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
+    """(n, 3) arc length s, u (outward) and v (from the lower to the upper side), mm, of base positions (n, 3).
+
+    `start_mm` (n,): arc length near each point, where the search for its foot point starts.
+    """
+    arc_length = start_mm
+    for _ in range(FOOT_STEPS):
+        offset, tangent = _offset(position_mm, arc_length, edge)
+        arc_length = arc_length + np.einsum("ij,ij->i", offset, tangent)
+    offset, _ = _offset(position_mm, arc_length, edge)
+    u = np.einsum("ij,ij->i", offset, _at(arc_length, edge, edge.normal))
+    v = np.einsum("ij,ij->i", offset, _at(arc_length, edge, edge.across))
+    return np.column_stack([arc_length, u, v])
+
+
+def in_section(position_mm: Float, start_mm: Float, edge: Edge, section: Section) -> Float:
+    """(n, 2) u and v in the section's own axes, which differ from the stations' by a turn about t and an origin."""
+    _, u, v = developed(position_mm, start_mm, edge).T
+    here = np.array([section.arc_length_mm])
+    normal, across = _at(here, edge, edge.normal)[0], _at(here, edge, edge.across)[0]
+    turn = math.atan2(float(section.normal @ across), float(section.normal @ normal))
+    shift = section.origin_mm - _on_curve(here, edge)[0]
+    u, v = u - shift @ normal, v - shift @ across
+    return np.column_stack([math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u])
+
+
+def _offset(position_mm: Float, arc_length: Float, edge: Edge) -> tuple[Float, Float]:
+    """p - P(s) and t(s)."""
+    return position_mm - _on_curve(arc_length, edge), _at(arc_length, edge, edge.tangent)
+
+
+def _on_curve(arc_length: Float, edge: Edge) -> Float:
+    """P(s): through the measured stations along their tangents, straight on beyond the first and the last of them."""
+    measured = np.isfinite(edge.position_mm).all(axis=1)
+    stations = edge.arc_length_mm[measured]
+    inside = np.clip(arc_length, stations[0], stations[-1])
+    beyond = (arc_length - inside)[:, None] * _at(inside, edge, edge.tangent)
+    curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
+    on_curve: Float = curve(inside) + beyond
+    return on_curve
+
+
+def _at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
+    """Unit vectors of the stations, interpolated."""
+    mixed = np.column_stack([np.interp(arc_length, edge.arc_length_mm, axis) for axis in vectors.T])
+    unit: Float = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    return unit

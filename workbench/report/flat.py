@@ -1,0 +1,32 @@
+"""The views in space by matplotlib, for systems without OpenGL: the same projection, far points drawn first."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from workbench.report.colours import INK
+from workbench.report.scene import View, aspect, extent
+
+POINTS = 60_000  # drawn at most
+WIDTH_IN = 10.0
+
+
+def flat(view: View) -> bytes:
+    """PNG of a view."""
+    everything = np.vstack([view.points_mm, view.planes_mm.reshape(-1, 3)])
+    screen, low, high = extent(everything, view.look, view.axes[2])
+    figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * aspect(low, high)), dpi=150)
+    axes = figure.add_axes((0.02, 0.02, 0.96, 0.96), aspect="equal")
+    axes.set_axis_off()
+    points = view.points_mm @ screen.T
+    order = np.argsort(points[:, 2])[:: max(1, len(points) // POINTS)]
+    axes.scatter(points[order, 0], points[order, 1], s=1.0, c=view.colour[order] / 255.0, linewidths=0)
+    for corners, colour, name in zip(view.planes_mm @ screen.T, view.plane_colour / 255.0, view.names, strict=True):
+        axes.fill(*corners[:, :2].T, facecolor=(*colour, 0.12), edgecolor=colour, linewidth=1.2)
+        axes.annotate(name, corners[3, :2], (0, 3), textcoords="offset points", color=INK, fontsize=11)
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()

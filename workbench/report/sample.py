@@ -1,0 +1,120 @@
+"""Which points of a cloud are drawn, in the base.
+
+A recording may hold 50 million points and a picture a few hundred thousand, so frames and columns are thinned
+before any coordinate is computed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Section
+from workbench.units import AnyArray, Bool, Float, Int
+
+ROOT_POINTS = 8  # points kept across the root face at least, so that thinning does not lose it
+SURROUNDINGS_MM = 5.0  # unlabelled points are drawn this far about the faces; further off is background
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Grid points that gave a return: coordinates in the base and what the pipeline made of them."""
+
+    position_mm: Float  # (n, 3) base
+    label: AnyArray  # (n,) uint8, face
+    kept: Bool  # (n,) False: rejected by a filter
+    frame: Int  # (n,)
+    column: Int  # (n,)
+
+    def where(self, mask: Bool) -> Points:
+        """The points where `mask` (n,) holds."""
+        return Points(*(getattr(self, each.name)[mask] for each in fields(self)))
+
+
+def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:
+    """About `budget` kept points over the whole edge, spaced alike along and across it; the root face thinned least."""
+    frames, columns = cloud.x_mm.shape
+    surplus = frames * columns / budget
+    pitch_ratio = _column_pitch_mm(cloud) / _frame_pitch_mm(edge, frames)
+    frame_step = max(1, math.ceil(min(surplus, math.sqrt(surplus * pitch_ratio))))
+    column_step = max(1, math.ceil(surplus / frame_step))
+    root_columns = np.count_nonzero(edge.labels[::frame_step] == ROOT_FACE, axis=1).max(initial=0)
+    root_step = max(1, min(column_step, int(root_columns) // ROOT_POINTS))
+    points = _take(cloud, edge, np.arange(0, frames, frame_step), math.gcd(column_step, root_step))
+    step = np.where(points.label == ROOT_FACE, root_step, column_step)
+    return _near_faces(points.where(points.kept & (points.column % step == 0)))
+
+
+def around(cloud: Cloud, edge: Edge, section: Section, reach_mm: float, budget: int) -> Points:
+    """The kept points within `reach_mm` of arc length of a section, frames thinned to about `budget` points."""
+    near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - section.arc_length_mm) <= reach_mm)
+    points = _take(cloud, edge, _thinned(near, cloud, budget))
+    return _near_faces(points.where(points.kept))
+
+
+def of_section(cloud: Cloud, edge: Edge, section: Section, budget: int) -> Points:
+    """The kept points of the frames that a section rests on, frames thinned to about `budget` points."""
+    points = _take(cloud, edge, _thinned(section.frames, cloud, budget))
+    return points.where(points.kept)
+
+
+def rejected(cloud: Cloud, edge: Edge, budget: int) -> tuple[Points, int]:
+    """Points that gave a return and were rejected, out of about `budget` grid points of every k-th frame; and k."""
+    frames, columns = cloud.x_mm.shape
+    step = max(1, math.ceil(frames * columns / budget))
+    points = _take(cloud, edge, np.arange(0, frames, step))
+    return points.where(~points.kept), step
+
+
+def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
+    """(N,) arc length of each frame, interpolated where a frame does not see the edge; NaN in passes that never do."""
+    arc_length = edge.frame_arc_length_mm.copy()
+    for each in np.unique(cloud.pass_index):
+        of_pass = np.flatnonzero(cloud.pass_index == each)
+        seen = of_pass[np.isfinite(arc_length[of_pass])]
+        if len(seen):
+            arc_length[of_pass] = np.interp(of_pass, seen, arc_length[seen])
+    return arc_length
+
+
+def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1) -> Points:
+    """The points with a return in `frames`, every `column_step`-th column."""
+    x, z = cloud.x_mm[frames, ::column_step], cloud.z_mm[frames, ::column_step]
+    row, column = np.nonzero(np.isfinite(x) & np.isfinite(z))
+    pose = cloud.base_from_profiler[frames]
+    x_mm, z_mm = x[row, column].astype(float)[:, None], z[row, column].astype(float)[:, None]
+    position = x_mm * pose[row, :3, 0] + z_mm * pose[row, :3, 2] + pose[row, :3, 3]
+    label = edge.labels[frames, ::column_step][row, column]
+    kept = cloud.keep[frames, ::column_step][row, column]
+    return Points(position, label, kept, frames[row], column * column_step)
+
+
+def _thinned(frames: Int, cloud: Cloud, budget: int) -> Int:
+    return frames[:: max(1, math.ceil(len(frames) * cloud.x_mm.shape[1] / budget))]
+
+
+def _near_faces(points: Points) -> Points:
+    """Without the unlabelled points that lie outside the box about the labelled ones."""
+    labelled = points.label != UNLABELLED
+    if not labelled.any():
+        return points
+    box = points.position_mm[labelled]
+    low, high = box.min(axis=0) - SURROUNDINGS_MM, box.max(axis=0) + SURROUNDINGS_MM
+    inside = ((points.position_mm >= low) & (points.position_mm <= high)).all(axis=1)
+    return points.where(labelled | inside)
+
+
+def _column_pitch_mm(cloud: Cloud) -> float:
+    """Median distance of neighbouring columns in a few frames."""
+    some = cloud.x_mm[:: max(1, len(cloud.x_mm) // 20)]
+    pitch = np.abs(np.diff(some, axis=1))
+    pitch = pitch[pitch > 0]
+    return float(np.median(pitch)) if pitch.size else 1.0
+
+
+def _frame_pitch_mm(edge: Edge, frames: int) -> float:
+    """Mean distance of neighbouring frames along the edge."""
+    length = float(np.ptp(edge.arc_length_mm)) if len(edge.arc_length_mm) else 0.0
+    return length / frames if length > 0.0 else 1.0

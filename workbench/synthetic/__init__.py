@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from workbench.synthetic.conditions import CONDITIONS, random_recipe
 from workbench.synthetic.recipe import Recipe, parse_recipe, read_recipe
 from workbench.synthetic.simulate import simulate_file, simulate_recording, truth_path, write_simulation
 from workbench.synthetic.truth import Truth, read_truth
 
 __all__ = [
+    "CONDITIONS",
     "Recipe",
     "Truth",
     "parse_recipe",
+    "random_recipe",
     "read_recipe",
     "read_truth",
     "simulate_file",

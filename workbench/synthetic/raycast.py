@@ -283,11 +283,12 @@ def hidden(s: Surface, boxes: Float, near: Float, p: Float, target: Float) -> bo
 def cast(
     s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float
 ) -> tuple[Float, AnyArray, Float, Float]:
-    """Range of every ray (N, M) (NaN: no return), its face, cos(incidence), and what each frame sees of the edge (N, 4).
+    """Range of every ray (N, M; NaN: no return), its face, cos(incidence), and what each frame sees of the edge.
 
     Ranges count along the range axis from the emitter. `offsets` (M,) are the columns' lateral positions from the
-    emitter (mm), or, where `sensor.angular`, the tangents of their angles. The last array holds, per frame, the number
-    of returns from root face and bevel, the lowest return on the root face (distance from the lower edge) and its u.
+    emitter (mm), or, where `sensor.angular`, the tangents of their angles. The last array (N, 4) holds, per frame,
+    the number of returns from root face and bevel, the lowest return on the root face (distance from the lower edge)
+    and its u.
     """
     n, m = part_from_profiler.shape[0], offsets.shape[0]
     ranges, cosines = np.full((n, m), np.nan), np.zeros((n, m))

@@ -115,9 +115,9 @@ class Part(Strict):
         if self.thickness_mm.lowest <= 0:
             raise ValueError("thickness_mm must stay above 0 along the edge")
         if self.kind == "milled":
-            if not 0 < self.root_mm.lowest or self.root_mm.highest >= self.thickness_mm.lowest:
+            if self.root_mm.lowest <= 0 or self.root_mm.highest >= self.thickness_mm.lowest:
                 raise ValueError("root_mm must stay above 0 and below thickness_mm along the edge")
-            if not 0 < self.bevel_deg.lowest or self.bevel_deg.highest >= 80:
+            if self.bevel_deg.lowest <= 0 or self.bevel_deg.highest >= 80:
                 raise ValueError("bevel_deg must stay between 0 and 80 along the edge")
         for name, intervals in (("burrs", self.burrs), ("clamps", self.clamps)):
             if any(item.to_mm <= item.from_mm for item in intervals):

@@ -73,7 +73,7 @@ def _outliers(shape: tuple[int, ...], what: Disturbances, rng: np.random.Generat
     for rows, columns in _streaks(shape, what.streak_outlier_share, rng):
         size = added[rows, columns].shape
         ends = rng.uniform(-what.outlier_reach_mm, what.outlier_reach_mm) * rng.uniform(0.5, 1.0, 2)
-        added[rows, columns] = np.linspace(*ends, size[1]) + rng.normal(0.0, 0.1, size)
+        added[rows, columns] = np.linspace(ends[0], ends[1], size[1]) + rng.normal(0.0, 0.1, size)
     return added
 
 

@@ -144,7 +144,7 @@ def column_offsets(scanner: Scanner) -> Float:
     offsets = (np.arange(scanner.columns) - (scanner.columns - 1) / 2) * scanner.pitch_mm
     if not scanner.x_rises:
         offsets = -offsets
-    return np.tan(offsets / scanner.standoff_mm) if scanner.sampling == "angular" else offsets
+    return np.asarray(np.tan(offsets / scanner.standoff_mm) if scanner.sampling == "angular" else offsets)
 
 
 def _coordinates(sensor: raycast.Sensor, ranges: Float, offsets: Float) -> tuple[Float32, Float32]:
@@ -163,7 +163,8 @@ def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> T
     import h5py
 
     motions, scanner = plan_motion(recipe), recipe.scanner
-    total, done, seen = sum(len(m.time_s) for m in motions), 0, []
+    total, done = sum(len(m.time_s) for m in motions), 0
+    seen: list[list[Float]] = []
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
         file.attrs.update({"sensor": "synthetic", "robot": "synthetic"})

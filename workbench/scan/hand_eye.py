@@ -110,6 +110,6 @@ def _check_covariance(covariance: Float, where: str) -> None:
     variance = np.diag(covariance)
     scale = np.sqrt(np.where(variance > 0, variance, 1.0))
     correlation = covariance / np.outer(scale, scale)
-    symmetric = np.abs(correlation - correlation.T).max() <= 1e-6
-    if not symmetric or np.linalg.eigvalsh((correlation + correlation.T) / 2).min() < -1e-6:
+    plausible = variance.min() >= 0 and np.abs(correlation - correlation.T).max() <= 1e-6
+    if not plausible or np.linalg.eigvalsh((correlation + correlation.T) / 2).min() < -1e-6:
         raise InputError(where, "expected a covariance: symmetric, no negative eigenvalue")

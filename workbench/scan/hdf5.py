@@ -37,7 +37,7 @@ def opened(path: Path) -> Iterator[Any]:
     except _BROKEN as error:
         if isinstance(error, MemoryError):
             raise InputError(str(path), "does not fit into memory") from None
-        raise InputError(str(path), f"expected a whole HDF5 file: {str(error).splitlines()[0]}") from None
+        raise InputError(str(path), f"expected a whole HDF5 file: {str(error) or type(error).__name__}") from None
     if (after.st_size, after.st_mtime_ns, after.st_ino) != (before.st_size, before.st_mtime_ns, before.st_ino):
         raise InputError(str(path), "changed while it was read")
 
@@ -47,7 +47,8 @@ def regular_file(path: Path) -> os.stat_result:
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        siblings = (entry.name for entry in path.parent.iterdir()) if path.parent.is_dir() else ()
+        readable = path.parent.is_dir() and os.access(path.parent, os.R_OK)
+        siblings = os.listdir(path.parent) if readable else ()
         raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
     except (OSError, ValueError) as error:
         raise InputError(str(path), f"cannot be opened: {error}") from None

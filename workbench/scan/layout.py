@@ -94,10 +94,10 @@ def calibration(file: Any, where: str) -> tuple[float | None, Literal["robot", "
     sphere, profiles = member(file, "/sphere"), member(file, "/profiles")
     diameter_mm = None
     if sphere is not None:
-        diameter_mm = attribute(sphere, "diameter_mm")
-        if type(diameter_mm) not in (int, float) or not 0 < diameter_mm < MAX_SPHERE_MM:
-            raise InputError(f"{where}: /sphere@diameter_mm", f"expected a length in mm, found {_shown(diameter_mm)}")
-        diameter_mm = float(diameter_mm)
+        found = attribute(sphere, "diameter_mm")
+        if isinstance(found, bool) or not isinstance(found, int | float) or not 0 < found < MAX_SPHERE_MM:
+            raise InputError(f"{where}: /sphere@diameter_mm", f"expected a length in mm, found {_shown(found)}")
+        diameter_mm = float(found)
     clock = text(profiles, "clock", f"{where}: /profiles") or "robot"
     if clock not in ("robot", "own"):
         raise InputError(f"{where}: /profiles@clock", f"expected 'robot' or 'own', found {_shown(clock)}")

@@ -46,7 +46,7 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
         values = checked(where, values, diameter_mm is not None, clock)
         with digesting(recording) as digest:
             values |= _grid(sets, where, progress)
-        part_id = text(file, "part_id", where)
+        part_id = text(file, "part_id", f"{where}: /")
         sha256 = digest.result()
     return Recording(
         source=where,

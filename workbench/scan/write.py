@@ -46,7 +46,7 @@ def write(
             with contextlib.suppress(FileNotFoundError):
                 partial.unlink()
     except (OSError, RuntimeError) as error:
-        raise OutputError(str(path), f"cannot be written: {str(error).splitlines()[0]}") from None
+        raise OutputError(str(path), f"cannot be written: {error}") from None
 
 
 def _fill(file: Any, recording: Recording, compression: str | None, attributes: Mapping[str, str]) -> None:

@@ -1,0 +1,47 @@
+"""What the pages point at exists: linked files, files and functions named in the text, commands of make."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+LINK = re.compile(r"\]\(([^)#\s]+)")
+NAMED_FILE = re.compile(r"`((?:workbench|docs|pipelines|scripts|tests|data|bench)/[\w./*-]*)`")
+NAMED_OBJECT = re.compile(r"`(workbench(?:\.\w+)+)`")
+MAKE = re.compile(r"`make ([a-z]+)`")
+
+
+def found(pattern):
+    """Every match as a test case that names its page."""
+    return [
+        pytest.param(page, match, id=f"{page.relative_to(ROOT)}:{match}")
+        for page in PAGES
+        for match in dict.fromkeys(pattern.findall(page.read_text()))
+    ]
+
+
+@pytest.mark.parametrize(("page", "target"), found(LINK))
+def test_a_link_leads_to_a_file(page, target):
+    assert target.startswith("https://") or (page.parent / target).exists()
+
+
+@pytest.mark.parametrize(("page", "name"), found(NAMED_FILE))
+def test_a_file_that_is_named_exists(page, name):
+    assert any(ROOT.glob(name)), f"{page.name} names {name}"
+
+
+@pytest.mark.parametrize(("page", "name"), found(NAMED_OBJECT))
+def test_a_function_that_is_named_exists(page, name):
+    module, _, rest = name.rpartition(".")
+    try:
+        importlib.import_module(name)
+    except ModuleNotFoundError:
+        assert hasattr(importlib.import_module(module), rest), f"{page.name} names {name}"
+
+
+@pytest.mark.parametrize(("page", "target"), found(MAKE))
+def test_a_make_target_that_is_named_exists(page, target):
+    assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), f"{page.name} names make {target}"

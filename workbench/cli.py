@@ -154,12 +154,17 @@ def schema(options: argparse.Namespace) -> int:
 
 def simulate(options: argparse.Namespace) -> int:
     """Make a synthetic recording and its truth."""
-    from pathlib import Path
+    from workbench.pipeline.progress import Lines, compilation_watch
+    from workbench.synthetic.simulate import simulate_file, truth_path
 
-    from workbench.synthetic.simulate import simulate_file
-
-    simulate_file(Path(options.recipe), Path(options.out))
-    printed(print, f"recording: {options.out}")
+    lines = Lines(sys.stderr)
+    lines.begin(0, 1, "simulate")
+    try:
+        with compilation_watch(lines):
+            simulate_file(options.recipe, options.out, lambda done, count: lines.fraction(done / count))
+    finally:
+        lines.close()
+    printed(print, f"recording: {options.out}\ntruth: {truth_path(options.out)}")
     return 0
 
 

@@ -217,15 +217,16 @@ def _complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> 
     """The first thing that pydantic found, as place and expectation."""
     first = error.errors(include_url=False)[0]
     value: Any = given
-    for key in first["loc"]:
+    for depth, key in enumerate(first["loc"]):
+        missing = first["type"] == "missing" and depth == len(first["loc"]) - 1
         try:
             value = value[key]
         except (KeyError, IndexError, TypeError):
-            break  # a missing key, or the tag of a union
+            if depth and not missing:
+                break  # the tag of a union
         where += f"[{key}]" if isinstance(key, int) else f".{key}"
     if first["type"] == "missing":
-        key = first["loc"][-1]
-        return PipelineError(where + (f"[{key}]" if isinstance(key, int) else f".{key}"), "is required, but missing")
+        return PipelineError(where, "is required, but missing")
     text = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     shown = repr(first.get("input", value))
     return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")

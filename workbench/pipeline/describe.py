@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +60,9 @@ def parameter_texts(stage: Stage) -> list[ParameterText]:
             unit=unit_of(name),
             default="required" if name in required else json.dumps(found.get("default")),
             range=_range(found),
-            description=found.get("description", ROLE_TEXT.get(stage.parameters[name], "")),
+            description=found.get("description")
+            or _from_docstring(stage.doc, name)
+            or ROLE_TEXT[stage.parameters[name]],
         )
         for name, found in schema.get("properties", {}).items()
     ]
@@ -68,6 +71,7 @@ def parameter_texts(stage: Stage) -> list[ParameterText]:
 ROLE_TEXT: dict[Role | None, str] = {
     Role.INPUT_FILE: "A file, relative to the pipeline's own file; its SHA-256 goes into run.json.",
     Role.SEED: "Seed of the random numbers; the pipeline's unless given here.",
+    None: "",
 }
 
 
@@ -91,6 +95,12 @@ def summary(stage: Stage) -> str:
 def makes(stage: Stage) -> str:
     """What a stage returns."""
     return ", ".join(made.__name__ for made in stage.produces) or "nothing"
+
+
+def _from_docstring(doc: str, name: str) -> str:
+    """What the docstring says after `name:` at the beginning of a line, with the deeper indented lines below it."""
+    found = re.search(rf"^( *){name}:\s*(.+(?:\n\1 +.+)*)", doc, re.MULTILINE)
+    return " ".join(found[2].split()) if found else ""
 
 
 def _path_type(schema: dict[str, Any]) -> str:

@@ -42,11 +42,8 @@ class OutputDirectory:
 
     def check(self) -> None:
         """Before long work: is it a directory that takes files, or a place where one can be made?"""
-        with self._errors():
-            if (self.path.exists() or self.path.is_symlink()) and not self.path.is_dir():
-                raise OutputError(str(self.path), "is not a directory")
-            with tempfile.TemporaryFile(dir=self._place()) as probe:
-                probe.write(bytes(PROBE_BYTES))
+        with self._errors(), tempfile.TemporaryFile(dir=self._place()) as probe:
+            probe.write(bytes(PROBE_BYTES))
 
     def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
         """Write `files` (run.json among them) as the directory's one set of results."""
@@ -79,8 +76,16 @@ class OutputDirectory:
             return aside
 
     def _place(self) -> Path:
-        """The nearest directory that exists, from the output directory upwards."""
-        return next(place for place in (self.path, *self.path.absolute().parents) if place.is_dir())
+        """The nearest directory that exists, from the output directory upwards; a file on the way is refused."""
+        for place in (self.path, *self.path.absolute().parents):
+            try:
+                os.lstat(place)
+            except (FileNotFoundError, NotADirectoryError):
+                continue
+            if place.is_dir():
+                return place
+            raise OutputError(str(place), "is not a directory")
+        raise OutputError(str(self.path), "has no directory above it")
 
     def _move_in(self, staged: Path, names: list[str]) -> None:
         """Change places: the whole directory by one rename where there was none, else file by file."""

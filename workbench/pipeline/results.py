@@ -17,7 +17,7 @@ RUN_FILE = "run.json"
 
 
 def inspection_document(inspection: Inspection) -> dict[str, Any]:
-    """`inspection.json`, version 1 (docs/results.md): mm and degrees, frame of the robot base."""
+    """`inspection.json`, version 1 (docs/pipelines.md): mm and degrees, frame of the robot base."""
     return {
         "format": "bevel-inspection",
         "version": 1,

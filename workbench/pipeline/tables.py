@@ -78,7 +78,7 @@ def print_stage(stage: Stage) -> None:
     """One stage: what it does, takes, makes and its parameters with units and defaults."""
     console = Console(highlight=False)
     console.print(Text(stage.name, "bold"))
-    console.print(Text(stage.doc + "\n"))
+    console.print(Text(stage.doc + "\n"), soft_wrap=True)
     for source in stage.sources:
         console.print(Text(f"takes {source.name}: {source_text(source)}"))
     console.print(Text(f"makes {makes(stage)}"))
@@ -87,7 +87,7 @@ def print_stage(stage: Stage) -> None:
         facts = [one.type, one.unit, one.range, default]
         console.print(Text(f"\n{one.name}", "bold").append(f"  ({', '.join(filter(None, facts))})", "not bold"))
         if one.description:
-            console.print(Text(f"    {one.description}"))
+            console.print(Text(f"    {one.description}"), soft_wrap=True)
 
 
 def print_plan(name: Path, count: int, warnings: tuple[str, ...]) -> None:

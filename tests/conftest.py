@@ -1,0 +1,132 @@
+"""Shared fixtures: small stages of our own, and the command run in this process."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from workbench.artefacts import (
+    Document,
+    EdgeProfile,
+    Gate,
+    HandEye,
+    Inspection,
+    Provenance,
+    Requirements,
+    Section,
+)
+from workbench.errors import InputError
+from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage
+
+
+@dataclass
+class Outcome:
+    """What a command did."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    """`command("run", path, "--out", directory)` in this process."""
+    from workbench.cli import main
+
+    def run(*arguments: object) -> Outcome:
+        capsys.readouterr()
+        status = main([str(argument) for argument in arguments])
+        return Outcome(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def demo() -> Iterator[Mapping[str, Callable[..., Any]]]:
+    """The family `demo`: a reader, a filter, a merger, an inspection, a gate and a page, all quick."""
+
+    @stage("demo.read")
+    def read(*, recording: InputFile, seed: Seed = 0) -> HandEye:
+        """Read a text file; its first line becomes the source."""
+        lines = recording.read_text().splitlines()
+        if not lines:
+            raise InputError(str(recording), "expected at least one line")
+        return HandEye(np.eye(4), source=f"{lines[0]}/{seed}")
+
+    @stage("demo.turn")
+    def turn(
+        pose: HandEye,
+        *,
+        angle_deg: Annotated[float, Field(ge=-90, le=90, description="turn about z")] = 10.0,
+        steps: Annotated[int, Field(ge=1, description="number of steps")] = 1,
+        progress: Progress = None,
+    ) -> HandEye:
+        """Turn a pose about z. Says how far it is."""
+        if progress:
+            progress(0.5)
+        return HandEye(pose.flange_from_profiler, source=f"{pose.source}>{angle_deg:g}x{steps}")
+
+    @stage("demo.merge")
+    def merge(poses: tuple[HandEye, ...]) -> Document:
+        """Write the sources of several poses."""
+        return Document("merged.txt", "+".join(pose.source for pose in poses).encode())
+
+    @stage("demo.inspect")
+    def inspect(pose: HandEye, *, root_mm: float = 1.5, fail: bool = False) -> Inspection:
+        """Make an inspection of two sections, one of them hidden."""
+        return inspection(root_mm, fail)
+
+    @stage("demo.gate")
+    def gate(inspection: Inspection) -> Gate:
+        """Reject what fails."""
+        return Gate(inspection.verdict != "fail", inspection.reason)
+
+    @stage("demo.page")
+    def page(inspection: Inspection, provenance: Provenance) -> Document:
+        """Write a page."""
+        return Document("report.html", f"{inspection.verdict} {provenance.inputs[0][2]}".encode())
+
+    yield {"read": read, "turn": turn, "merge": merge, "inspect": inspect, "gate": gate, "page": page}
+    forget_strangers()
+
+
+def forget_strangers() -> None:
+    """Take out of the registry what a test has put in."""
+    for name, known in list(REGISTRY.items()):
+        if not known.function.__module__.startswith("workbench."):
+            del REGISTRY[name]
+
+
+def inspection(root_mm: float, fail: bool) -> Inspection:
+    """An inspection with a measured and a hidden section, NaN in its profile."""
+    x, y, z = np.eye(3)
+    verdict = "fail" if fail else "undecided"
+    seen = Section(
+        1, 2.5, np.zeros(3), x, y, z, root_mm, 0.004, 40.1, 0.02, "fail" if fail else "pass", "", np.arange(3)
+    )
+    hidden = Section(2, 7.5, 5 * x, x, y, z, None, None, None, None, "undecided", "hidden", np.arange(0))
+    values = np.array([root_mm, np.nan])
+    profile = EdgeProfile(np.array([0.0, 10.0]), np.array([[0, 0, 0], [10.0, 0, 0]]), values, values, values, values)
+    return Inspection((seen, hidden), profile, Requirements(), 1.645, verdict, "section 2 is hidden", "whole edge")
+
+
+@pytest.fixture
+def demo_document(demo: object, tmp_path: Path) -> dict[str, Any]:
+    """A pipeline of the demo stages, with its input file in `tmp_path`."""
+    (tmp_path / "part.txt").write_text("part-1\n")
+    return {
+        "version": 1,
+        "title": "Demo",
+        "inputs": {"recording": "part.txt", "angle_deg": 20, "fail": False},
+        "stages": [
+            {"stage": "demo.read", "recording": "${recording}"},
+            {"stage": "demo.turn", "angle_deg": "${angle_deg}"},
+            {"stage": "demo.inspect", "fail": "${fail}"},
+            {"stage": "demo.gate"},
+            {"stage": "demo.page"},
+        ],
+    }

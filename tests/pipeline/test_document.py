@@ -1,0 +1,112 @@
+"""The document: strict JSON, its own form, and what `${name}` becomes."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.errors import PipelineError
+from workbench.pipeline.document import parse_json, read_document
+from workbench.pipeline.substitute import FromCaller, substitute
+
+GOOD = b'{"version": 1, "stages": [{"stage": "a.b"}]}'
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "line 1, column 1"),
+        (b'{"version": 1,\n "stages": [}', "line 2, column 13"),
+        (b'{"version": 1,\n "title": "caf\xe9"}', "line 2: is not UTF-8"),
+        (b'{"version": 1, "version": 1, "stages": []}', "key 'version' stands twice"),
+        (b'{"version": 1, "stages": [{"stage": "a.b", "x": 1, "x": 2}]}', "stages[0]: key 'x' stands twice"),
+        (b'{"version": 1, "stages": [{"stage": "a.b", "x": NaN}]}', "stages[0].x: NaN is not JSON"),
+        (b'{"version": 1, "stages": [{"stage": "a.b", "x": 1e999}]}', "stages[0].x: expected a finite number"),
+        (b'{"version": 1, "inputs": {"a": ' + b"9" * 5000 + b"}}", "too many digits"),
+        (b"[" * 50 + b"]" * 50, "nested deeper than 32"),
+        (b"[" * 100_000 + b"]" * 100_000, "nested deeper than 32"),
+        (b"[]", "expected an object, got an array"),
+        (b'{"stages": [{"stage": "a.b"}]}', "key 'version' is missing"),
+        (b'{"version": true, "stages": [{"stage": "a.b"}]}', "version: expected an integer, got true or false"),
+        (b'{"version": 2, "stages": [{"stage": "a.b"}]}', "version: expected 1, got 2"),
+        (b'{"version": 1, "stage": [], "stages": []}', "stage: unknown key; did you mean 'stages'?"),
+        (b'{"version": 1, "stages": []}', "stages: expected at least one stage"),
+        (b'{"version": 1, "stages": ["scan.read"]}', "stages[0]: expected an object, got a string"),
+        (
+            b'{"version": 1, "stages": [{"stge": "scan.read"}]}',
+            "stages[0]: key 'stage' is missing; did you mean 'stge'?",
+        ),
+        (b'{"version": 1, "stages": [{"stage": 7}]}', "stages[0].stage: expected a string, got an integer"),
+        (b'{"version": 1, "stages": [{"stage": "a.b", "id": "a b"}]}', "stages[0].id: expected letters"),
+        (b'{"version": 1, "stages": [{"stage": "a.b", "from": {"x": [1]}}]}', "stages[0].from.x: expected the id"),
+        (b'{"version": 1, "seed": -1, "stages": [{"stage": "a.b"}]}', "seed: expected"),
+        (b'{"version": 1, "inputs": {"a-b": 1}, "stages": [{"stage": "a.b"}]}', "inputs: expected names"),
+    ],
+)
+def test_bad_document_names_the_place(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "p.json"
+    path.write_bytes(content)
+    with pytest.raises(PipelineError) as caught:
+        read_document(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
+    for path in (tmp_path / "missing.json", tmp_path, Path("nul\0"), tmp_path / ("x" * 300)):
+        with pytest.raises(PipelineError, match="cannot be read"):
+            read_document(path)
+    with pytest.raises(PipelineError, match="larger than 4 MB"):
+        read_document(Path("/dev/zero"))
+
+
+def test_byte_order_mark_and_defaults(tmp_path: Path) -> None:
+    path = tmp_path / "weld.json"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD)
+    document = read_document(path)
+    assert (document.title, document.seed, document.inputs, document.base_dir) == ("weld", 0, {}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ("${n}", 3),
+        ("${list}", [1, "a"]),
+        ("${none}", None),
+        ("${text}", "edge"),
+        ("a-${text}-${n}.h5", "a-edge-3.h5"),
+        ("${yes}!", "true!"),
+        ({"deep": ["${n}", 4]}, {"deep": [3, 4]}),
+        ("$n {n}", "$n {n}"),
+    ],
+)
+def test_reference_keeps_the_type_alone_and_is_text_inside_text(value: Any, expected: Any) -> None:
+    inputs = {"n": 3, "list": [1, "a"], "none": None, "text": "edge", "yes": True}
+    got = substitute(value, inputs, "here")
+    assert got == expected
+    assert type(got) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ({"a": ["${rocording}"]}, r"here\.a\[0\]: unknown input 'rocording'; did you mean 'recording'\?"),
+        ("x-${list}", "input 'list' is an array"),
+        ("x-${none}", "input 'none' is null"),
+        ("${recording", "expected references"),
+    ],
+)
+def test_bad_reference_is_refused(value: Any, message: str) -> None:
+    with pytest.raises(PipelineError, match=message):
+        substitute(value, {"recording": "r", "list": [], "none": None}, "here")
+
+
+def test_a_path_starts_where_its_first_part_was_written() -> None:
+    inputs = {"dir": FromCaller("out"), "name": "part"}
+    assert isinstance(substitute("${dir}/${name}.h5", inputs, ""), FromCaller)
+    assert not isinstance(substitute("data/${dir}.h5", inputs, ""), FromCaller)
+    assert isinstance(substitute(FromCaller("x-${name}"), inputs, ""), FromCaller)
+
+
+def test_parse_json_gives_plain_values() -> None:
+    assert parse_json(b'{"a": [1, 2.5, null, true, "x"]}', "x") == {"a": [1, 2.5, None, True, "x"]}

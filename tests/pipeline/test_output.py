@@ -1,0 +1,99 @@
+"""The output directory: one whole set of results or none, strangers' files untouched, failures clear."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import OutputError
+from workbench.pipeline.output import OutputDirectory
+
+NEW = {"inspection.json": b"new", "run.json": json.dumps({"files": ["inspection.json", "run.json"]}).encode()}
+OLD = {
+    "toolpath.json": b"old",
+    "plate.csv": b"old",
+    "run.json": json.dumps({"files": ["toolpath.json", "plate.csv", "../far.txt", 3]}).encode(),
+}
+
+
+def tree(directory: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(directory)): p.read_bytes() for p in sorted(directory.rglob("*")) if p.is_file()}
+
+
+def test_new_directory_appears_whole_with_its_parents(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path / "a" / "b")
+    out.check()
+    assert list(tmp_path.iterdir()) == []  # checking leaves nothing behind
+    assert [path.name for path in out.publish(NEW)] == list(NEW)
+    assert tree(tmp_path) == {f"a/b/{name}": content for name, content in NEW.items()}
+    assert os.listdir(tmp_path / "a") == ["b"]
+
+
+def test_old_set_goes_and_strangers_stay(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+    (tmp_path / "far.txt").write_bytes(b"mine")
+    (tmp_path / "out" / "notes.txt").write_bytes(b"mine")
+    (tmp_path / "out" / "pictures").mkdir()
+    (tmp_path / "out" / "pictures" / "run.json").write_bytes(b"mine")
+    out.publish(NEW)
+    strangers = {"notes.txt": b"mine", "pictures/run.json": b"mine"}
+    assert tree(tmp_path / "out") == NEW | strangers
+    assert (tmp_path / "far.txt").exists()
+    assert sorted(os.listdir(tmp_path / "out")) == ["inspection.json", "notes.txt", "pictures", "run.json"]
+
+
+def test_superseded_results_stand_aside_in_order(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path)
+    assert out.supersede() is None
+    out.publish(OLD)
+    (tmp_path / "notes.txt").write_bytes(b"mine")
+    assert out.supersede() == tmp_path / "superseded" / "1"
+    assert tree(tmp_path) == {"notes.txt": b"mine"} | {f"superseded/1/{name}": content for name, content in OLD.items()}
+    out.publish(NEW)
+    assert out.supersede() == tmp_path / "superseded" / "2"
+    assert out.supersede() is None
+
+
+def test_results_without_a_run_json_are_results_still(tmp_path: Path) -> None:
+    (tmp_path / "inspection.json").write_bytes(b"old")
+    (tmp_path / "run.json").write_bytes(b"{broken")
+    assert OutputDirectory(tmp_path).supersede() is not None
+    assert not (tmp_path / "inspection.json").exists()
+
+
+def test_failure_while_writing_leaves_the_old_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+
+    def full(self: Path, content: bytes) -> int:
+        if self.name == "run.json":
+            raise OSError(28, "No space left on device")
+        return original(self, content)
+
+    original = Path.write_bytes
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OutputError, match="cannot be written: No space left on device"):
+        out.publish(NEW)
+    assert tree(tmp_path / "out") == OLD
+    with pytest.raises(OutputError):
+        OutputDirectory(tmp_path / "other").publish(NEW)
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_directory_in_the_place_of_a_result(tmp_path: Path) -> None:
+    (tmp_path / "inspection.json").mkdir()
+    with pytest.raises(OutputError, match=r"inspection\.json: is a directory in the place of a result"):
+        OutputDirectory(tmp_path).publish(NEW)
+    assert os.listdir(tmp_path) == ["inspection.json"]
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "dangling", "/proc/nowhere", "nul\0", "x" * 300])
+def test_unusable_place_is_found_before_the_work(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "dangling").symlink_to(tmp_path / "gone")
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(OutputError):
+        OutputDirectory(tmp_path / place).check()
+    assert sorted(os.listdir(tmp_path)) == before

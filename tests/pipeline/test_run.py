@@ -1,0 +1,160 @@
+"""A run: results in memory and on disk, run.json, and failures that name the stage."""
+
+import hashlib
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench import Pipeline
+from workbench.artefacts import Document, Gate, HandEye, Inspection
+from workbench.errors import InputError, PipelineError
+from workbench.pipeline.progress import Lines, Reporter, compilation_watch
+from workbench.stage import stage
+
+Doc = dict[str, Any]
+
+
+def test_results_by_stage_and_by_type(demo_document: Doc, tmp_path: Path) -> None:
+    results = Pipeline(demo_document, base_dir=tmp_path).run()
+    assert results["demo.turn"].source == "part-1/0>20x1"
+    assert results.last(Inspection).verdict == "undecided"
+    assert results.passed
+    assert results.files == ()
+    with pytest.raises(KeyError, match="no Edge"):
+        results.last(type("Edge", (), {}))
+    assert not Pipeline(demo_document, base_dir=tmp_path).run(inputs={"fail": True}).passed
+
+
+def test_python_functions_and_pipeline_agree(demo: Any, demo_document: Doc, tmp_path: Path) -> None:
+    by_hand = demo["turn"](demo["read"](recording=tmp_path / "part.txt"), angle_deg=20)
+    assert by_hand.source == Pipeline(demo_document, base_dir=tmp_path).run()["demo.turn"].source
+
+
+def test_files_of_a_run(demo_document: Doc, tmp_path: Path) -> None:
+    results = Pipeline(demo_document | {"seed": 5}, base_dir=tmp_path).run(tmp_path / "out")
+    assert sorted(path.name for path in results.files) == ["inspection.json", "report.html", "run.json"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["inspection.json", "report.html", "run.json"]
+    digest = hashlib.sha256((tmp_path / "part.txt").read_bytes()).hexdigest()
+    run = strict(tmp_path / "out" / "run.json")
+    assert run["inputs"] == [{"name": "recording", "path": "part.txt", "sha256": digest}]
+    assert run["seed"] == 5
+    assert {"workbench", "python", "numpy"} <= set(run["versions"])
+    assert [entry["name"] for entry in run["stages"]] == [entry["stage"] for entry in demo_document["stages"]]
+    assert all(entry["seconds"] >= 0 for entry in run["stages"])
+    assert run["files"] == ["inspection.json", "report.html", "run.json"]
+    assert (tmp_path / "out" / "report.html").read_text() == f"undecided {digest}"
+
+
+def strict(path: Path) -> Any:
+    """A JSON file, read by a parser that knows no NaN."""
+    return json.loads(path.read_text(), parse_constant=lambda text: pytest.fail(f"{path.name} holds {text}"))
+
+
+def test_resolved_pipeline_runs_again(demo_document: Doc, tmp_path: Path) -> None:
+    """`run.json` holds the whole pipeline: inputs substituted, defaults and sources spelt out."""
+    Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out", inputs={"angle_deg": 7})
+    again = strict(tmp_path / "out" / "run.json")["pipeline"]
+    turn = {"stage": "demo.turn", "id": "demo.turn", "from": {"pose": "demo.read"}, "angle_deg": 7, "steps": 1}
+    assert again["stages"][1] == turn
+    assert Pipeline(again, base_dir=tmp_path).run()["demo.turn"].source == "part-1/0>7x1"
+
+
+def test_inspection_json_as_the_contract_says(demo_document: Doc, tmp_path: Path) -> None:
+    Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
+    got = strict(tmp_path / "out" / "inspection.json")
+    assert (got["format"], got["version"], got["frame"]) == ("bevel-inspection", 1, "base")
+    assert got["requirements"]["root_tolerance_mm"] == [-0.5, 0.5]
+    assert got["profile"]["root_mm"] == [1.5, None]  # NaN in the artefact
+    assert got["profile"]["position_mm"] == [[0, 0, 0], [10, 0, 0]]
+    seen, hidden = got["sections"]
+    assert (seen["root_mm"], seen["root_u_mm"], seen["bevel_deg"], seen["bevel_u_deg"]) == (1.5, 0.004, 40.1, 0.02)
+    assert (hidden["root_mm"], hidden["bevel_deg"], hidden["verdict"]) == (None, None, "undecided")
+    assert hidden["origin_mm"] == [5, 0, 0]
+    assert seen["tangent"] == [1, 0, 0]
+
+
+def test_failure_inside_a_stage_is_one_line_with_its_cause(demo_document: Doc, tmp_path: Path) -> None:
+    @stage("demo.break")
+    def break_(pose: HandEye) -> HandEye:
+        """Fail."""
+        raise ValueError("first\nsecond")
+
+    demo_document["stages"].insert(1, {"stage": "demo.break"})
+    with pytest.raises(PipelineError, match=r"pipeline: demo\.break: failed inside: ValueError: first") as caught:
+        Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert isinstance(caught.value.__cause__, ValueError)
+    assert not (tmp_path / "out").exists()
+
+
+def test_recording_that_vanishes_half_way(demo_document: Doc, tmp_path: Path) -> None:
+    @stage("demo.vanish")
+    def vanish(*, recording: str = "") -> Gate:
+        """Remove the recording that was checked at the start."""
+        (tmp_path / "part.txt").unlink()
+        return Gate(True, "")
+
+    demo_document["stages"].insert(0, {"stage": "demo.vanish"})
+    with pytest.raises((InputError, PipelineError)):
+        Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_python_warnings_of_a_stage_are_results(demo_document: Doc, tmp_path: Path) -> None:
+    @stage("demo.warn")
+    def warn(pose: HandEye) -> HandEye:
+        """Warn twice of the same."""
+        for _ in range(2):
+            warnings.warn("few points", stacklevel=1)
+        return pose
+
+    demo_document["stages"].insert(1, {"stage": "demo.warn"})
+    for _ in range(2):  # a second run in the same process says it again
+        assert Pipeline(demo_document, base_dir=tmp_path).run().warnings == ["demo.warn: few points"]
+
+
+@pytest.mark.parametrize("name", ["../escape.html", "run.json", "", ".hidden", "a/b", "inspection.json", "a\nb"])
+def test_document_cannot_leave_its_place(demo_document: Doc, tmp_path: Path, name: str) -> None:
+    @stage("demo.rogue")
+    def rogue(inspection: Inspection) -> Document:
+        """Name a file that is not its own."""
+        return Document(name, b"")
+
+    demo_document["stages"].append({"stage": "demo.rogue"})
+    with pytest.raises(PipelineError, match="expected a file name of its own"):
+        Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["part.txt"]
+
+
+def test_progress_reaches_the_reporter(demo_document: Doc, tmp_path: Path) -> None:
+    class Notes(Reporter):
+        def __init__(self) -> None:
+            self.seen: list[object] = []
+
+        def begin(self, index: int, count: int, name: str) -> None:
+            self.seen.append((index, count, name))
+
+        def fraction(self, done: float) -> None:
+            self.seen.append(done)
+
+    notes = Notes()
+    Pipeline(demo_document, base_dir=tmp_path).run(reporter=notes)
+    assert notes.seen[:3] == [(0, 5, "demo.read"), (1, 5, "demo.turn"), 0.5]
+
+
+def test_compilation_is_announced_once_and_only_when_it_happens(capsys: pytest.CaptureFixture[str]) -> None:
+    import sys
+
+    import numba
+
+    kernel, other = numba.njit(lambda a: a + 1), numba.njit(lambda a: a + 2)
+    with compilation_watch(Lines(sys.stderr)):
+        assert kernel(np.float64(1)) + other(1) == 5
+    assert capsys.readouterr().err.count("compiling kernels") == 1
+    with compilation_watch(Lines(sys.stderr)):
+        kernel(np.float64(2))
+    assert capsys.readouterr().err == ""

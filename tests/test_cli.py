@@ -1,0 +1,209 @@
+"""The command line: exit status, one error line, results on standard output, progress on standard error."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Doc = dict[str, Any]
+
+
+@pytest.fixture
+def pipeline(demo_document: Doc, tmp_path: Path) -> Path:
+    path = tmp_path / "p.json"
+    path.write_text(json.dumps(demo_document))
+    return path
+
+
+def test_run_prints_the_inspection_and_writes_the_results(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    got = command("run", pipeline, "--out", tmp_path / "out")
+    assert got.status == 0
+    rows = [line for line in got.out.splitlines() if "undecided" in line or "pass" in line]
+    assert re.search(r"1\D+2\.50\D+1\.500 ± 0\.008\D+40\.100 ± 0\.040.*pass", rows[0])
+    assert re.search(r"2\D+7\.50.*not measured.*not measured.*undecided", rows[1])
+    assert "part: undecided (section 2 is hidden)" in got.out
+    assert f"report: {tmp_path / 'out' / 'report.html'}" in got.out
+    assert [line.split()[0] for line in got.err.splitlines()] == [f"[{i}/5]" for i in range(1, 6)]
+
+
+def test_gate_decides_the_exit_status(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    got = command("run", pipeline, "--out", tmp_path / "out", "--input", "fail=true")
+    assert got.status == 1
+    assert "gate: rejected" in got.out
+    assert json.loads((tmp_path / "out" / "inspection.json").read_text())["verdict"] == "fail"
+    assert "error" not in got.err
+
+
+def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    (tmp_path / "a=b.txt").write_text("equals\n")
+    texts = ["--input", f"recording={tmp_path / 'a=b.txt'}", "--input", "angle_deg=7", "--set", "demo.turn.steps=3"]
+    assert command("run", pipeline, "--out", tmp_path / "out", *texts).status == 0
+    stages = json.loads((tmp_path / "out" / "run.json").read_text())["pipeline"]["stages"]
+    assert (stages[0]["recording"], stages[1]["angle_deg"], stages[1]["steps"]) == (str(tmp_path / "a=b.txt"), 7, 3)
+
+
+def test_command_line_and_python_give_the_same_bytes(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    from workbench import Pipeline
+
+    command("run", pipeline, "--out", tmp_path / "a", "--input", "angle_deg=7")
+    Pipeline.load(pipeline).run(tmp_path / "b", inputs={"angle_deg": 7})
+    for name in ("inspection.json", "report.html"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "expected a command: run, validate"),
+        (["rnu"], "unknown command 'rnu'; did you mean 'run'?"),
+        (["run"], "the following arguments are required: PIPELINE.json, --out"),
+        (["run", "P", "--otu", "D"], "required: --out"),
+        (["run", "P", "--out", "D", "--inptu", "a=1"], "unknown option '--inptu'; did you mean '--input'?"),
+        (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'"),
+        (["run", "P", "--out", "D", "--input", "recording"], "--input 'recording': expected NAME=VALUE"),
+        (["run", "P", "--out", "D", "--input", "=3"], "expected NAME=VALUE"),
+        (["run", "P", "--out", "D", "--input", "angel_deg=3"], "did you mean 'angle_deg'?"),
+        (["run", "P", "--out", "D", "--input", "angle_deg=NaN"], "expected a valid number, got 'NaN'"),
+        (
+            ["run", "P", "--out", "D", "--set", "demo.turn.steps=0"],
+            "stages[1].steps: expected greater than or equal to 1",
+        ),
+        (["run", "missing.json", "--out", "D"], "missing.json: cannot be read: No such file or directory"),
+        (["run", "P", "--out", "P"], "p.json: is not a directory"),
+        (["validate", "missing.json"], "missing.json: cannot be read"),
+        (["stages", "demo.trun"], "did you mean 'demo.turn'?"),
+        (["simulate", "missing.json", "--out", "D/x.h5"], "missing.json"),
+    ],
+)
+def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: list[str], message: str) -> None:
+    places = {"P": str(pipeline), "D": str(tmp_path / "out"), "D/x.h5": str(tmp_path / "x.h5")}
+    got = command(*(places.get(argument, argument) for argument in arguments))
+    assert got.status == 2
+    assert got.err.count("\n") == 1
+    assert got.err.startswith("error: ")
+    assert message in got.err
+    assert got.out == ""
+    assert sorted(os.listdir(tmp_path)) == ["p.json", "part.txt"]
+
+
+def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for bad in (["--input", "angle_deg=999"], ["--inptu", "x=1"], [f"--out={out}", "--set", "x"]):
+        assert command("run", pipeline, "--out", out).status == 0
+        (out / "notes.txt").write_text("mine")
+        got = command("run", pipeline, "--out", out, *bad)
+        assert got.status == 2
+        error, note = got.err.splitlines()
+        assert error.startswith("error: ")
+        assert note.startswith(f"note: the results of an earlier run were moved to {out / 'superseded'}")
+        assert sorted(os.listdir(out)) == ["notes.txt", "superseded"]
+    assert sorted(os.listdir(out / "superseded")) == ["1", "2", "3"]
+    assert sorted(os.listdir(out / "superseded" / "2")) == ["inspection.json", "report.html", "run.json"]
+
+
+def test_name_out_of_a_file_cannot_forge_a_line(
+    command: Any, pipeline: Path, demo_document: Doc, tmp_path: Path
+) -> None:
+    demo_document["stages"][0]["stage"] = "demo.x\nerror: forged\x1b[31m"
+    pipeline.write_text(json.dumps(demo_document))
+    got = command("validate", pipeline)
+    assert got.status == 2
+    assert got.err.count("\n") == 1
+    assert "\x1b" not in got.err
+
+
+def test_unexpected_exception_is_one_line_and_traceback_on_demand(
+    command: Any, pipeline: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workbench.pipeline.run.plan", lambda *_: 1 / 0)
+    got = command("validate", pipeline)
+    assert (got.status, got.err.count("\n")) == (2, 1)
+    assert "internal: ZeroDivisionError" in got.err
+    assert "--traceback" in got.err
+    assert "Traceback (most recent call last)" in command("validate", pipeline, "--traceback").err
+
+
+def test_validate_runs_nothing(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    got = command("validate", pipeline, "--input", "angle_deg=7")
+    assert (got.status, got.out) == (0, f"{pipeline}: valid, 5 stages\n")
+    assert sorted(os.listdir(tmp_path)) == ["p.json", "part.txt"]
+
+
+def test_stages_shows_parameters_with_units(command: Any, demo: object) -> None:
+    got = command("stages", "demo.turn")
+    assert "angle_deg  (number, deg, -90 <= value <= 90, default 10.0)" in got.out
+    assert "turn about z" in got.out
+    assert "takes pose: HandEye" in got.out
+    assert "demo.merge" in command("stages").out
+
+
+def test_schema_is_json(command: Any, demo: object) -> None:
+    assert (
+        "demo.turn" in json.loads(command("schema").out)["properties"]["stages"]["items"]["properties"]["stage"]["enum"]
+    )
+
+
+def test_help_shows_units_and_examples(command: Any) -> None:
+    assert "examples:" in command("--help").out
+    assert "_mm" in command("run", "--help").out
+    assert command("--version").out.startswith("workbench 0.")
+
+
+def python(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys; from workbench.cli import main; main(['--help']); print(sorted(sys.modules), file=sys.stderr)"
+    loaded = set(re.findall(r"'(\w+)", python("-c", code).stderr))
+    assert "argparse" in loaded
+    assert not loaded & {"numpy", "pydantic", "numba", "open3d", "h5py", "rich", "scipy", "importlib.metadata", "json"}
+
+
+def test_module_runs_and_closed_pipe_is_no_error(tmp_path: Path) -> None:
+    assert python("-m", "workbench", "--version").stdout.startswith("workbench")
+    command = f"{sys.executable} -m workbench schema | true; echo ${{PIPESTATUS[0]}}"
+    got = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert (got.stdout, got.stderr) == ("0\n", "")
+
+
+SLEEPER = """
+import sys, time
+from pathlib import Path
+from workbench.api import Document, stage
+@stage("demo.sleep")
+def sleep() -> Document:
+    Path(sys.argv[-1]).write_text("")
+    time.sleep(30)
+    return Document("a.txt", b"")
+from workbench.cli import main
+sys.exit(main(sys.argv[1:-1]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_stopped_run_leaves_the_old_results_whole_and_nothing_else(tmp_path: Path, number: signal.Signals) -> None:
+    out, flag, pipeline = tmp_path / "out", tmp_path / "flag", tmp_path / "p.json"
+    pipeline.write_text('{"version": 1, "stages": [{"stage": "demo.sleep"}]}')
+    out.mkdir()
+    (out / "run.json").write_text("{}")
+    command = [sys.executable, "-c", SLEEPER, "run", str(pipeline), "--out", str(out), str(flag)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 30
+    while not flag.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == (-9 if number is signal.SIGKILL else 128 + number)
+    assert "Traceback" not in err
+    assert os.listdir(out) == ["run.json"]
+    assert (out / "run.json").read_text() == "{}"

@@ -14,7 +14,7 @@ from workbench.report.develop import in_section
 from workbench.report.sample import frame_arc_length_mm, of_section
 from workbench.units import DEG, AnyArray, Float
 
-STRIP = (0.03, 0.05, 0.34, 0.17)  # the strip's place in a section's panel, inside the material
+STRIP = (0.13, 0.05, 0.29, 0.17)  # the strip's place in a section's panel, inside the material
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +67,8 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
     strip = axes.inset_axes(STRIP)
     strip.set(ylim=(-limit, limit), xlim=(min(0.0, float(along.min())), float(along.max())), xticks=[])
     strip.set_yticks([-limit, 0.0, limit], [f"−{limit:g}", "0", f"{limit:g}"])
-    strip.tick_params(labelsize=6.5, length=2, pad=1.5, right=True, labelright=True, left=False, labelleft=False)
-    strip.spines[["left", "bottom"]].set_visible(False)
+    strip.tick_params(labelsize=6.5, length=2, pad=1.5)
+    strip.spines["bottom"].set_visible(False)
     for face in (ROOT_FACE, BEVEL_FACE):
         of_face = label == face
         strip.plot(
@@ -76,4 +76,4 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
             rasterized=True,
         )  # fmt: skip
     strip.axhline(0.0, color=INK, linewidth=0.5)
-    strip.set_title("distance from the lines, mm", fontsize=6.5, color=GREY, pad=2, loc="left")
+    strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2, loc="left")

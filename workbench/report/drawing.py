@@ -25,7 +25,7 @@ POINTS = 100_000  # drawn in all sections together at most
 COLUMNS = 3
 PANEL_IN = (3.3, 2.95)
 PANEL_SHAPE = 1.16  # width over height inside a panel's axes
-FOR_THE_PART = 0.555  # of a panel's width; the rest is for the dimensions
+FOR_THE_PART = 0.54  # of a panel's width; the rest is for the dimensions
 
 
 def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
@@ -58,7 +58,7 @@ def _window(all_drawn: list[LaidOut]) -> tuple[Float, Float]:
     faces = [d.uv_mm[(d.label == ROOT_FACE) | (d.label == BEVEL_FACE)] for d in all_drawn]
     uv = np.vstack([*faces, np.array([[-2.0, 0.0], [0.0, 2.0]])])
     low, high = np.percentile(uv, 0.2, axis=0), np.percentile(uv, 99.8, axis=0)
-    height = max(1.16 * (high[1] - low[1]), -1.04 * low[0] / FOR_THE_PART / PANEL_SHAPE)
+    height = max(1.16 * (high[1] - low[1]), -1.1 * low[0] / FOR_THE_PART / PANEL_SHAPE)
     width = height * PANEL_SHAPE
     corner = np.array([-FOR_THE_PART * width, low[1] - 0.06 * height])
     return corner, corner + np.array([width, height])

@@ -1,0 +1,45 @@
+"""How values are written: digits follow the uncertainty, nothing is invented."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from workbench.report.values import alike, decimals, measured, span
+
+
+@pytest.mark.parametrize(
+    ("u", "places"),
+    [
+        ([0.05], 2),
+        ([0.049], 3),
+        ([0.0031], 3),
+        ([0.4], 2),
+        ([8.0], 1),
+        ([0.5, None, 0.03], 3),
+        ([None], 3),
+        ([math.nan], 3),
+    ],
+)
+def test_two_digits_of_the_smallest_expanded_uncertainty(u, places):
+    assert decimals(u) == places
+
+
+def test_a_value_stands_with_twice_its_standard_uncertainty():
+    assert measured(1.50349, 0.0062, 3) == "1.503 ± 0.012"
+    assert measured(None, None, 3) == "–"
+    assert measured(math.nan, 0.1, 3) == "–"
+    assert measured(1.5, None, 2) == "1.50"
+
+
+def test_span_leaves_out_what_was_not_measured():
+    assert span(np.array([math.nan, 2.0, 1.0]), 2, " mm") == "1.00 to 2.00 mm"
+    assert span(np.array([math.nan]), 2, " mm") == "–"
+
+
+def test_limits_have_the_same_decimals():
+    assert alike(1.5 - 0.5, 1.5, 1.5 + 0.5) == ("1.0", "1.5", "2.0")
+    assert alike(39, 40, 41) == ("39", "40", "41")
+    assert alike(0.1 + 0.2, 1.25) == ("0.30", "1.25")

@@ -9,12 +9,15 @@ is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, fro
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
 
 from workbench.units import AnyArray, Float
+
+Vector: TypeAlias = tuple[float, float, float]  # tuples stay in registers, small arrays would be allocated
+CourseTerms: TypeAlias = tuple[float, float, float, float, float]
 
 STRAIGHT, ARC, WAVY = range(3)
 NOTHING, ROOT, BEVEL, UPPER, LOWER, END, CLAMP, TABLE = range(8)
@@ -37,10 +40,11 @@ class Surface(NamedTuple):
     tilt_cos: float
     tilt_sin: float
     milled: bool
-    thickness: Float
-    root: Float
-    bevel: Float  # rad
+    thickness: CourseTerms
+    root: CourseTerms
+    bevel: CourseTerms  # rad
     roughness: Float  # (c, 4) amplitude, wave numbers along and across, phase
+    rough_reach: float  # no part of the roughness goes further
     burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
     top: float  # greatest height
     relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
@@ -61,7 +65,7 @@ class Sensor(NamedTuple):
 
 
 @njit(cache=True)
-def course(c: Float, u: float) -> tuple[float, float]:
+def course(c: CourseTerms, u: float) -> tuple[float, float]:
     """Value at u, and its slope."""
     value, slope = c[0] + c[1] * u, c[1]
     if c[2] != 0.0:
@@ -172,7 +176,7 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
     if z - thick - bump > best:
         best, face, fu, fh, fz = z - thick - bump, UPPER, -thick_u - bump_u, -bump_q, 1.0
     bump, bump_u, bump_q = 0.0, 0.0, 0.0
-    if s.relax > 0.0:
+    if s.relax > 0.0 and g + s.rough_reach > best:
         burr, burr_u, burr_q = _ridge(s, 0, u, v)
         rough, rough_u, rough_q = _rough(s, u, v)
         bump, bump_u, bump_q = burr + rough, burr_u + rough_u, burr_q + rough_q
@@ -189,7 +193,12 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
 
 
 @njit(cache=True)
-def _prism(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) -> tuple[float, float]:
+def _along(p: Vector, d: Vector, a: float) -> Vector:
+    return p[0] + a * d[0], p[1] + a * d[1], p[2] + a * d[2]
+
+
+@njit(cache=True)
+def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) -> tuple[float, float]:
     """The stretch of a ray in which it can meet the plate: below its top, above its bottom, close to its end face."""
     along = d[0] * near[2] + d[1] * near[3]
     gap = (o[0] - near[0]) * near[2] + (o[1] - near[1]) * near[3] - _OUTREACH_MM
@@ -205,7 +214,9 @@ def _prism(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) ->
 
 
 @njit(cache=True)
-def enter(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) -> tuple[float, int, float, float, float]:
+def enter(
+    s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float
+) -> tuple[float, int, float, float, float]:
     """Where the ray o + a d, lo <= a <= hi, enters the part: a, face, u, distance v along m, cos(incidence).
 
     `near` is a plan point of the edge and the outward normal there, in whose neighbourhood the ray is followed.
@@ -236,7 +247,7 @@ def enter(s: Surface, near: Float, o: Float, d: Float, lo: float, hi: float) -> 
 
 
 @njit(cache=True)
-def enter_box(boxes: Float, o: Float, d: Float, lo: float) -> tuple[float, float]:
+def enter_box(boxes: Float, o: Vector, d: Vector, lo: float) -> tuple[float, float]:
     """Where the ray first enters one of the clamps, (inf, 0) if never, and cos(incidence) there.
 
     A box: plan centre x, y; tangent x, y; lower and upper limits along the tangent, outwards and upwards.
@@ -269,11 +280,11 @@ def enter_box(boxes: Float, o: Float, d: Float, lo: float) -> tuple[float, float
 
 
 @njit(cache=True)
-def hidden(s: Surface, boxes: Float, near: Float, p: Float, target: Float) -> bool:
+def hidden(s: Surface, boxes: Float, near: Float, p: Vector, target: Vector) -> bool:
     """Whether part or clamps stand between the surface point p and `target`."""
-    d = target - p
-    distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    d = d / distance
+    dx, dy, dz = target[0] - p[0], target[1] - p[1], target[2] - p[2]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    d = (dx / distance, dy / distance, dz / distance)
     if enter(s, near, p, d, _OFFSET_MM, distance)[1] != NOTHING:
         return True
     return boxes.shape[0] > 0 and enter_box(boxes, p, d, _OFFSET_MM)[0] < distance
@@ -297,19 +308,21 @@ def cast(
     near = np.empty(4)
     for i in range(n):
         pose = part_from_profiler[i]
-        w, lateral = pose[:3, 2] * sensor.sign, pose[:3, 0].copy()
-        emitter = pose[:3, 3] + pose[:3, 0] * sensor.emitter_x + pose[:3, 2] * sensor.emitter_z
-        camera = emitter + pose[:3, 1] * sensor.baseline
-        middle = emitter + w * (0.5 * (sensor.near + sensor.far))
+        lateral, depth = (pose[0, 0], pose[1, 0], pose[2, 0]), (pose[0, 2], pose[1, 2], pose[2, 2])
+        w = (depth[0] * sensor.sign, depth[1] * sensor.sign, depth[2] * sensor.sign)
+        zero = (pose[0, 3], pose[1, 3], pose[2, 3])
+        emitter = _along(_along(zero, lateral, sensor.emitter_x), depth, sensor.emitter_z)
+        camera = _along(emitter, (pose[0, 1], pose[1, 1], pose[2, 1]), sensor.baseline)
+        middle = _along(emitter, w, 0.5 * (sensor.near + sensor.far))
         x, y, tx, ty = edge_point(s, project(s, middle[0], middle[1])[0])
         near[0], near[1], near[2], near[3] = x, y, ty, -tx
         sight[i, 2], sight[i, 3] = math.inf, math.nan
         for j in range(m):
             origin, d = emitter, w
             if sensor.angular:
-                d = w + lateral * offsets[j]
+                d = _along(w, lateral, offsets[j])
             else:
-                origin = emitter + lateral * offsets[j]
+                origin = _along(emitter, lateral, offsets[j])
             a, face, u, v, cos = enter(s, near, origin, d, 0.0, sensor.far)
             if boxes.shape[0] > 0:
                 box, box_cos = enter_box(boxes, origin, d, 0.0)
@@ -320,7 +333,7 @@ def cast(
                 cos = -d[2] / math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             if face == NOTHING or a < sensor.near or a > sensor.far or cos < sensor.cos_min:
                 continue
-            p = origin + d * a
+            p = _along(origin, d, a)
             if sensor.fan and not sensor.angular and hidden(s, boxes, near, p, emitter):
                 continue
             if hidden(s, boxes, near, p, camera):

@@ -37,6 +37,7 @@ def build_surface(part: Part, seed: int = 0) -> raycast.Surface:
         root=_course(part.root_mm, length),
         bevel=_course(part.bevel_deg, length, DEG),
         roughness=rough,
+        rough_reach=float(np.sum(rough[:, 0])),
         burrs=burrs,
         top=part.thickness_mm.highest + sum(b.height_mm for b in part.burrs),
         relax=_safe_step(rough, burrs),
@@ -77,7 +78,7 @@ def arc_length(surface: raycast.Surface, u: Float) -> Float:
     return np.asarray(np.cumsum(np.sqrt(1 + steep**2) @ weights * steps / 2))
 
 
-def course_values(course: Float, u: Float) -> Float:
+def course_values(course: raycast.CourseTerms, u: Float) -> Float:
     """A course's values at u (n,)."""
     return np.asarray(course[0] + course[1] * u + course[2] * np.sin(course[3] * u + course[4]), dtype=float)
 
@@ -96,9 +97,9 @@ def pose(placement: Placement) -> Float:
     return matrix
 
 
-def _course(course: Course, length: float, unit: float = 1.0) -> Float:
-    values = (course.start, (course.end - course.start) / length, course.amplitude)
-    return np.array([*(value * unit for value in values), 2 * math.pi / course.wavelength_mm, course.phase_deg * DEG])
+def _course(course: Course, length: float, unit: float = 1.0) -> raycast.CourseTerms:
+    slope, wave_number = (course.end - course.start) / length, 2 * math.pi / course.wavelength_mm
+    return course.start * unit, slope * unit, course.amplitude * unit, wave_number, course.phase_deg * DEG
 
 
 def _roughness(greatest: float, rng: np.random.Generator) -> Float:

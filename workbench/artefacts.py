@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 Verdict = Literal["pass", "fail", "undecided"]
@@ -73,19 +74,28 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FaceLines:
-    """One face as straight lines z(x), one a frame, in the profiler frame: the sums that least squares needs.
+class EdgeFrames:
+    """What each of the N frames says about a milled edge, in the section plane; NaN where it does not see the edge.
 
-    `count` is 0 where the face is not seen in the frame; all other entries are then NaN.
+    Angles are directions of the faces, from the lower to the upper side, in the plane normal to the edge's tangent,
+    counted from `reference` towards t x `reference`.
     """
 
-    count: Int  # (N,) points used
-    x_mean: Float  # (N,) mm
-    z_mean: Float  # (N,) mm
-    sxx: Float  # (N,) sum (x - x_mean)^2, mm^2
-    sxz: Float  # (N,) sum (x - x_mean)(z - z_mean), mm^2
-    szz: Float  # (N,) sum (z - z_mean)^2, mm^2
-    columns: Int  # (N, 2) first and last column of the face; -1 where not seen
+    arc_length_mm: Float  # (N,) where the frame crosses the upper edge of the root face
+    lower_arc_length_mm: Float  # (N,) where it crosses the lower edge
+    reference: Float  # (N, 3) unit vector normal to t that does not twist along the edge
+    tilt: Float  # (N,) direction of the root face, as estimated for the whole pass, rad
+    root_angle: Float  # (N,) direction of the root face in this frame alone, rad
+    root_angle_variance: Float  # (N,) rad^2, from independent range noise
+    bevel_arc_length_mm: Float  # (N,) where the frame measures the bevel
+    bevel_angle: Float  # (N,) direction of the bevel face, corrected for drift and curvature, rad
+    bevel_angle_variance: Float  # (N,) rad^2, from independent range noise
+    bevel_lever_mm: Float  # (N,) distance of the bevel's measured points from the upper edge of the root face
+    root_low_mm: Float  # (N,) root size up to the last return on the root face; the edge lies at most a step beyond
+    root_step_mm: Float  # (N,) that step between columns; 0 where the lower edge is a corner of two faces
+    root_sigma_mm: Float  # (N,) standard deviation of root_low_mm from range noise
+    missing: Float  # (N,) share of returns missing on the root face, in the frame's pass
+    obliquity: Float  # (N,) tangent of the angle between laser plane and section plane, along the bevel face
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,11 +109,10 @@ class Edge:
     kind: Literal["milled", "raw"]
     faces: Mapping[int, FaceLines]  # by label: ROOT_FACE (the end face of a raw edge), BEVEL_FACE, ...
     labels: AnyArray  # (N, M) uint8, face of each grid point
-    frame_arc_length_mm: Float  # (N,) where each frame crosses the edge; NaN: edge not seen in that frame
+    pass_index: Int  # (N,)
+    frame_arc_length_mm: Float  # (N,) where each frame crosses the lower edge; NaN: edge not seen in that frame
     frame_tangent: Float  # (N, 3) t at each frame, NaN where not seen
-    frame_reference: Float  # (N, 3) unit vector normal to t, parallel-transported along the edge; NaN where not seen
-    lower_end: Float  # (N, 3) last seen point of the root face on its lower side: x, z (mm), column step along it (mm)
-    lower_end_is_corner: Bool  # (N,) the lower surface is seen too, so the lower edge is an intersection
+    frames: EdgeFrames
     arc_length_mm: Float  # (n,)
     position_mm: Float  # (n, 3) lower edge in the base; NaN where hidden
     tangent: Float  # (n, 3) unit, rising arc length; interpolated where hidden

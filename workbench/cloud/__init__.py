@@ -1,0 +1,5 @@
+"""Stages on clouds: `cloud.denoise`."""
+
+from workbench.cloud.denoise import denoise
+
+__all__ = ["denoise"]

@@ -1,0 +1,64 @@
+"""`cloud.denoise`: reject the returns that no surface explains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud
+from workbench.geometry.chains import noise_sigma
+from workbench.geometry.outliers import isolated, short_runs
+from workbench.stage import stage
+
+SAMPLE_FRAMES = 60  # frames that the noise is judged from
+NOISE_SIGMAS = 9.0  # of a second difference, whose sigma is 2.4 times the noise
+
+
+@stage("cloud.denoise")
+def denoise(
+    cloud: Cloud,
+    *,
+    window_frames: Annotated[int, Field(ge=3, le=31, description="count of frames compared with each other")] = 5,
+    tolerance_mm: Annotated[
+        float | None, Field(gt=0, le=5, description="how far off its neighbours' line a return may lie; null: from the noise")
+    ] = None,
+    jump_mm: Annotated[
+        float, Field(gt=0, le=20, description="range step between neighbouring columns above which a surface ends")
+    ] = 1.0,
+) -> Cloud:
+    """Reject isolated returns and short streaks, on the scanner's own grid.
+
+    A return is kept if it continues the line of two neighbours in its profile, lies between two of them, or agrees
+    with the same column of the frames next door; runs of fewer than four returns that stand off both neighbours by
+    more than `jump_mm` a column are rejected as specular streaks. Points are marked, not moved: positions keep their
+    noise, since every later fit is robust and needs it to state an uncertainty.
+
+    Args:
+        cloud: the organised cloud.
+        window_frames: frames compared with each other (odd numbers; half of them on each side).
+        tolerance_mm: how far off its neighbours' line a return may lie; null takes it from the measured range noise.
+        jump_mm: range step a column above which a surface ends.
+    """
+    tolerance = tolerance_mm if tolerance_mm is not None else max(0.06, NOISE_SIGMAS * range_noise(cloud))
+    alone = np.zeros(cloud.keep.shape, bool)
+    isolated(cloud.z_mm, cloud.keep, tolerance, window_frames, alone)
+    keep = cloud.keep & ~alone
+    streaks = np.zeros(cloud.keep.shape, bool)
+    short_runs(cloud.z_mm, keep, jump_mm, streaks)
+    keep &= ~streaks
+    rejected = {
+        **cloud.rejected,
+        "isolated returns": int(np.count_nonzero(alone)),
+        "short streaks": int(np.count_nonzero(streaks)),
+    }
+    return replace(cloud, keep=keep, rejected=rejected)
+
+
+def range_noise(cloud: Cloud) -> float:
+    """Standard deviation of the range noise (mm): the median over some frames of `noise_sigma`."""
+    frames = np.unique(np.linspace(0, len(cloud.keep) - 1, SAMPLE_FRAMES).astype(int))
+    values = [noise_sigma(cloud.z_mm[i][cloud.keep[i]].astype(np.float64)) for i in frames if cloud.keep[i].sum() > 12]
+    return float(np.median(values)) if values else 0.0

@@ -1,0 +1,183 @@
+"""The faces of the edge in every frame: key frames are segmented from scratch, the frames between them followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+
+from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.edge.identify import Candidate, candidates, vote
+from workbench.errors import InputError
+from workbench.geometry import tracking
+from workbench.geometry.chains import straight_faces
+from workbench.geometry.faces import FaceLines
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+
+KEY_FRAMES = 120  # a pass; the faces are followed between them
+KEY_SPACING = 5  # frames between key frames at the least
+MAX_LINES = 64  # straight lines kept of one profile
+LABELS = np.array([UPPER_SURFACE, BEVEL_FACE, ROOT_FACE, LOWER_SURFACE])  # in the order of geometry.tracking
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedFaces:
+    """What following the faces found, for all N frames of a cloud."""
+
+    faces: dict[int, FaceLines]  # by label
+    seen: Bool  # (N,) root face and bevel face both found
+    side: Float  # (N,) +1 or -1: the lower side lies towards rising side * x; NaN in a pass without the edge
+    root_end: Float  # (N, 3) x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
+    end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
+    labels: AnyArray  # (N, M) uint8
+    range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
+
+
+def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -> TrackedFaces:
+    """Find root face and bevel face, and the surfaces that join them, in every frame of a milled edge.
+
+    Raises InputError where no pass shows a root face with a bevel face.
+    """
+    n, columns = cloud.x_mm.shape
+    sums = np.zeros((n, 4, 8))
+    end = np.full((n, 4), np.nan)
+    seen = np.zeros(n, bool)
+    lower = np.zeros(n, bool)
+    side_of = np.full(n, np.nan)
+    labels = np.zeros((n, columns), np.uint8)
+    sigma = np.full((n, 4), np.nan)
+    passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
+    keys = [_key_readings(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG) for frames in passes]
+    for frames, (key_frames, readings) in zip(passes, keys, strict=True):
+        choice = _agreed(key_frames, readings)
+        if choice is None:
+            continue
+        at, states, side = choice
+        side_of[frames] = side
+        tracked = _follow_pass(cloud, frames, at, states, side)
+        sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
+    if seen.sum() < 2:
+        raise InputError(cloud.source, "no edge in view: expected a root face next to a bevel face of "
+                         f"{bevel_nominal_deg:g} deg in at least two frames")  # fmt: skip
+    faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
+    end[~seen] = np.nan
+    return TrackedFaces(faces, seen, side_of, end[:, :3], lower & seen, labels, sigma)
+
+
+def _frames(pass_index: Int, number: int) -> slice | Int:
+    """The frames of a pass, as a slice where they lie together (a view instead of a copy)."""
+    frames = np.flatnonzero(pass_index == number)
+    if frames[-1] - frames[0] + 1 == frames.size:
+        return slice(int(frames[0]), int(frames[-1]) + 1)
+    return frames
+
+
+def _key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
+                  bevel_nominal: float) -> tuple[Int, list[list[Candidate]]]:  # fmt: skip
+    """Numbers (within the pass) of its key frames, and every plausible reading of each."""
+    x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
+    count = max(2, min(KEY_FRAMES, x.shape[0] // KEY_SPACING))
+    keys = np.unique(np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64))
+    chains, lengths = _chains(x, z, keep, keys, rises_with_column(x, keep, keys))
+    return keys, [list(candidates(chains[k, : lengths[k]], root_nominal_mm, bevel_nominal)) for k in range(keys.size)]
+
+
+def rises_with_column(x: Float32, keep: Bool, keys: Int) -> bool:
+    """Does x rise with the column number (over the given frames)?"""
+    with np.errstate(invalid="ignore"):
+        steps = np.diff(np.where(keep[keys], x[keys], np.nan), axis=1)
+    return bool(np.nansum(np.sign(steps)) >= 0)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _chains(x: Float32, z: Float32, keep: Bool, keys: Int, rises: bool) -> tuple[Float, Int]:
+    """The straight faces (k, MAX_LINES, 7) of each key frame, in order of rising x, and how many."""
+    chains = np.zeros((keys.size, MAX_LINES, 7))
+    lengths = np.zeros(keys.size, np.int64)
+    for k in prange(keys.size):
+        i = keys[k]
+        count = 0
+        for j in range(x.shape[1]):
+            count += keep[i, j]
+        xs, zs = np.empty(count), np.empty(count)
+        at = 0
+        for step in range(x.shape[1]):
+            j = step if rises else x.shape[1] - 1 - step
+            if keep[i, j]:
+                xs[at], zs[at] = x[i, j], z[i, j]
+                at += 1
+        lines = straight_faces(xs, zs)
+        lengths[k] = min(len(lines), MAX_LINES)
+        chains[k, : lengths[k]] = lines[: lengths[k]]
+    return chains, lengths
+
+
+def _agreed(keys: Int, readings: list[list[Candidate]]) -> tuple[Int, Float, int] | None:
+    """Key frames that show the edge as the pass as a whole does, their states (k, 4, 4) and the side; None: no edge."""
+    choice = vote(readings)
+    if choice is None:
+        return None
+    at, states = [], []
+    for key, frame in zip(keys, readings, strict=True):
+        fitting = [c for c in frame if (c.side, c.sense) == choice]
+        if fitting:
+            at.append(int(key))
+            states.append(_state(min(fitting, key=lambda c: c.score)))
+    good = _alike(np.array(states))
+    if good.sum() < 2:
+        return None
+    return np.array(at)[good], np.array(states)[good], choice[0]
+
+
+def _state(c: Candidate) -> Float:
+    """A reading as the kernel's state: rows (slope, offset, seen, free end) in the order of geometry.tracking."""
+    rows = [(0.0, 0.0, 0.0, 0.0) if line is None else (line[0], line[1], 1.0, line[2])
+            for line in (c.upper, c.bevel, c.root, c.lower)]  # fmt: skip
+    return np.array(rows)
+
+
+def _alike(states: Float) -> Bool:
+    """Which key frames agree in root width and face angles with the median of those around them?"""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        angle = np.arctan(states[:, 1:3, 0])
+        corner = (states[:, 2, 1] - states[:, 1, 1]) / (states[:, 1, 0] - states[:, 2, 0])
+        width = np.log(np.abs(states[:, 2, 3] - corner) + 1e-9)
+    good = np.ones(len(states), bool)
+    for i in range(len(states)):
+        near = slice(max(0, i - 5), i + 6)
+        good[i] = abs(width[i] - np.median(width[near])) < 0.5
+        good[i] &= bool((np.abs(angle[i] - np.median(angle[near], axis=0)) < 0.15).all())
+    return good
+
+
+def _follow_pass(cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int) -> tuple[AnyArray, ...]:
+    """Follow the faces through one pass: first its key frames alone, for the noise, then all of it."""
+    x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
+    beyond = states[:, [0, 3], 2]
+    common = beyond.mean(axis=0) > 0.5  # upper and lower surface: seen in most key frames, or not at all
+    fitting = (beyond >= common).all(axis=1)
+    keys, states = keys[fitting], states[fitting].copy()
+    states[:, [0, 3], 2] = common
+    sigma = np.full(4, 0.03)
+    for chosen in (keys, np.arange(x.shape[0])):
+        n = chosen.size
+        sums, end = np.zeros((n, 4, 8)), np.full((n, 4), np.nan)
+        seen, labels = np.zeros(n, bool), np.zeros((n, x.shape[1]), np.uint8)
+        whole = n == x.shape[0]
+        grid = (x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])
+        at = keys if whole else np.arange(n)
+        tracking.follow(*grid, float(side), at, states, sigma, LABELS, sums, end, seen, labels)
+        if not whole:
+            sigma = tracking.face_sigmas(sums, seen)
+    return sums, end, seen, labels, np.tile(sigma, (n, 1)), np.full(n, common[1])
+
+
+def _face_lines(sums: Float, seen: Bool) -> FaceLines:
+    """The kernel's sums (N, 8) of one face as FaceLines."""
+    here = seen & (sums[:, tracking.COUNT] >= 3)
+    value = np.where(here[:, None], sums, np.nan)
+    columns = np.where(here[:, None], sums[:, [tracking.FIRST, tracking.LAST]], -1).astype(np.int64)
+    return FaceLines(np.where(here, sums[:, tracking.COUNT], 0).astype(np.int64), value[:, tracking.X_MEAN],
+                     value[:, tracking.Z_MEAN], value[:, tracking.SXX], value[:, tracking.SXZ],
+                     value[:, tracking.SZZ], columns)  # fmt: skip

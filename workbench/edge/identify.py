@@ -1,0 +1,140 @@
+"""Which straight faces of a profile are the root face and the bevel face?
+
+Nothing in a profile says so, nor whether z counts away from the sensor. What is known: corners of a workpiece are
+convex; root face and bevel face meet at the bevel angle, upper surface and bevel face at its complement, root face and
+lower surface at a right angle; the root face has about its nominal width. Each pair of joined faces is scored as
+negative log-likelihood, and all key frames vote.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
+from workbench.units import DEG, Float
+
+JOIN_MM = 0.6  # faces whose lines cross within this distance of both their ends meet in a corner
+ANGLE_SIGMA = 8.0 * DEG  # how far a bevel may be from nominal, with the laser plane oblique
+WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
+WORST_SCORE = 10.0
+CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One reading of a profile: lines (slope, offset, x at its free end) of each face, None where not seen."""
+
+    score: float
+    side: int  # upper surface, bevel, root face, lower surface come in order of rising side * x
+    sense: int  # +1: z counts away from the sensor, -1: towards it
+    upper: Float | None
+    bevel: Float
+    root: Float
+    lower: Float | None
+
+
+def crossing(a: Float, b: Float) -> float:
+    """x where lines a and b (rows of a chain) cross; NaN if parallel."""
+    dk = a[SLOPE] - b[SLOPE]
+    return float((b[OFFSET] - a[OFFSET]) / dk) if abs(dk) > 1e-6 else math.nan
+
+
+def turn(a: Float, b: Float, sense: int) -> float:
+    """Angle by which the surface bends away from the sensor from face a to b (x rising); positive: convex. rad."""
+    return sense * (math.atan(b[SLOPE]) - math.atan(a[SLOPE]))
+
+
+def joined(a: Float, b: Float) -> bool:
+    """Do faces a and b (a before b) meet in a corner?"""
+    x = crossing(a, b)
+    reach_a = JOIN_MM + 3.0 * (a[X1] - a[X0]) / a[COUNT]
+    reach_b = JOIN_MM + 3.0 * (b[X1] - b[X0]) / b[COUNT]
+    off_a, off_b = abs(x - a[X1]) * math.hypot(1.0, a[SLOPE]), abs(x - b[X0]) * math.hypot(1.0, b[SLOPE])
+    return bool(off_a < reach_a and off_b < reach_b)
+
+
+def _corners(chain: Float) -> list[tuple[int, int]]:
+    """Pairs of faces that meet; up to two short lines (outliers) between them are passed over."""
+    pairs = []
+    for i in range(len(chain)):
+        for j in range(i + 1, min(i + 4, len(chain))):
+            if all(chain[m][COUNT] < 12 for m in range(i + 1, j)) and joined(chain[i], chain[j]):
+                pairs.append((i, j))
+                break
+    return pairs
+
+
+def _off(angle: float, expected: float) -> float:
+    return 0.5 * ((angle - expected) / ANGLE_SIGMA) ** 2
+
+
+def candidates(chain: Float, root_nominal_mm: float, bevel_nominal: float) -> Iterator[Candidate]:
+    """All readings of a profile's chain of faces that score better than WORST_SCORE. bevel_nominal in rad."""
+    corners = _corners(chain)
+    after = dict(corners)
+    before = {j: i for i, j in corners}
+    for sense in (1, -1):
+        for i, j in corners:
+            angle = turn(chain[i], chain[j], sense)
+            if not 15.0 * DEG < angle < 75.0 * DEG:
+                continue
+            for side, bevel, root in ((1, i, j), (-1, j, i)):
+                onward = after if side > 0 else before
+                backward = before if side > 0 else after
+                reading = _read(chain, sense, side, bevel, root, backward.get(bevel), onward.get(root),
+                                root_nominal_mm, bevel_nominal)  # fmt: skip
+                if reading.score < WORST_SCORE:
+                    yield reading
+
+
+def _read(chain: Float, sense: int, side: int, bevel: int, root: int, upper: int | None, lower: int | None,
+          root_nominal_mm: float, bevel_nominal: float) -> Candidate:  # fmt: skip
+    """The reading in which faces number `bevel` and `root` are those, with what joins them beyond."""
+    b, r = chain[bevel], chain[root]
+
+    def convex(first: Float, second: Float) -> float:
+        return turn(first, second, sense) if side > 0 else turn(second, first, sense)
+
+    angle = convex(b, r)
+    score = _off(angle, bevel_nominal)
+    upper_row = lower_row = None
+    root_end = r[X1] if side > 0 else r[X0]
+    if lower is not None:
+        if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
+            lower_row, score = chain[lower], score - CONTEXT
+            root_end = crossing(r, chain[lower])
+        elif convex(r, chain[lower]) > 0:
+            score += CONTEXT
+    if upper is not None:
+        if _off(convex(chain[upper], b), math.pi / 2 - angle) < 4.5:
+            upper_row, score = chain[upper], score - CONTEXT
+        elif convex(chain[upper], b) > 0:
+            score += CONTEXT
+    width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
+    score += 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2
+    return Candidate(score, side, sense, _line(upper_row, -side), _line(b, -side), _line(r, side, root_end),
+                     _line(lower_row, side))  # fmt: skip
+
+
+def _line(row: Float | None, end: int, at: float | None = None) -> Float | None:  # type: ignore[return]
+    """(slope, offset, x of the end that lies towards rising (end = 1) or falling x) of a chain's row."""
+    if row is None:
+        return None
+    x = at if at is not None else (row[X1] if end > 0 else row[X0])
+    return np.array([row[SLOPE], row[OFFSET], x])
+
+
+def vote(readings: list[list[Candidate]]) -> tuple[int, int] | None:
+    """(side, sense) on which the key frames agree, each voting with how good its best such reading is."""
+    votes: dict[tuple[int, int], float] = {}
+    for frame in readings:
+        best: dict[tuple[int, int], float] = {}
+        for c in frame:
+            best[c.side, c.sense] = max(best.get((c.side, c.sense), 0.0), WORST_SCORE - c.score)
+        for key, value in best.items():
+            votes[key] = votes.get(key, 0.0) + value
+    return max(votes, key=lambda k: votes[k]) if votes else None

@@ -1,0 +1,71 @@
+"""`edge.segment`: the faces of the edge and its lower edge, from an organised cloud."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, Edge
+from workbench.edge.burrs import burr_stations
+from workbench.edge.faces import TrackedFaces, find_faces
+from workbench.edge.measure import Measured, measure_edge
+from workbench.geometry.gaps import covered
+from workbench.stage import stage
+from workbench.units import Float
+
+STATION_MM = 1.0
+
+
+@stage("edge.segment")
+def segment(
+    cloud: Cloud,
+    *,
+    root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="expected root size, tells the faces apart")] = 1.5,
+    bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
+) -> Edge:
+    """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
+
+    Key frames are segmented into straight faces (optimal partition) and read as root face and bevel face by their
+    corners; the frames between them are followed. All lengths and angles are then taken in the section plane, normal
+    to the lower edge, which comes out of the same measures as a smooth curve.
+
+    Args:
+        cloud: the organised cloud of one edge, in one or more passes.
+        root_nominal_mm: expected root size; only tells the faces apart.
+        bevel_nominal_deg: expected bevel angle; likewise.
+
+    Raises:
+        InputError: no root face next to a bevel face in view.
+    """
+    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
+    measured = measure_edge(cloud, tracked)
+    return _edge(cloud, tracked, measured)
+
+
+def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured) -> Edge:
+    s_low = measured.s_low
+    length = float(np.nanmax(s_low))
+    at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
+    seen = covered(s_low, cloud.pass_index, at)
+    position = measured.curve.position(at)
+    position[~seen] = np.nan
+    tangent, normal, across = section_axes(measured, at)
+    here = np.isfinite(s_low)
+    frame_tangent = np.full((len(s_low), 3), np.nan)
+    frame_tangent[here] = measured.curve.tangent(s_low[here])
+    return Edge(
+        kind="milled", faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
+        frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames, arc_length_mm=at,
+        position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
+        burr_stations=burr_stations(cloud, tracked, measured, at),
+    )  # fmt: skip
+
+
+def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:
+    """t, n and m (m, 3) at arc lengths `at` (m,)."""
+    t, a, b = measured.curve.frame(at)
+    tilt = float(np.angle(np.nanmean(np.exp(1j * measured.frames.tilt))))
+    m = np.cos(tilt) * a + np.sin(tilt) * b
+    return t, np.cross(t, m), m

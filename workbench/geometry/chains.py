@@ -1,0 +1,145 @@
+"""One profile as a chain of straight faces: the optimal partition of its points into lines z = k x + c.
+
+Noise acts along the range axis z, so lines are regressions of z on x (docs/paper.md, eq. (10)). The partition minimises
+the sum of squared residuals over the noise variance, plus a price a line and a price a point left out (dynamic
+programming over all breakpoints; Jackson et al., "An algorithm for optimal partitioning of data on an interval", 2005).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from workbench.units import Float
+
+LINE_PRICE = 40.0  # squared sigmas that a further line must save
+POINT_PRICE = 14.0  # squared sigmas above which a point is better left out
+MIN_POINTS = 4
+MIN_SIGMA_MM = 0.002
+MAX_BREAKS = 700  # candidate breakpoints a profile; more points share one
+
+# Columns of a chain, the array of lines that `straight_faces` returns.
+X0, X1, SLOPE, OFFSET, COUNT, FIRST, LAST = range(7)
+
+
+@njit(cache=True, nogil=True)
+def noise_sigma(z: Float) -> float:
+    """Standard deviation of the range noise of a profile (mm), from second differences over 1, 2 and 4 columns.
+
+    The largest of the three: correlated noise hides from neighbours. Robust (median), so corners and jumps count little.
+    """
+    sigma = MIN_SIGMA_MM
+    for step in (1, 2, 4):
+        n = z.size - 2 * step
+        if n < 8:
+            break
+        second = np.abs(z[:n] - 2.0 * z[step : step + n] + z[2 * step :])
+        sigma = max(sigma, np.median(second) / 0.6745 / np.sqrt(6.0))
+    return sigma
+
+
+@njit(cache=True, nogil=True)
+def _prefix_sums(x: Float, z: Float) -> Float:
+    sums = np.zeros((x.size + 1, 5))
+    for i in range(x.size):
+        sums[i + 1, 0] = sums[i, 0] + x[i]
+        sums[i + 1, 1] = sums[i, 1] + z[i]
+        sums[i + 1, 2] = sums[i, 2] + x[i] * x[i]
+        sums[i + 1, 3] = sums[i, 3] + x[i] * z[i]
+        sums[i + 1, 4] = sums[i, 4] + z[i] * z[i]
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
+    """Slope, offset and residual sum of squares of the line through points i to j - 1."""
+    n = j - i
+    sx = sums[j, 0] - sums[i, 0]
+    sz = sums[j, 1] - sums[i, 1]
+    sxx = sums[j, 2] - sums[i, 2] - sx * sx / n
+    sxz = sums[j, 3] - sums[i, 3] - sx * sz / n
+    szz = sums[j, 4] - sums[i, 4] - sz * sz / n
+    slope = sxz / max(sxx, 1e-12)
+    return slope, (sz - slope * sx) / n, max(szz - slope * sxz, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Float:
+    """Rows (first, last + 1) of the lines of the cheapest partition."""
+    step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
+    breaks = (x.size + step - 1) // step
+    cost = np.zeros(breaks + 1)
+    came_from = np.zeros(breaks + 1, np.int64)
+    skipped = np.zeros(breaks + 1, np.bool_)
+    for b in range(1, breaks + 1):
+        j = min(b * step, x.size)
+        cost[b] = cost[b - 1] + POINT_PRICE * (j - (b - 1) * step)
+        came_from[b] = b - 1
+        skipped[b] = True
+        for a in range(b):
+            i = a * step
+            if j - i < MIN_POINTS:
+                break
+            if cost[a] + LINE_PRICE >= cost[b]:
+                continue
+            rss = _line(sums, i, j)[2]
+            trial = cost[a] + LINE_PRICE + rss / (sigma * sigma)
+            if trial < cost[b]:
+                cost[b], came_from[b], skipped[b] = trial, a, False
+    spans = np.empty((breaks, 2))
+    count = 0
+    b = breaks
+    while b > 0:
+        if not skipped[b]:
+            spans[count, 0], spans[count, 1] = came_from[b] * step, min(b * step, x.size)
+            count += 1
+        b = came_from[b]
+    return spans[:count][::-1]
+
+
+@njit(cache=True, nogil=True)
+def _collinear(a: Float, b: Float, tolerance_mm: float) -> bool:
+    """Do lines a and b (a before b) continue each other: under 4 deg of turn, and meeting within the tolerance?"""
+    if abs(np.arctan(a[SLOPE]) - np.arctan(b[SLOPE])) > 0.07:
+        return False
+    middle = 0.5 * (a[X1] + b[X0])
+    gap = abs(a[SLOPE] * middle + a[OFFSET] - b[SLOPE] * middle - b[OFFSET])
+    return gap / np.sqrt(1.0 + a[SLOPE] * a[SLOPE]) < tolerance_mm
+
+
+@njit(cache=True, nogil=True)
+def _joined(a: Float, b: Float) -> Float:
+    """Collinear lines a and b (a before b) as one: their mean, weighted by points."""
+    w = a[COUNT] / (a[COUNT] + b[COUNT])
+    slope = w * a[SLOPE] + (1.0 - w) * b[SLOPE]
+    at = 0.5 * (a[X1] + b[X0])
+    z = w * (a[SLOPE] * at + a[OFFSET]) + (1.0 - w) * (b[SLOPE] * at + b[OFFSET])
+    return np.array([a[X0], b[X1], slope, z - slope * at, a[COUNT] + b[COUNT], a[FIRST], b[LAST]])
+
+
+@njit(cache=True, nogil=True)
+def straight_faces(x: Float, z: Float) -> Float:
+    """The straight faces of one profile, in order of its points: rows (x0, x1, slope, offset, count, first, last).
+
+    x, z: (n,) mm, n points in column order with x rising, no NaN. `first`, `last` index the points. Lines that continue
+    each other, such as the pieces of a face that an outlier cut in two or of a slightly bent one, come as one.
+    """
+    chain = np.empty((0, 7))
+    if x.size < 2 * MIN_POINTS:
+        return chain
+    shift_x, shift_z = x.mean(), z.mean()  # sums of squares near the origin lose no digits
+    sigma = noise_sigma(z)
+    sums = _prefix_sums(x - shift_x, z - shift_z)
+    spans = _partition(x, z, sums, sigma)
+    chain = np.empty((len(spans), 7))
+    count = 0
+    for k in range(len(spans)):
+        i, j = int(spans[k, 0]), int(spans[k, 1])
+        slope, offset, _ = _line(sums, i, j)
+        row = np.array([x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, float(j - i), float(i), float(j - 1)])
+        if count and _collinear(chain[count - 1], row, 0.05 + 4.0 * sigma):
+            row = _joined(chain[count - 1], row)
+            count -= 1
+        chain[count] = row
+        count += 1
+    return chain[:count]

@@ -1,0 +1,289 @@
+"""Following the faces of an edge from frame to frame, and reducing each frame to the sums that least squares needs.
+
+A frame's edge is a chain of faces in the order upper surface, bevel face, root face, lower surface, along rising
+`side * x` (side = +1 or -1). Each face is a line z = k x + c; the frame before predicts the next one, since a part of
+5 m drifts by millimetres but a frame only by hundredths.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from workbench.units import AnyArray, Bool, Float, Float32, Int
+
+# Faces in chain order, and what a state row holds for each: slope, offset, seen (0 or 1), free end x.
+UPPER, BEVEL, ROOT, LOWER = range(4)
+SLOPE, OFFSET, SEEN, END = range(4)
+# What `follow` reports for each frame and face.
+COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
+
+GATES_MM = np.array([0.6, 0.3, 0.15])  # how far off its line a point may lie while the frame's lines settle
+CORNER_MARGIN_MM = 0.05  # points this near to a corner are left out of both faces: corners are never quite sharp
+SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
+FINAL_SIGMAS = 4.5
+MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
+MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
+LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
+
+
+@njit(cache=True, nogil=True)
+def _crossing(state: Float, a: int, b: int) -> float:
+    """x of the corner between faces a and b."""
+    dk = state[a, SLOPE] - state[b, SLOPE]
+    if abs(dk) < 1e-6:
+        return np.nan
+    return (state[b, OFFSET] - state[a, OFFSET]) / dk
+
+
+@njit(cache=True, nogil=True)
+def _limits(state: Float, side: float) -> Float:
+    """Start and stop of each face along u = side * x, the margin at the corners taken off; empty if not seen."""
+    limits = np.full((4, 2), np.nan)
+    bevel_root = side * _crossing(state, BEVEL, ROOT)
+    limits[BEVEL, 1], limits[ROOT, 0] = bevel_root, bevel_root
+    limits[BEVEL, 0] = side * (_crossing(state, UPPER, BEVEL) if state[UPPER, SEEN] else state[BEVEL, END])
+    limits[ROOT, 1] = side * (_crossing(state, ROOT, LOWER) if state[LOWER, SEEN] else state[ROOT, END])
+    if state[UPPER, SEEN]:
+        limits[UPPER, 1] = limits[BEVEL, 0]
+        limits[UPPER, 0] = max(side * state[UPPER, END], limits[UPPER, 1] - SIDE_FACE_MM)
+    if state[LOWER, SEEN]:
+        limits[LOWER, 0] = limits[ROOT, 1]
+        limits[LOWER, 1] = min(side * state[LOWER, END], limits[LOWER, 0] + SIDE_FACE_MM)
+    for f in range(4):
+        margin = CORNER_MARGIN_MM / np.sqrt(1.0 + state[f, SLOPE] ** 2)
+        limits[f, 0] += margin
+        limits[f, 1] -= margin
+    return limits
+
+
+@njit(cache=True, nogil=True)
+def _sums(x: Float32, z: Float32, keep: Bool, lo: int, hi: int, side: float, state: Float, limits: Float,
+          gates: Float) -> Float:  # fmt: skip
+    """Sums of each face (rows as COUNT to LAST) over the points within its limits and its gate (mm along z)."""
+    out = np.zeros((4, 8))
+    out[:, FIRST] = -1.0
+    out[:, LAST] = -1.0
+    for j in range(lo, hi):
+        if not keep[j]:
+            continue
+        xj = np.float64(x[j])
+        u = side * xj
+        for f in range(4):
+            if not (limits[f, 0] <= u <= limits[f, 1]):
+                continue
+            r = z[j] - state[f, SLOPE] * xj - state[f, OFFSET]
+            if abs(r) > gates[f]:
+                continue
+            ux = xj - limits[f, 0] * side  # a local origin
+            out[f, COUNT] += 1.0
+            out[f, X_MEAN] += ux
+            out[f, Z_MEAN] += r
+            out[f, SXX] += ux * ux
+            out[f, SXZ] += ux * r
+            out[f, SZZ] += r * r
+            if out[f, FIRST] < 0:
+                out[f, FIRST] = j
+            out[f, LAST] = j
+            break
+    for f in range(4):  # to means and centred sums; z relative to the line that gated it, put back below
+        n = out[f, COUNT]
+        if n < 1:
+            continue
+        mx, mr = out[f, X_MEAN] / n, out[f, Z_MEAN] / n
+        sxx = max(out[f, SXX] - n * mx * mx, 0.0)
+        sxr = out[f, SXZ] - n * mx * mr
+        srr = max(out[f, SZZ] - n * mr * mr, 0.0)
+        k = state[f, SLOPE]
+        x_mean = mx + limits[f, 0] * side
+        out[f, X_MEAN] = x_mean
+        out[f, Z_MEAN] = mr + k * x_mean + state[f, OFFSET]
+        out[f, SXX] = sxx
+        out[f, SXZ] = sxr + k * sxx
+        out[f, SZZ] = srr + 2.0 * k * sxr + k * k * sxx
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _refit(state: Float, sums: Float, free_slope: bool) -> None:
+    """Move each face's line to its points; turn it too where they span enough to say."""
+    for f in range(4):
+        n = sums[f, COUNT]
+        if not state[f, SEEN] or n < 3:
+            continue
+        if free_slope and n >= 6:
+            state[f, SLOPE] = sums[f, SXZ] / max(sums[f, SXX], 1e-12)
+        state[f, OFFSET] = sums[f, Z_MEAN] - state[f, SLOPE] * sums[f, X_MEAN]
+
+
+@njit(cache=True, nogil=True)
+def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tuple[int, int]:
+    """First and last + 1 column whose u = side * x lies in [low, high]."""
+    first, last = x.size, -1
+    for j in range(x.size):
+        if keep[j] and low <= side * x[j] <= high:
+            first = min(first, j)
+            last = j
+    return first, last + 1
+
+
+@njit(cache=True, nogil=True)
+def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
+    """The last return on the root face away from the bevel: x, z on its line, step along it a column, column.
+
+    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line.
+    """
+    first, last = int(sums[ROOT, FIRST]), int(sums[ROOT, LAST])
+    rising = side * (np.float64(x[last]) - np.float64(x[first])) > 0
+    direction = 1 if rising else -1
+    j = end = last if rising else first
+    quiet = 0
+    while quiet <= MAX_GAP_COLUMNS:
+        j += direction
+        if j < 0 or j >= x.size:
+            break
+        on_line = keep[j] and abs(z[j] - state[ROOT, SLOPE] * np.float64(x[j]) - state[ROOT, OFFSET]) < gate
+        if on_line and side * (x[j] - x[end]) > 0:
+            end, quiet = j, 0
+        else:
+            quiet += 1
+    far = first if rising else last
+    k = state[ROOT, SLOPE]
+    dx = abs(np.float64(x[end]) - np.float64(x[far])) / max(abs(end - far), 1)
+    xe = np.float64(x[end])
+    return np.array([xe, k * xe + state[ROOT, OFFSET], dx * np.sqrt(1.0 + k * k), float(end)])
+
+
+@njit(cache=True, nogil=True)
+def _enough(sums: Float, face: int, least: int) -> bool:
+    span = abs(sums[face, LAST] - sums[face, FIRST]) + 1.0
+    return sums[face, COUNT] >= least and sums[face, COUNT] >= MIN_SHARE * span
+
+
+@njit(cache=True, nogil=True)
+def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float,
+                  sums: Float, end: Float) -> bool:  # fmt: skip
+    """Settle `state` on one frame in place; write its sums and the root face's end. False where the edge is not seen."""
+    width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
+    bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
+    low, high = _reach(state, side)
+    lo, hi = _window(x, keep, side, low - 1.0, high + 1.0)
+    gates = np.empty(4)
+    for step in range(GATES_MM.size + 2):
+        for f in range(4):
+            lean = np.sqrt(1.0 + state[f, SLOPE] ** 2)
+            settled = FINAL_SIGMAS * sigma[f] + 0.004
+            gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
+            if step < GATES_MM.size:
+                gates[f] = max(gates[f], settled)
+        found = _sums(x, z, keep, lo, hi, side, state, _limits(state, side), gates)
+        if found[BEVEL, COUNT] < 5 or found[ROOT, COUNT] < 3:
+            return False
+        _refit(state, found, step > 0)
+        if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
+            _carry_ends(state, width0, bevel0, side)
+    sums[:] = _sums(x, z, keep, lo, hi, side, state, _limits(state, side), gates)
+    if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
+        return False
+    end[:] = _root_end(x, z, keep, side, state, sums, gates[ROOT])
+    corner = _crossing(state, BEVEL, ROOT)
+    width = abs(end[0] - corner)
+    if not 0.4 * width0 < width < 2.5 * width0:
+        return False
+    state[ROOT, END] = end[0]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _reach(state: Float, side: float) -> tuple[float, float]:
+    """Lowest and highest u = side * x of the faces."""
+    low = side * state[BEVEL, END] if not state[UPPER, SEEN] else side * _crossing(state, UPPER, BEVEL) - SIDE_FACE_MM
+    high = side * state[ROOT, END] if not state[LOWER, SEEN] else side * _crossing(state, ROOT, LOWER) + SIDE_FACE_MM
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def _carry_ends(state: Float, root_dx: float, bevel_dx: float, side: float) -> None:
+    corner = _crossing(state, BEVEL, ROOT)
+    state[ROOT, END] = corner + side * root_dx
+    state[BEVEL, END] = corner - side * bevel_dx
+
+
+@njit(cache=True, nogil=True)
+def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, names: Int,
+           labels: AnyArray) -> None:  # fmt: skip
+    """Name the face of each point of a frame whose lines are known."""
+    bounds = np.empty(5)
+    bounds[1] = side * (_crossing(state, UPPER, BEVEL) if state[UPPER, SEEN] else state[BEVEL, END])
+    bounds[2] = side * _crossing(state, BEVEL, ROOT)
+    bounds[3] = side * (_crossing(state, ROOT, LOWER) if state[LOWER, SEEN] else state[ROOT, END])
+    bounds[0] = side * state[UPPER, END] if state[UPPER, SEEN] else bounds[1]
+    bounds[4] = side * state[LOWER, END] if state[LOWER, SEEN] else bounds[3]
+    for j in range(x.size):
+        if not keep[j]:
+            continue
+        u = side * x[j]
+        if not bounds[0] - 0.01 <= u <= bounds[4] + 0.01:
+            continue
+        f = 0
+        while f < 3 and u > bounds[f + 1]:
+            f += 1
+        gate = 3.0 * FINAL_SIGMAS * sigma[f] if f in (UPPER, LOWER) else FINAL_SIGMAS * sigma[f] + 0.004
+        if abs(z[j] - state[f, SLOPE] * np.float64(x[j]) - state[f, OFFSET]) < gate:
+            labels[j] = names[f]
+
+
+@njit(cache=True, nogil=True)
+def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float,
+                    names: Int, sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
+    """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
+    first = 0 if c == 0 else keys[c - 1]
+    last = x.shape[0] if c == keys.size else keys[c]
+    a, b = max(c - 1, 0), min(c, keys.size - 1)
+    state = states[a].copy()
+    lost = 0
+    for i in range(last - first):
+        frame = last - 1 - i if c == 0 else first + i
+        if lost > LOST_AFTER or not np.isfinite(state).all():
+            w = 0.0 if a == b else (frame - first) / (last - first)
+            state[:] = (1.0 - w) * states[a] + w * states[b]
+        trial = state.copy()
+        seen[frame] = _follow_frame(x[frame], z[frame], keep[frame], side, trial, sigma, sums[frame], end[frame])
+        if seen[frame]:
+            state[:] = trial
+            lost = 0
+            _label(x[frame], z[frame], keep[frame], side, state, sigma, names, labels[frame])
+        else:
+            sums[frame, :, :] = 0.0
+            lost += 1
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def follow(x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float, names: Int,
+           sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
+    """Follow the faces through the frames between the key frames, in both cores.
+
+    x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
+    same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face. Filled in: sums (n, 4, 8), end
+    (n, 4) as `_root_end`, seen (n,), labels (n, M).
+    """
+    for c in prange(keys.size + 1):
+        _follow_stretch(np.int64(c), x, z, keep, side, keys, states, sigma, names, sums, end, seen, labels)
+
+
+@njit(cache=True, nogil=True)
+def face_sigmas(sums: Float, seen: Bool) -> Float:
+    """Range noise of each face (4,), mm: median over frames of the rms residual about its own line."""
+    sigma = np.full(4, 0.02)
+    for f in range(4):
+        values = np.empty(sums.shape[0])
+        count = 0
+        for i in range(sums.shape[0]):
+            n = sums[i, f, COUNT]
+            if seen[i] and n >= 5:
+                rss = sums[i, f, SZZ] - sums[i, f, SXZ] ** 2 / max(sums[i, f, SXX], 1e-12)
+                values[count] = np.sqrt(max(rss, 0.0) / (n - 2.0))
+                count += 1
+        if count:
+            sigma[f] = max(np.median(values[:count]), 0.002)
+    return sigma

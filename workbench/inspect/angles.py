@@ -1,0 +1,85 @@
+"""The bevel angle along the edge, with its uncertainty.
+
+The bevel face's direction is taken near each place; the root face is too narrow for that, so its direction is one for
+the whole edge (of each pass), unless the frames contradict it. All places share its error, and each carries it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import Edge, EdgeFrames
+from workbench.geometry.smoothing import local_polynomial, robust_weights
+from workbench.units import Bool, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BevelAngles:
+    """Bevel angle at m places of the edge, and the parts of its uncertainty."""
+
+    bevel: Float  # (m,) rad; NaN where not measured
+    u: Float  # (m,) standard uncertainty, all of it
+    local_u: Float  # (m,) the part that each place has for itself
+    tilt_u: Float  # (m,) the part of the root face's direction, which all places share
+
+
+def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
+    """Bevel angle at arc lengths at_mm (m,), from the frames within half_width_mm; passes averaged by their weight."""
+    parts = [_of_pass(edge, edge.pass_index == p, at_mm, half_width_mm) for p in np.unique(edge.pass_index)]
+    values = np.array([p.bevel for p in parts])
+    variance = np.array([p.u**2 for p in parts])
+    weight = np.where(np.isfinite(values), 1.0 / variance, 0.0)
+    total = weight.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = weight / total
+
+        def pooled(name: str) -> Float:
+            return np.sqrt(np.nansum((share * np.array([getattr(p, name) for p in parts])) ** 2, axis=0))
+
+        bevel = np.where(total > 0, np.nansum(share * values, axis=0), np.nan)
+    hidden = ~np.isfinite(bevel)
+    u, local_u, tilt_u = (np.where(hidden, np.nan, pooled(name)) for name in ("u", "local_u", "tilt_u"))
+    return BevelAngles(bevel, u, local_u, tilt_u)
+
+
+def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> BevelAngles:
+    f = edge.frames
+    frames = np.flatnonzero(mine & np.isfinite(f.bevel_arc_length_mm) & np.isfinite(f.bevel_angle))
+    if frames.size < 3:
+        nothing = np.full(at_mm.shape, np.nan)
+        return BevelAngles(nothing, nothing, nothing, nothing)
+    frames = frames[np.argsort(f.bevel_arc_length_mm[frames], kind="stable")]
+    s = f.bevel_arc_length_mm[frames]
+    value = (f.tilt - f.bevel_angle)[frames]
+    value = np.angle(np.exp(1j * value))
+    weight = 1.0 / f.bevel_angle_variance[frames]
+    stations = np.linspace(s[0], s[-1], max(3, int(s[-1] - s[0]) + 2))
+    kept = robust_weights(s, value, weight, half_width_mm, stations)
+    fit = local_polynomial(s, value, kept, at_mm, half_width_mm)
+    excess = scatter(s, value, kept, half_width_mm, stations)
+    local_u = np.sqrt(fit[:, 2]) * excess
+    tilt_u = np.full(at_mm.shape, tilt_uncertainty(f, frames))
+    return BevelAngles(fit[:, 0], np.hypot(local_u, tilt_u), local_u, tilt_u)
+
+
+def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: Float) -> float:
+    """How much more than their weights say the values scatter about their local regression (1: as they say)."""
+    fit = local_polynomial(s, value, weight, stations, half_width)[:, 0]
+    good = np.isfinite(fit)
+    used = weight > 0
+    off = (value - np.interp(s, stations[good], fit[good]))[used] * np.sqrt(weight[used])
+    parameters = 3.0 * (s[-1] - s[0]) / (1.4 * half_width) + 1.0  # about what the regression has spent
+    freedom = max(1.0 - parameters / max(used.sum(), 1), 0.2)
+    return float(np.sqrt(np.mean(off**2) / freedom))
+
+
+def tilt_uncertainty(f: EdgeFrames, frames: Int) -> float:
+    """Standard uncertainty of the root face's direction (rad), from the scatter of the frames about it."""
+    off = np.angle(np.exp(1j * (f.root_angle - f.tilt)[frames]))
+    weight = 1.0 / f.root_angle_variance[frames]
+    z = off * np.sqrt(weight)
+    inlier = np.abs(z) < 5.0 * np.median(np.abs(z)) / 0.6745 + 1e-9
+    excess = np.mean(z[inlier] ** 2)
+    return float(np.sqrt(excess / weight[inlier].sum()))

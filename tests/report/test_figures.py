@@ -28,7 +28,7 @@ def drawn(monkeypatch):
     return figures
 
 
-def lines(figure, label=None):
+def lines(figure):
     return [line.get_xydata() for axes in figure.axes for line in axes.get_lines()]
 
 
@@ -44,9 +44,8 @@ def test_the_root_chart_draws_the_profile_and_its_band(part, drawn):
     assert any(np.array_equal(xy, measured, equal_nan=True) for xy in lines(drawn[0]))
     guard = np.column_stack([profile.arc_length_mm, 2.0 - 1.645 * profile.root_u_mm])
     assert any(xy.shape == guard.shape and np.allclose(xy, guard, equal_nan=True) for xy in lines(drawn[0]))
-    assert {"upper limit 2.0 mm", "nominal 1.5 mm", "lower limit 1.0 mm", "hidden", *"123456789"} <= set(
-        texts(drawn[0])
-    )
+    expected = {"upper limit 2.0 mm", "nominal 1.5 mm", "lower limit 1.0 mm", "hidden", *"123456789"}
+    assert expected <= set(texts(drawn[0]))
 
 
 def test_the_angle_chart_has_its_own_limits(part, drawn):

@@ -14,7 +14,7 @@ from PIL import Image
 
 from workbench.errors import InputError, PipelineError
 from workbench.report import html
-from workbench.report.rendering import Rendering
+from workbench.report.rendering import Pictures, Rendering
 from workbench.report.scene import views
 
 HOSTILE = '<script>alert("x")</script>\n& {{ 7*7 }} ../../etc'
@@ -39,6 +39,20 @@ class Elements(HTMLParser):
 @pytest.fixture(scope="module")
 def small(part):
     return part(frames=120, columns=120, verdict="fail", part_id=HOSTILE)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Leaves the drawing process out: for what does not depend on its pictures."""
+
+    class Nothing:
+        def __init__(self, views):
+            self.views = views
+
+        def pictures(self):
+            return Pictures(b"", b"")
+
+    monkeypatch.setattr("workbench.report.rendering.Rendering", Nothing)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +113,7 @@ def test_values_and_verdicts_stand_in_the_page(small, page):
     assert "numpy" not in text  # no version that the run did not state
 
 
-def test_the_same_input_gives_the_same_page(small, provenance, document):
+def test_the_same_input_gives_the_same_page(small, provenance, document, quick):
     def without_views_in_space(content: bytes) -> bytes:
         return re.sub(rb"data:image/png;base64,[A-Za-z0-9+/=]*", b"", content)
 
@@ -107,7 +121,7 @@ def test_the_same_input_gives_the_same_page(small, provenance, document):
     assert without_views_in_space(again.content) == without_views_in_space(document.content)
 
 
-def test_inputs_are_not_changed(small, provenance):
+def test_inputs_are_not_changed(small, provenance, quick):
     before = [small.cloud.x_mm.copy(), small.edge.labels.copy(), small.edge.frame_arc_length_mm.copy()]
     html(small.cloud, small.edge, small.inspection, provenance)
     after = [small.cloud.x_mm, small.edge.labels, small.edge.frame_arc_length_mm]
@@ -115,25 +129,29 @@ def test_inputs_are_not_changed(small, provenance):
         np.testing.assert_array_equal(one, other)
 
 
-def test_without_provenance_it_says_so(part):
+def test_without_provenance_it_says_so(part, quick):
     p = part(frames=60, columns=60, part_id=None)
     text = Elements(html(p.cloud, p.edge, p.inspection).content.decode()).text
     assert "Part without identification" in text
     assert "not recorded" in text
 
 
-@pytest.mark.parametrize("variant", ["all sections hidden", "one section", "no gap", "two passes"])
-def test_unusual_parts_are_reported_too(part, variant):
+@pytest.mark.parametrize("variant", ["one section", "no gap", "two passes"])
+def test_unusual_parts_are_reported_too(part, variant, quick):
     p = part(frames=80, columns=80, clamp=(-2.0, -1.0), sections=1 if variant == "one section" else 9)
     cloud, edge, inspection = p.cloud, p.edge, p.inspection
-    if variant == "all sections hidden":
-        nothing = dict.fromkeys(("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg"))
-        hidden = [dataclasses.replace(s, **nothing, frames=np.arange(0)) for s in inspection.sections]
-        inspection = dataclasses.replace(inspection, sections=tuple(hidden), verdict="undecided")
     if variant == "two passes":
         cloud = dataclasses.replace(cloud, pass_index=np.repeat([0, 1], 40))
         edge = dataclasses.replace(edge, frame_arc_length_mm=np.r_[edge.frame_arc_length_mm[:40], np.full(40, np.nan)])
     assert b"</html>" in html(cloud, edge, inspection).content
+
+
+def test_a_part_that_is_hidden_in_all_sections_is_drawn(part):
+    p = part(frames=60, columns=60)
+    nothing = dict.fromkeys(("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg"))
+    hidden = tuple(dataclasses.replace(s, **nothing, frames=np.arange(0)) for s in p.inspection.sections)
+    inspection = dataclasses.replace(p.inspection, sections=hidden, verdict="undecided")
+    assert b"Undecided:" in html(p.cloud, p.edge, inspection).content
 
 
 def test_no_sections_is_refused(small):

@@ -8,6 +8,8 @@ lines are those of the reported values: the root face from (0, 0) to (0, root), 
 from __future__ import annotations
 
 import math
+import textwrap
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +28,9 @@ COLUMNS = 3
 PANEL_IN = (3.3, 2.95)
 PANEL_SHAPE = 1.16  # width over height inside a panel's axes
 FOR_THE_PART = 0.54  # of a panel's width; the rest is for the dimensions
+
+HEAD = "|-|>,head_width=0.13,head_length=0.32"
+ARROW: dict[str, Any] = {"arrowstyle": HEAD[1:], "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
 
 
 def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
@@ -84,47 +89,46 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
         uv = drawn.uv_mm[drawn.label == label]
         axes.plot(*uv.T, ".", color=FACES[int(label)], markersize=3.2, markeredgewidth=0, alpha=0.6, rasterized=True)
     if section.root_mm is None or section.bevel_deg is None:
-        axes.text(
-            0.5, 0.5, section.reason or "not measured", transform=axes.transAxes, ha="center", color=GREY, wrap=True
-        )
+        text = textwrap.fill(section.reason or "not measured", 24)
+        axes.text(0.97, 0.5, text, transform=axes.transAxes, ha="right", va="center", color=GREY)
         return
-    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, high[1])
     size = float(high[1] - low[1])
+    reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
+    radius = min(0.4 * size, 0.7 * reach)
+    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach, radius)
     _dimension_root(axes, section.root_mm, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size)
     angle = measured(section.bevel_deg, section.bevel_u_deg, places[1])
-    _dimension_angle(axes, section.root_mm, section.bevel_deg, f"({angle})°", size)
+    _dimension_angle(axes, section.root_mm, section.bevel_deg, f"({angle})°", radius)
 
 
-def _draw_lines(axes: Axes, root: float, beta: float, top: float) -> None:
+def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: float) -> None:
     """Both fitted lines, and the root face's continuation, from which the angle is measured."""
-    reach = max(0.0, (top - root) * 0.93)
     end = (-reach * math.tan(beta), root + reach)
     axes.plot([0, 0], [0, root], color=INK, linewidth=0.7)
     axes.plot([0, end[0]], [root, end[1]], color=INK, linewidth=0.7)
-    axes.plot([0, 0], [root, root + 0.62 * reach], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
+    axes.plot([0, 0], [root, root + 1.15 * radius], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
     axes.plot([0, 0], [0, root], "o", color=INK, markersize=2.2)
 
 
 def _dimension_root(axes: Axes, root: float, text: str, size: float) -> None:
-    """Extension lines, a dimension line with arrows and the value beside it."""
+    """Extension lines, a dimension line with arrows (from outside where it is short) and the value beside it."""
     at, gap = 0.065 * size, 0.012 * size
     for v in (0.0, root):
         axes.plot([gap, at + 0.015 * size], [v, v], color=INK, linewidth=0.6)
-    arrow = {"arrowstyle": "<|-|>,head_width=0.13,head_length=0.32", "color": INK, "linewidth": 0.6}
-    axes.annotate("", (at, 0.0), (at, root), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0})
+    if root > 0.09 * size:
+        axes.annotate("", (at, 0.0), (at, root), arrowprops={**ARROW, "arrowstyle": f"<{HEAD}"})
+    else:
+        for v, outside in ((0.0, -0.05 * size), (root, root + 0.05 * size)):
+            axes.annotate("", (at, v), (at, outside), arrowprops=ARROW)
     axes.annotate(text, (at, root / 2), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
 
 
-def _dimension_angle(axes: Axes, root: float, bevel_deg: float, text: str, size: float) -> None:
+def _dimension_angle(axes: Axes, root: float, bevel_deg: float, text: str, radius: float) -> None:
     """The arc from the root face's continuation to the bevel face, with the value beside it."""
-    radius = 0.4 * size
-    axes.add_patch(
-        Arc((0.0, root), 2 * radius, 2 * radius, theta1=90.0, theta2=90.0 + bevel_deg, color=INK, linewidth=0.6)
-    )
+    across = 2 * radius
+    axes.add_patch(Arc((0.0, root), across, across, theta1=90.0, theta2=90.0 + bevel_deg, color=INK, linewidth=0.6))
     for degrees, turn in ((90.0, -1.0), (90.0 + bevel_deg, 1.0)):
-        tip = (radius * math.cos(degrees * DEG), root + radius * math.sin(degrees * DEG))
-        back = (degrees - turn * 6.0) * DEG
-        tail = (radius * math.cos(back), root + radius * math.sin(back))
-        style = {"arrowstyle": "-|>,head_width=0.13,head_length=0.32", "color": INK, "linewidth": 0.0}
-        axes.annotate("", tip, tail, arrowprops={**style, "shrinkA": 0, "shrinkB": 0})
+        tip, tail = degrees * DEG, (degrees - turn * 6.0) * DEG
+        to, start = ((radius * math.cos(angle), root + radius * math.sin(angle)) for angle in (tip, tail))
+        axes.annotate("", to, start, arrowprops={**ARROW, "linewidth": 0.0})
     axes.annotate(text, (0.0, root + radius), (5, -2), textcoords="offset points", va="center", fontsize=8.5)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.report.colours import INK
-from workbench.report.scene import View, aspect, extent
+from workbench.report.scene import AXES, View, aspect, extent
 
 POINTS = 60_000  # drawn at most
 WIDTH_IN = 10.0
@@ -23,10 +23,16 @@ def flat(view: View) -> bytes:
     axes.set_axis_off()
     points = view.points_mm @ screen.T
     order = np.argsort(points[:, 2])[:: max(1, len(points) // POINTS)]
-    axes.scatter(points[order, 0], points[order, 1], s=1.0, c=view.colour[order] / 255.0, linewidths=0)
+    dot = min(5.0, max(1.0, POINTS / max(1, len(order))))
+    axes.scatter(points[order, 0], points[order, 1], s=dot, c=view.colour[order] / 255.0, linewidths=0)
     for corners, colour, name in zip(view.planes_mm @ screen.T, view.plane_colour / 255.0, view.names, strict=True):
         axes.fill(*corners[:, :2].T, facecolor=(*colour, 0.12), edgecolor=colour, linewidth=1.2)
         axes.annotate(name, corners[3, :2], (0, 3), textcoords="offset points", color=INK, fontsize=11)
+    if view.axes_length_mm:
+        arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        for axis, name in zip(view.axes_length_mm * view.axes @ screen.T, AXES, strict=True):
+            axes.annotate("", axis[:2], (0.0, 0.0), arrowprops=arrow)
+            axes.annotate(name, 1.12 * axis[:2], color=INK, fontsize=11, ha="center", va="center")
     out = io.BytesIO()
     figure.savefig(out, format="png", metadata={"Software": None})
     return out.getvalue()

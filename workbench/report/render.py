@@ -13,11 +13,10 @@ import numpy as np
 import pyvista as pv
 
 from workbench.report.colours import INK
-from workbench.report.scene import View, aspect, extent
+from workbench.report.scene import AXES, View, aspect, extent
 from workbench.units import AnyArray, Float
 
 WIDTH_PX = 1600
-AXES = ("t", "n", "m")
 
 
 def main(names: list[str]) -> None:

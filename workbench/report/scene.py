@@ -13,6 +13,7 @@ from workbench.units import AnyArray, Float
 
 CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up
 SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
+AXES = ("t", "n", "m")  # the rows of View.axes
 MARGIN = 1.25  # of a section plane's size over the faces
 
 

@@ -43,5 +43,14 @@ def test_a_large_file_is_found(findings, monkeypatch):
     assert findings("eleven byte") == ["file.txt: 11 bytes, at most 10"]
 
 
+def test_without_git_the_files_made_by_tools_are_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "ROOT", tmp_path)
+    monkeypatch.setenv("PATH", "")
+    for name in ("kept.txt", ".venv/a.txt", "out/b.txt", "workbench/__pycache__/c.pyc"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    assert [path.name for path in check.files() if path.is_file()] == ["kept.txt"]
+
+
 def test_the_repository_itself_passes():
     assert check.main() == 0

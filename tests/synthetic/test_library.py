@@ -1,0 +1,47 @@
+"""The recordings of data/synthetic are what their recipes give."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from workbench.synthetic import read_recipe, read_truth, truth_path
+from workbench.synthetic.library import main, make_library
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+RECIPES = sorted(DATA.glob("*.recipe.json"))
+
+
+def test_every_recipe_has_its_recording_and_truth():
+    names = {path.name.removesuffix(".recipe.json") for path in RECIPES}
+    assert names >= {"milled_edge", "milled_arc", "milled_edge_clamped", "milled_two_pass", "raw_edge", "raw_wavy"}
+    for path in RECIPES:
+        recording = path.with_name(path.name.replace(".recipe.json", ".h5"))
+        assert read_truth(truth_path(recording)).recipe == read_recipe(path)
+    assert sum(path.stat().st_size for path in DATA.iterdir()) < 5e6
+
+
+@pytest.mark.parametrize("name", ["milled_edge", "milled_two_pass"])
+def test_recordings_are_made_anew_from_their_recipes(name, tmp_path):
+    shutil.copy(DATA / f"{name}.recipe.json", tmp_path)
+    made = make_library(tmp_path)
+    assert made == [tmp_path / f"{name}.h5"]
+    with h5py.File(made[0]) as new, h5py.File(DATA / f"{name}.h5") as old:
+        for field in ("profiles/time", "profiles/x", "profiles/z", "robot/position", "robot/quaternion_wxyz"):
+            assert np.allclose(new[field][:], old[field][:], rtol=0, atol=1e-4, equal_nan=True), field
+
+
+def test_default_part_passes_clearly():
+    truth = read_truth(DATA / "milled_edge.truth.json")
+    assert np.abs(truth.root_mm - 1.5).max() < 0.2
+    assert np.abs(truth.bevel_deg - 40).max() < 0.3
+    assert truth.seen.mean() > 0.85
+
+
+def test_command_names_a_folder_without_recipes(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith("error: ")

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import read_recipe, read_truth, truth_path
-from workbench.synthetic.library import main, make_library
+from workbench.synthetic.library import main, make_library, recipes_in
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
-RECIPES = sorted(DATA.glob("*.recipe.json"))
+RECIPES = recipes_in(DATA)
 
 
 def test_every_recipe_has_its_recording_and_truth():
-    names = {path.name.removesuffix(".recipe.json") for path in RECIPES}
+    names = {path.stem for path in RECIPES}
     assert names >= {"milled_edge", "milled_arc", "milled_edge_clamped", "milled_two_pass", "raw_edge", "raw_wavy"}
     for path in RECIPES:
-        recording = path.with_name(path.name.replace(".recipe.json", ".h5"))
-        assert read_truth(truth_path(recording)).recipe == read_recipe(path)
+        assert path.with_suffix(".h5").exists()
+        assert read_truth(truth_path(path.with_suffix(".h5"))).recipe == read_recipe(path)
     assert sum(path.stat().st_size for path in DATA.iterdir()) < 5e6
 
 
 @pytest.mark.parametrize("name", ["milled_edge", "milled_two_pass"])
 def test_recordings_are_made_anew_from_their_recipes(name, tmp_path):
-    shutil.copy(DATA / f"{name}.recipe.json", tmp_path)
+    shutil.copy(DATA / f"{name}.json", tmp_path)
     made = make_library(tmp_path)
     assert made == [tmp_path / f"{name}.h5"]
     with h5py.File(made[0]) as new, h5py.File(DATA / f"{name}.h5") as old:

@@ -86,11 +86,11 @@ def test_one_pass_needs_no_pass_index(tmp_path):
 
 
 def test_command_reads_the_recipe_and_tells_progress(tmp_path):
-    path, told = tmp_path / "part.recipe.json", []
+    path, told = tmp_path / "part.json", []
     path.write_text(json.dumps(DOCUMENT))
     simulate_file(path, tmp_path / "part.h5", progress=lambda done, total: told.append((done, total)))
     assert told[-1] == (452, 452)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["part.h5", "part.recipe.json", "part.truth.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["part.h5", "part.json", "part.truth.json"]
     truth = json.loads((tmp_path / "part.truth.json").read_text())
     assert truth["recipe"]["part"]["length_mm"] == 70
 

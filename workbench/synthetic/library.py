@@ -8,18 +8,21 @@ from pathlib import Path
 from workbench.errors import InputError, WorkbenchError
 from workbench.synthetic.simulate import simulate_file
 
-SUFFIX = ".recipe.json"
-
 
 def make_library(folder: str | Path) -> list[Path]:
-    """Simulate every `NAME.recipe.json` in `folder` into `NAME.h5` and `NAME.truth.json`; the recordings made."""
-    recipes = sorted(Path(folder).glob(f"*{SUFFIX}"))
+    """Simulate every recipe `NAME.json` in `folder` into `NAME.h5` and `NAME.truth.json`; the recordings made."""
+    recipes = recipes_in(folder)
     if not recipes:
-        raise InputError(str(folder), f"a folder with recipes, NAME{SUFFIX}")
-    made = [recipe.with_name(recipe.name.removesuffix(SUFFIX) + ".h5") for recipe in recipes]
+        raise InputError(str(folder), "a folder with recipes, NAME.json")
+    made = [recipe.with_suffix(".h5") for recipe in recipes]
     for recipe, recording in zip(recipes, made, strict=True):
         simulate_file(recipe, recording)
     return made
+
+
+def recipes_in(folder: str | Path) -> list[Path]:
+    """The recipes of a folder: its JSON files but the truths."""
+    return sorted(path for path in Path(folder).glob("*.json") if not path.name.endswith(".truth.json"))
 
 
 def main(arguments: list[str]) -> int:

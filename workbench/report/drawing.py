@@ -23,7 +23,7 @@ from workbench.report.figures import styled, svg
 from workbench.report.values import decimals, measured
 from workbench.units import DEG, Float
 
-POINTS = 100_000  # drawn in all sections together at most
+POINTS = 60_000  # drawn in all sections together at most
 COLUMNS = 3
 PANEL_IN = (3.3, 2.95)
 PANEL_SHAPE = 1.16  # width over height inside a panel's axes
@@ -85,13 +85,13 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
         f"{SIGNS[section.verdict]} {section.verdict}", (1, 1), (0, 3), xycoords="axes fraction",
         textcoords="offset points", ha="right", color=VERDICTS[section.verdict], fontweight="bold",
     )  # fmt: skip
-    for label in np.unique(drawn.label):
-        uv = drawn.uv_mm[drawn.label == label]
-        axes.plot(*uv.T, ".", color=FACES[int(label)], markersize=3.2, markeredgewidth=0, alpha=0.6, rasterized=True)
     if section.root_mm is None or section.bevel_deg is None:
         text = textwrap.fill(section.reason or "not measured", 24)
         axes.text(0.97, 0.5, text, transform=axes.transAxes, ha="right", va="center", color=GREY)
         return
+    for label in np.unique(drawn.label):
+        uv = drawn.uv_mm[drawn.label == label]
+        axes.plot(*uv.T, ".", color=FACES[int(label)], markersize=3.2, markeredgewidth=0, alpha=0.6, rasterized=True)
     size = float(high[1] - low[1])
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)

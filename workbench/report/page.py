@@ -8,8 +8,9 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -72,13 +73,13 @@ def page(cloud: Cloud, edge: Edge, inspection: Inspection, provenance: Provenanc
         coverage=f"{COVERAGE:g}",
         signs=SIGNS,
         faces=[(FACE_NAMES[k], FACES[k]) for k in FACES if k in np.unique(edge.labels[:: _some(edge)])],
-        verdicts=list(VERDICTS.items()),
+        verdicts=[(name, VERDICTS[name]) for name in VERDICTS if any(s.verdict == name for s in inspection.sections)],
         root_colour=FACES[ROOT_FACE],
         bevel_colour=FACES[BEVEL_FACE],
         rejected_colour=REJECTED,
         provenance=provenance,
         versions=sorted(provenance.versions.items()) if provenance else [],
-        pipeline=json.dumps(provenance.pipeline, indent=2, default=str, ensure_ascii=False) if provenance else "",
+        pipeline=one_line_a_stage(provenance.pipeline) if provenance else "",
     )
 
 
@@ -91,6 +92,20 @@ def decision_rule(guard_factor: float) -> str:
         f"undecided otherwise. A value accepted or rejected exactly g from a limit is so wrongly with a probability of "
         f"{risk:.2g} %. A section or the part fails if any characteristic fails, and passes if all pass."
     )
+
+
+def one_line_a_stage(pipeline: Mapping[str, Any]) -> str:
+    """A pipeline as JSON that is still JSON, laid out to be read: a line for each stage and each other key."""
+
+    def compact(value: Any) -> str:
+        return json.dumps(value, default=str, ensure_ascii=False)
+
+    lines = []
+    for key, value in pipeline.items():
+        several = key == "stages" and isinstance(value, Sequence)
+        shown = "[\n    " + ",\n    ".join(map(compact, value)) + "\n  ]" if several else compact(value)
+        lines.append(f"  {compact(key)}: {shown}")
+    return "{\n" + ",\n".join(lines) + "\n}"
 
 
 def set_aside(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str, str]]:
@@ -119,7 +134,7 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
 def _facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:
     frames, columns = cloud.x_mm.shape
     passes = len(np.unique(cloud.pass_index))
-    yield "Recording", one_line(cloud.source) or "not named"
+    yield "Recording", one_line(PurePath(cloud.source).name) or "not named"
     yield "Date of recording", "not stated in the recording"
     yield "Scan", f"{frames:,} frames × {columns:,} columns, {passes} pass{'es' if passes > 1 else ''}"
     yield "Points kept", f"{np.count_nonzero(cloud.keep):,}"

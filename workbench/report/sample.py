@@ -50,13 +50,16 @@ def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:
 def around(cloud: Cloud, edge: Edge, section: Section, reach_mm: float, budget: int) -> Points:
     """The kept points within `reach_mm` of arc length of a section, frames thinned to about `budget` points."""
     near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - section.arc_length_mm) <= reach_mm)
-    points = _take(cloud, edge, _thinned(near, cloud, budget))
+    step = max(1, math.ceil(len(near) * cloud.x_mm.shape[1] / budget))
+    points = _take(cloud, edge, near[::step])
     return _near_faces(points.where(points.kept))
 
 
 def of_section(cloud: Cloud, edge: Edge, section: Section, budget: int) -> Points:
-    """The kept points of the frames that a section rests on, frames thinned to about `budget` points."""
-    points = _take(cloud, edge, _thinned(section.frames, cloud, budget))
+    """About `budget` kept points of the frames that a section rests on, from those nearest to it."""
+    distance = np.abs(frame_arc_length_mm(cloud, edge)[section.frames] - section.arc_length_mm)
+    nearest = np.argsort(distance, kind="stable")[: max(3, budget // cloud.x_mm.shape[1])]
+    points = _take(cloud, edge, section.frames[nearest])
     return points.where(points.kept)
 
 
@@ -89,10 +92,6 @@ def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1) -> Points
     label = edge.labels[frames, ::column_step][row, column]
     kept = cloud.keep[frames, ::column_step][row, column]
     return Points(position, label, kept, frames[row], column * column_step)
-
-
-def _thinned(frames: Int, cloud: Cloud, budget: int) -> Int:
-    return frames[:: max(1, math.ceil(len(frames) * cloud.x_mm.shape[1] / budget))]
 
 
 def _near_faces(points: Points) -> Points:

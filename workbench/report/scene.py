@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection, Section
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UNLABELLED, Cloud, Edge, Inspection, Section
 from workbench.report.colours import FACES, VERDICTS
 from workbench.report.sample import Points, around, overview
 from workbench.units import AnyArray, Float
 
 CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up
 SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
+ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
 AXES = ("t", "n", "m")  # the rows of View.axes
-MARGIN = 1.25  # of a section plane's size over the faces
+MARGIN = 1.4  # of a section plane's size over the root and the bevel face
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,12 +55,13 @@ def of_interest(inspection: Inspection) -> Section:
 
 
 def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Float]:
-    """Rows right, up, to the viewer (3, 3) of a picture, and the lowest and highest corner of the points in it (3,)."""
+    """Rows right, up, to the viewer (3, 3) of a picture, and the lowest and highest corner of what is in it (3,)."""
     right = np.cross(up, look)
     right /= np.linalg.norm(right)
     screen = np.array([right, np.cross(look, right), look])
     seen = points_mm @ screen.T
-    return screen, seen.min(axis=0), seen.max(axis=0)
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    return screen, low, high + np.array([0.0, ROOM_ABOVE * (high[0] - low[0]), 0.0])
 
 
 def aspect(low: Float, high: Float) -> float:
@@ -97,9 +99,9 @@ def _view(
 
 
 def _faces_about(points: Points, section: Section) -> Float | None:
-    """(2, 2) lowest and highest (u, v) of the faces near a section plane; None where there are none."""
+    """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
     offset = points.position_mm - section.origin_mm
-    near = (np.abs(offset @ section.tangent) < SLAB_MM) & (points.label != UNLABELLED)
+    near = (np.abs(offset @ section.tangent) < SLAB_MM) & np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
     if not near.any():
         return None
     uv = offset[near] @ np.column_stack([section.normal, section.across])

@@ -41,7 +41,7 @@ docs: setup
 	@$(BIN)/python -m workbench.pipeline.docs
 
 data: setup
-	@for recipe in data/synthetic/*.json; do case $$recipe in *.truth.json) ;; *) $(BIN)/workbench simulate $$recipe --out $${recipe%.json}.h5 || exit;; esac; done
+	@$(BIN)/python -m workbench.synthetic.library
 
 lock:
 	@scripts/lock.sh

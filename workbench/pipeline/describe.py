@@ -26,6 +26,7 @@ UNITS = {
     "_s": "s",
     "_frames": "frames",
     "_columns": "columns",
+    "_factor": "ratio",
 }
 TYPES = {
     "integer": "integer",
@@ -87,9 +88,13 @@ def source_text(source: Source) -> str:
 
 
 def summary(stage: Stage) -> str:
-    """The first sentence of its docstring's first paragraph, on one line."""
-    first = " ".join(stage.doc.split("\n\n")[0].split())
-    return first.split(". ")[0].rstrip(".") + "." if first else ""
+    """The first paragraph of its docstring, on one line."""
+    return " ".join(stage.doc.split("\n\n")[0].split())
+
+
+def prose(stage: Stage) -> str:
+    """Its docstring without the list of arguments, which `parameter_texts` holds."""
+    return re.sub(r"\n*^Args:\n(?:(?: +.*)?(?:\n|$))*", "\n\n", stage.doc, flags=re.MULTILINE).strip()
 
 
 def makes(stage: Stage) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
-from workbench.pipeline.describe import ParameterText, makes, parameter_texts, source_text, summary
+from workbench.pipeline.describe import ParameterText, makes, parameter_texts, prose, source_text, summary
 from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 
@@ -37,7 +38,7 @@ def page(stage: Stage) -> str:
     parts = [
         NOTE,
         f"# `{stage.name}`",
-        stage.doc,
+        _markdown(prose(stage)),
         "## Takes",
         "\n".join(takes) or "No artefact.",
         "## Makes",
@@ -53,6 +54,12 @@ def page(stage: Stage) -> str:
     example = {"stage": stage.name} | {one.name: f"${{{one.name}}}" for one in parameters if one.default == "required"}
     parts += ["## In a pipeline", f"```json\n{json.dumps(example)}\n```"]
     return "\n\n".join(parts) + "\n"
+
+
+def _markdown(text: str) -> str:
+    """A docstring's list of errors under a heading of its own."""
+    head, mark, errors = text.partition("\nRaises:\n")
+    return f"{head}\n## Refuses\n\n{textwrap.dedent(errors)}" if mark else head
 
 
 def _row(one: ParameterText) -> str:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from workbench.artefacts import Gate, Inspection, Section
 from workbench.errors import one_line
-from workbench.pipeline.describe import makes, parameter_texts, source_text, summary
+from workbench.pipeline.describe import makes, parameter_texts, prose, source_text, summary
 from workbench.pipeline.run import Results
 from workbench.stage import Stage
 
@@ -32,7 +32,7 @@ def print_results(results: Results) -> None:
             )
     for note in results.warnings:
         console.print(Text(one_line(f"warning: {note}"), "yellow"), soft_wrap=True)
-    for path in results.files:
+    for path in sorted(results.files, key=lambda path: path.suffix == ".html"):
         label = "report" if path.suffix == ".html" else "wrote"
         console.print(Text(one_line(f"{label}: {path}")), soft_wrap=True)
 
@@ -78,7 +78,7 @@ def print_stage(stage: Stage) -> None:
     """One stage: what it does, takes, makes and its parameters with units and defaults."""
     console = Console(highlight=False)
     console.print(Text(stage.name, "bold"))
-    console.print(Text(stage.doc + "\n"), soft_wrap=True)
+    console.print(Text(prose(stage) + "\n"), soft_wrap=True)
     for source in stage.sources:
         console.print(Text(f"takes {source.name}: {source_text(source)}"))
     console.print(Text(f"makes {makes(stage)}"))

@@ -1,0 +1,47 @@
+"""A rigid motion of the recording moves positions, turns directions and leaves sizes, through every stage."""
+
+from typing import Any
+
+import numpy as np
+
+POSITIONS = {"position_mm", "origin_mm", "robot_position_mm"}
+DIRECTIONS = {"tangent", "normal", "across", "frame_tangent"}
+POSES = {"base_from_profiler"}
+EXEMPT = {
+    *("source", "sha256"),  # the file's name and bytes
+    "robot_quaternion_wxyz",  # q and -q are equal
+    *("reference", "tilt", "root_angle", "bevel_angle"),  # angles in the section plane from an arbitrary direction
+}
+TOLERANCE = 1e-5  # mm, rad, deg: float32 profiles and float64 poses allow no more than rounding
+
+
+def test_sizes_stay_and_positions_move(chain: Any, moved_chain: Any, motion: Any) -> None:
+    rows = zip(chain.values(chain.results.artefacts), moved_chain.values(moved_chain.results.artefacts), strict=True)
+    compared = {place: expectation(place, here, motion) for (place, here), _ in rows}
+    there = dict(moved_chain.values(moved_chain.results.artefacts))
+    assert {place.rsplit(".", 1)[-1] for place in compared} >= {
+        "position_mm",
+        "tangent",
+        "base_from_profiler",
+        "root_mm",
+    }
+    wrong = [place for place, expected in compared.items() if not same(expected, there[place], place)]
+    assert wrong == []
+
+
+def expectation(place: str, value: Any, motion: Any) -> Any:
+    """What a value becomes when the recording is moved."""
+    name = place.rsplit(".", 1)[-1]
+    if name in POSITIONS:
+        return value @ motion[:3, :3].T + motion[:3, 3]
+    if name in DIRECTIONS:
+        return value @ motion[:3, :3].T
+    return motion @ value if name in POSES else value
+
+
+def same(expected: Any, got: Any, place: str) -> bool:
+    if place.rsplit(".", 1)[-1] in EXEMPT:
+        return True
+    if isinstance(expected, float | np.ndarray) and np.asarray(expected).dtype.kind == "f":
+        return bool(np.allclose(expected, got, rtol=1e-6, atol=TOLERANCE, equal_nan=True))
+    return bool(np.array_equal(expected, got))

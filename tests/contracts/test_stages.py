@@ -1,0 +1,81 @@
+"""Laws that hold for every registered stage, plug-ins included."""
+
+import dataclasses
+import hashlib
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic_core import to_jsonable_python
+
+from workbench.pipeline.describe import parameter_texts, summary, unit_of
+from workbench.pipeline.registry import every_stage
+from workbench.stage import Role, Stage
+
+STAGES = every_stage()[0]
+COUNTED = re.compile(r"\b(number|count|how many|ratio|share|factor|fraction|multiples?|index)\b", re.IGNORECASE)
+each_stage = pytest.mark.parametrize("stage", [pytest.param(stage, id=name) for name, stage in STAGES.items()])
+
+
+@each_stage
+def test_one_name_everywhere(stage: Stage) -> None:
+    """`family.verb` is the function `verb` in a module of that family."""
+    family, verb = stage.name.split(".")
+    assert stage.function.__name__.rstrip("_") == verb
+    assert family in stage.function.__module__.split(".")
+
+
+@each_stage
+def test_says_what_it_does(stage: Stage) -> None:
+    assert len(summary(stage)) > 20
+    assert stage.produces
+
+
+@each_stage
+def test_numbers_have_units(stage: Stage) -> None:
+    """A number carries its unit in its name, or its description says what it counts or compares."""
+    for text in parameter_texts(stage):
+        if re.search(r"\b(number|integer)\b", text.type) and stage.parameters[text.name] is not Role.SEED:
+            assert unit_of(text.name) or COUNTED.search(text.description), f"{text.name}: {text.description!r}"
+
+
+@each_stage
+def test_parameters_are_described(stage: Stage) -> None:
+    assert [text.name for text in parameter_texts(stage) if not text.description] == []
+
+
+@each_stage
+def test_parameters_round_trip_through_json(stage: Stage, chain: Any) -> None:
+    given = chain.parameters(stage)
+    text = json.dumps(to_jsonable_python(given), allow_nan=False)
+    assert stage.validate(json.loads(text)) == given
+
+
+@each_stage
+def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, chain: Any) -> None:
+    """A stage changes none of its inputs, and the same seed gives the same bytes."""
+    before = digest(chain, chain.sources(stage))
+    made = chain.run(stage)
+    assert digest(chain, chain.sources(stage)) == before
+    assert digest(chain, chain.run(stage)) == digest(chain, made)
+    assert [type(one) for one in made] == list(stage.produces)
+
+
+def digest(chain: Any, artefacts: Any) -> str:
+    """A digest of all bytes inside artefacts."""
+    found = hashlib.sha256()
+    for place, value in chain.values(artefacts):
+        content = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+        found.update(f"{place} {getattr(value, 'dtype', '')} {getattr(value, 'shape', '')}".encode() + content)
+    return found.hexdigest()
+
+
+def test_digest_sees_a_single_bit(chain: Any) -> None:
+    """The law above rests on it."""
+    recording = chain.results["scan.read"]
+    changed = np.array(recording.x_mm)
+    changed.view(np.uint32)[0, 0] ^= 1
+    assert digest(chain, recording) == digest(chain, dataclasses.replace(recording))
+    assert digest(chain, recording) != digest(chain, dataclasses.replace(recording, x_mm=changed))

@@ -1,0 +1,110 @@
+"""The JSON Schema agrees with the checks, and the pages of the stages with their signatures."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+from pydantic import Field
+
+from workbench import Pipeline
+from workbench.errors import WorkbenchError
+from workbench.pipeline.describe import parameter_texts, unit_of
+from workbench.pipeline.docs import main, pages
+from workbench.pipeline.registry import every_stage
+from workbench.pipeline.schema import pipeline_schema
+from workbench.stage import InputFile, Seed, Stage
+
+ROOT = Path(__file__).parents[2]
+PIPELINES = sorted((ROOT / "pipelines").glob("*.json"))
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    return pipeline_schema(every_stage()[0])
+
+
+@pytest.mark.parametrize("path", PIPELINES, ids=lambda path: path.stem)
+def test_shipped_pipelines_fit_the_schema_and_the_checks(schema: dict[str, Any], path: Path) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(json.loads(path.read_text()), schema)
+    Pipeline.load(path).plan()
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        {"stage": "cloud.denoise", "window_frames": 2},
+        {"stage": "cloud.denoise", "window_frames": "5"},
+        {"stage": "cloud.denoise", "windw_frames": 5},
+        {"stage": "cloud.denoise", "from": {"clod": "scan.fuse"}},
+        {"stage": "cloud.denoise", "id": "a b"},
+        {"stage": "cloud.denose"},
+        {"stage": "scan.read"},
+        {"stge": "scan.fuse"},
+    ],
+)
+def test_schema_refuses_what_the_checks_refuse(schema: dict[str, Any], stage: dict[str, Any]) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    recording = str(ROOT / "data" / "synthetic" / "milled_edge.h5")
+    document = {
+        "version": 1,
+        "stages": [{"stage": "scan.read", "recording": recording, "id": "r"}, {"stage": "scan.fuse"}],
+    }
+    jsonschema.validate(document, schema)
+    Pipeline(document).plan()
+    document["stages"].append(stage)  # type: ignore[attr-defined]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, schema)
+    with pytest.raises(WorkbenchError):
+        Pipeline(document).plan()
+
+
+def test_pages_are_up_to_date() -> None:
+    """If this fails: python -m workbench.pipeline.docs"""
+    written = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "stages").glob("*.md")}
+    assert written == pages()
+
+
+def test_pages_of_stages_that_are_gone_are_removed(tmp_path: Path) -> None:
+    (tmp_path / "old.stage.md").write_text("")
+    main(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(pages())
+
+
+def test_parameters_in_words() -> None:
+    def example(
+        *,
+        model: InputFile,
+        width_mm: Annotated[float, Field(gt=0, le=5)] = 2.0,
+        mode: Annotated[str | None, Field(description="how")] = None,
+        limits_deg: tuple[float, float] = (-1, 1),
+        names: tuple[str, ...] = (),
+        seed: Seed = 0,
+    ) -> Any:
+        """Do it.
+
+        Args:
+            width_mm: as wide
+                as this.
+            names: whose.
+        """
+
+    texts = {text.name: text for text in parameter_texts(Stage("test.example", example))}
+    assert (texts["model"].type, texts["model"].default) == ("path", "required")
+    width = texts["width_mm"]
+    assert (width.type, width.unit, width.range, width.default) == ("number", "mm", "0 < value <= 5", "2.0")
+    assert width.description == "as wide as this."
+    assert (texts["mode"].type, texts["mode"].description) == ("text or null", "how")
+    assert texts["limits_deg"].type == "[number, number]"
+    assert (texts["names"].type, texts["names"].description) == ("list of text", "whose.")
+    assert "Seed" in texts["seed"].description
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("v_slow_mm_s", "mm/s"), ("root_mm", "mm"), ("clock_s", "s"), ("bevel_nominal_deg", "deg"), ("points", "")],
+)
+def test_units_stand_in_names(name: str, unit: str) -> None:
+    assert unit_of(name) == unit

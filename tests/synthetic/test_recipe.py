@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.synthetic import parse_recipe, read_recipe
+from workbench.synthetic import parse_recipe, read_recipe, simulate_recording
 
 PASS = {"from_mm": 0, "to_mm": 10}
 
@@ -42,6 +45,15 @@ def test_a_recipe_survives_json():
         ({"passes": [PASS], "part": {"bevel_deg": {"start": 1, "end": 1, "amplitude": 2}}}, "bevel_deg must stay"),
         ({"passes": [PASS | {"follow": "edge"}]}, "two_poses is a straight line"),
         ({"passes": [{"from_mm": 4, "to_mm": 4}]}, "must differ"),
+        ({"passes": [PASS], "robot": {"frame_pitch_mm": 1e-6}}, "at most 1000000 frames"),
+        ({"passes": [PASS], "robot": {"frame_rate_hz": 1e-3, "pose_rate_hz": 1e5}}, "5000000 poses"),
+        (
+            {"passes": [PASS], "part": {"curve": {"shape": "wavy", "wavelength_mm": 50}}},
+            r"part\.curve: .*at least 50 mm",
+        ),
+        ({"passes": [PASS], "part": {"length_mm": 400, "curve": {"shape": "arc", "radius_mm": 100}}}, "3 radius_mm"),
+        ({"passes": [PASS], "scanner": {"columns": 8000}}, "2 standoff_mm"),
+        ({"passes": [PASS], "part": {"table_gap_mm": 1e300}}, r"part\.table_gap_mm: .*100000"),
         ({"passes": [PASS], "scanner": {"standoff_mm": 500}}, "near_mm < standoff_mm < far_mm"),
         ({"passes": [PASS], "seed": float("nan")}, "seed: "),
         ([1], "a JSON object"),
@@ -56,6 +68,36 @@ def test_json_errors_name_line_and_column(tmp_path):
     path.write_text('{"seed": 1,\n "passes": [,]}')
     with pytest.raises(InputError, match=r"recipe\.json: line 2, column 13"):
         read_recipe(path)
+
+
+def mutated(document, draw):
+    """`document` with one value, somewhere, replaced."""
+    spot, path = document, draw(st.lists(st.integers(0, 9), min_size=1, max_size=5))
+    for step in path:
+        keys = list(spot) if isinstance(spot, dict) else range(len(spot))
+        key = keys[step % len(keys)]
+        if step is path[-1] or not isinstance(spot[key], dict | list) or not spot[key]:
+            break
+        spot = spot[key]
+    number = st.floats(-1e3, 1e3) | st.sampled_from([0, 1e-9, 1e300, float("inf"), float("nan")])
+    spot[key] = draw(number | st.none() | st.booleans() | st.text(max_size=5) | st.lists(number, max_size=4))
+    return document
+
+
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_a_mutated_recipe_is_simulated_or_refused(data):
+    """Whatever one value is changed to: finite coordinates or NaN, or an InputError; never anything else."""
+    recipe = parse_recipe({"passes": [PASS], "scanner": {"columns": 8}, "robot": {"frame_pitch_mm": 5}})
+    document = mutated(recipe.model_dump(mode="json"), data.draw)
+    try:
+        recipe = parse_recipe(document)
+    except InputError:
+        return
+    if len(recipe.passes) == 1 and abs(recipe.passes[0].to_mm) < 1e3 and recipe.scanner.columns < 1000:
+        recording, _ = simulate_recording(recipe)
+        assert not np.isinf(recording.z_mm).any()
+        assert np.isfinite(recording.robot_position_mm).all()
 
 
 def test_missing_and_binary_files_are_refused(tmp_path):

@@ -39,7 +39,7 @@ def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float) -
     poses_at = _line if scan.follow == "line" else _along_edge
     flange_from_profiler = pose(robot.flange_from_profiler)
     true = poses_at(recipe, surface, scan, travelled / length) @ flange_from_profiler
-    true[:, :3, 3] += smooth_error(recipe, rng, travelled)
+    true[:, :3, 3] += _smooth_error(recipe, rng, travelled)
     true[:, :3, 3] += rng.normal(0.0, 1.0, (frames, 3)) * robot.vibration_mm
     position, quaternion = _recorded(recipe, poses_at(recipe, surface, scan, pose_travelled / length), rng)
     return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), true, pose_time, position, quaternion)
@@ -123,7 +123,7 @@ def _recorded(recipe: Recipe, base_from_flange: Float, rng: np.random.Generator)
     return position, np.asarray(quaternion)
 
 
-def smooth_error(recipe: Recipe, rng: np.random.Generator, travelled_mm: Float) -> Float:
+def _smooth_error(recipe: Recipe, rng: np.random.Generator, travelled_mm: Float) -> Float:
     """The robot's smooth error (n, 3) in the base: one sine an axis over the way travelled, in no recorded pose."""
     shortest, longest = recipe.robot.smooth_error_wavelength_mm
     wavelength, phase = rng.uniform(shortest, longest, 3), rng.uniform(0, 2 * math.pi, 3)

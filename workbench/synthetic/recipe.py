@@ -8,6 +8,7 @@ the plate to its left (+y), so that t = x, n = -y, m = z there.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -16,9 +17,13 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from workbench.errors import InputError, nearest
 
-Triple: TypeAlias = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+_MOST = 1e5  # no length, angle or rate of a recipe is greater
+_MOST_FRAMES, _MOST_POSES = 1_000_000, 5_000_000
+
+Number = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+Positive = Annotated[float, Field(ge=1e-6, le=_MOST)]
+NonNegative = Annotated[float, Field(ge=0, le=_MOST)]
+Triple: TypeAlias = tuple[Number, Number, Number]
 Share = Annotated[float, Field(ge=0, le=0.9)]
 
 
@@ -31,11 +36,11 @@ class Strict(BaseModel):
 class Course(Strict):
     """A value along the edge, in its key's unit: linear from `start` to `end`, plus a sine wave."""
 
-    start: float
-    end: float
-    amplitude: float = 0.0
+    start: Number
+    end: Number
+    amplitude: Number = 0.0
     wavelength_mm: Positive = 100.0
-    phase_deg: float = 0.0
+    phase_deg: Number = 0.0
 
     @property
     def lowest(self) -> float:
@@ -66,19 +71,25 @@ class Curve(Strict):
     """Plan curve of the lower edge. An arc is convex (centre on the plate's side) or concave; a wave is a sine."""
 
     shape: Literal["straight", "arc", "wavy"] = "straight"
-    radius_mm: Annotated[float, Field(ge=100)] = 1000.0
+    radius_mm: Annotated[float, Field(ge=100, le=_MOST)] = 1000.0
     sense: Literal["convex", "concave"] = "convex"
     amplitude_mm: Annotated[float, Field(ge=0, le=10)] = 3.0
-    wavelength_mm: Annotated[float, Field(ge=50)] = 200.0
-    phase_deg: float = 0.0
+    wavelength_mm: Annotated[float, Field(ge=50, le=_MOST)] = 200.0
+    phase_deg: Number = 0.0
+
+    @model_validator(mode="after")
+    def _sound(self) -> Curve:
+        if self.shape == "wavy" and self.amplitude_mm * (2 * math.pi / self.wavelength_mm) ** 2 > 1 / 50:
+            raise ValueError("the wave must bend with a radius of at least 50 mm")
+        return self
 
 
 class Burr(Strict):
     """A ridge that stands out of the root face at its lower edge, or out of the upper surface at its edge."""
 
     edge: Literal["lower", "upper"] = "lower"
-    from_mm: float
-    to_mm: float
+    from_mm: Number
+    to_mm: Number
     height_mm: Annotated[float, Field(gt=0, le=3)] = 0.3
     width_mm: Annotated[float, Field(gt=0, le=5)] = 0.4
 
@@ -86,8 +97,8 @@ class Burr(Strict):
 class Clamp(Strict):
     """A box over the edge from `from_mm` to `to_mm`: it hides the edge there."""
 
-    from_mm: float
-    to_mm: float
+    from_mm: Number
+    to_mm: Number
     reach_in_mm: Positive = 40.0
     reach_out_mm: Positive = 6.0
     height_mm: Positive = 15.0
@@ -112,6 +123,8 @@ class Part(Strict):
 
     @model_validator(mode="after")
     def _sound(self) -> Part:
+        if self.curve.shape == "arc" and self.length_mm > 3 * self.curve.radius_mm:
+            raise ValueError("length_mm must not exceed 3 radius_mm on an arc")
         if self.thickness_mm.lowest <= 0:
             raise ValueError("thickness_mm must stay above 0 along the edge")
         if self.kind == "milled":
@@ -143,12 +156,12 @@ class Scanner(Strict):
     sampling: Literal["lateral", "angular"] = "lateral"
     x_rises: bool = True
     z_away: bool = True
-    zero_range_mm: float = 0.0
-    x_offset_mm: float = 0.0
+    zero_range_mm: Number = 0.0
+    x_offset_mm: Number = 0.0
     standoff_mm: Positive = 150.0
     near_mm: NonNegative = 100.0
     far_mm: Positive = 200.0
-    baseline_mm: float = 60.0
+    baseline_mm: Number = 60.0
     max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 85.0
     noise: Noise = Noise()
     quantum_mm: NonNegative = 0.0
@@ -158,6 +171,8 @@ class Scanner(Strict):
     def _sound(self) -> Scanner:
         if not self.near_mm < self.standoff_mm < self.far_mm:
             raise ValueError("near_mm < standoff_mm < far_mm must hold")
+        if self.columns * self.pitch_mm > 2 * self.standoff_mm:
+            raise ValueError("columns * pitch_mm must not exceed 2 standoff_mm")
         return self
 
 
@@ -177,13 +192,13 @@ class Disturbances(Strict):
 class Pass(Strict):
     """One scanning pass: where from, where to, how the scanner looks at the edge and how the robot moves."""
 
-    from_mm: float
-    to_mm: float
+    from_mm: Number
+    to_mm: Number
     elevation_deg: Annotated[float, Field(gt=-90, lt=90)] = 40.0
     oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
-    aim_mm: tuple[float, float] = (-2.0, 4.0)
-    skew_mm: tuple[float, float] = (0.0, 0.0)
+    aim_mm: tuple[Number, Number] = (-2.0, 4.0)
+    skew_mm: tuple[Number, Number] = (0.0, 0.0)
     turn_deg: Triple = (0.0, 0.0, 0.0)
     upside_down: bool = False
     motion: Literal["two_poses", "stream", "stop_and_go"] = "two_poses"
@@ -228,6 +243,13 @@ class Recipe(Strict):
     robot: Robot = Robot()
     disturbances: Disturbances = Disturbances()
     passes: Annotated[tuple[Pass, ...], Field(min_length=1, max_length=100)]
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Recipe:
+        frames = sum(abs(scan.to_mm - scan.from_mm) / self.robot.frame_pitch_mm for scan in self.passes)
+        if frames > _MOST_FRAMES or frames / self.robot.frame_rate_hz * self.robot.pose_rate_hz > _MOST_POSES:
+            raise ValueError(f"at most {_MOST_FRAMES} frames and {_MOST_POSES} poses in all")
+        return self
 
 
 def read_recipe(path: str | Path) -> Recipe:

@@ -133,7 +133,7 @@ def read_truth(path: str | Path) -> Truth:
 
 
 def _seen(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: float) -> Bool:
-    """Stations within half a frame pitch (and a bit for what the laser plane's obliquity adds) of a seeing frame."""
+    """Stations within three quarters of the frame pitch of a frame that sees the edge."""
     if seen_parameters is None:
         return np.ones(len(u), dtype=bool)
     seen = np.zeros(len(u), dtype=bool)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.synthetic import parse_recipe, read_recipe, simulate_recording
+from workbench.synthetic import Recipe, parse_recipe, read_recipe, simulate_recording
 
 PASS = {"from_mm": 0, "to_mm": 10}
 
@@ -106,3 +107,10 @@ def test_missing_and_binary_files_are_refused(tmp_path):
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="UTF-8"):
         read_recipe(tmp_path / "binary.json")
+
+
+def test_documentation_names_every_key():
+    page = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text(encoding="utf-8")
+    schema = Recipe.model_json_schema()
+    keys = {key for model in [schema, *schema["$defs"].values()] for key in model["properties"]}
+    assert {key for key in keys if f"`{key}`" not in page and f'"{key}"' not in page} == set()

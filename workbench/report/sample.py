@@ -20,11 +20,10 @@ SURROUNDINGS_MM = 5.0  # unlabelled points are drawn this far about the faces; f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Grid points that gave a return: coordinates in the base and what the pipeline made of them."""
+    """Grid points that gave a return: coordinates in the base, face and place in the grid."""
 
     position_mm: Float  # (n, 3) base
     label: AnyArray  # (n,) uint8, face
-    kept: Bool  # (n,) False: rejected by a filter
     frame: Int  # (n,)
     column: Int  # (n,)
 
@@ -42,33 +41,30 @@ def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:
     column_step = max(1, math.ceil(surplus / frame_step))
     root_columns = np.count_nonzero(edge.labels[::frame_step] == ROOT_FACE, axis=1).max(initial=0)
     root_step = max(1, min(column_step, int(root_columns) // ROOT_POINTS))
-    points = _take(cloud, edge, np.arange(0, frames, frame_step), math.gcd(column_step, root_step))
-    step = np.where(points.label == ROOT_FACE, root_step, column_step)
-    return _near_faces(points.where(points.kept & (points.column % step == 0)))
+    column_step = root_step * math.ceil(column_step / root_step)
+    points = _take(cloud, edge, np.arange(0, frames, frame_step), root_step)
+    return _near_faces(points.where((points.label == ROOT_FACE) | (points.column % column_step == 0)))
 
 
 def around(cloud: Cloud, edge: Edge, section: Section, reach_mm: float, budget: int) -> Points:
     """The kept points within `reach_mm` of arc length of a section, frames thinned to about `budget` points."""
     near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - section.arc_length_mm) <= reach_mm)
     step = max(1, math.ceil(len(near) * cloud.x_mm.shape[1] / budget))
-    points = _take(cloud, edge, near[::step])
-    return _near_faces(points.where(points.kept))
+    return _near_faces(_take(cloud, edge, near[::step]))
 
 
 def of_section(cloud: Cloud, edge: Edge, section: Section, budget: int) -> Points:
     """About `budget` kept points of the frames that a section rests on, from those nearest to it."""
     distance = np.abs(frame_arc_length_mm(cloud, edge)[section.frames] - section.arc_length_mm)
     nearest = np.argsort(distance, kind="stable")[: max(3, budget // cloud.x_mm.shape[1])]
-    points = _take(cloud, edge, section.frames[nearest])
-    return points.where(points.kept)
+    return _take(cloud, edge, section.frames[nearest])
 
 
 def rejected(cloud: Cloud, edge: Edge, budget: int) -> tuple[Points, int]:
     """Points that gave a return and were rejected, out of about `budget` grid points of every k-th frame; and k."""
     frames, columns = cloud.x_mm.shape
     step = max(1, math.ceil(frames * columns / budget))
-    points = _take(cloud, edge, np.arange(0, frames, step))
-    return points.where(~points.kept), step
+    return _take(cloud, edge, np.arange(0, frames, step), kept=False), step
 
 
 def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
@@ -82,16 +78,15 @@ def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
     return arc_length
 
 
-def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1) -> Points:
-    """The points with a return in `frames`, every `column_step`-th column."""
+def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1, *, kept: bool = True) -> Points:
+    """The points with a return in `frames`, every `column_step`-th column: those kept, or those rejected."""
     x, z = cloud.x_mm[frames, ::column_step], cloud.z_mm[frames, ::column_step]
-    row, column = np.nonzero(np.isfinite(x) & np.isfinite(z))
+    row, column = np.nonzero(np.isfinite(x) & np.isfinite(z) & (cloud.keep[frames, ::column_step] == kept))
     pose = cloud.base_from_profiler[frames]
     x_mm, z_mm = x[row, column].astype(float)[:, None], z[row, column].astype(float)[:, None]
     position = x_mm * pose[row, :3, 0] + z_mm * pose[row, :3, 2] + pose[row, :3, 3]
     label = edge.labels[frames, ::column_step][row, column]
-    kept = cloud.keep[frames, ::column_step][row, column]
-    return Points(position, label, kept, frames[row], column * column_step)
+    return Points(position, label, frames[row], column * column_step)
 
 
 def _near_faces(points: Points) -> Points:

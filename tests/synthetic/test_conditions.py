@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.synthetic import CONDITIONS, random_recipe, raycast
-from workbench.synthetic.simulate import plan_motion, scan_pass, simulate_recording
+from workbench.synthetic import CONDITIONS, random_recipe, raycast, simulate_recording
+from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.synthetic.truth import build_truth
 
 MANY = range(40)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import parse_recipe, raycast
-from workbench.synthetic.simulate import sensor_of
+from workbench.synthetic.scan import sensor_of
 from workbench.synthetic.surface import build_surface, clamp_boxes
 
 # A plate 10 mm thick over a table 20 mm below it; scanners look straight down from 100 mm above the lower surface.

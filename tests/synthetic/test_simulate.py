@@ -10,7 +10,7 @@ import pytest
 
 from workbench.errors import InputError, OutputError
 from workbench.synthetic import parse_recipe, simulate_file, simulate_recording, truth_path, write_simulation
-from workbench.synthetic.simulate import BLOCK_FRAMES
+from workbench.synthetic.scan import BLOCK_FRAMES
 
 DOCUMENT = {
     "seed": 11,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from workbench.synthetic.conditions import CONDITIONS, random_recipe
-from workbench.synthetic.recipe import Recipe, parse_recipe, read_recipe
+from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.recipe_file import parse_recipe, read_recipe
 from workbench.synthetic.simulate import simulate_file, simulate_recording, truth_path, write_simulation
 from workbench.synthetic.truth import Truth, read_truth
 

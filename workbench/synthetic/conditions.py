@@ -5,16 +5,25 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from workbench.errors import InputError, nearest
-from workbench.synthetic.recipe import Recipe, parse_recipe
+from workbench.synthetic.draws import (
+    Document,
+    Generator,
+    aim_at,
+    bevel_end_mm,
+    draw_course,
+    draw_disturbances,
+    draw_part,
+    draw_pass,
+    draw_robot,
+    draw_scanner,
+)
+from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.recipe_file import parse_recipe
 from workbench.units import DEG
-
-Document = dict[str, Any]
-Generator = np.random.Generator
 
 
 def random_recipe(condition: str, seed: int) -> Recipe:
@@ -29,125 +38,14 @@ def random_recipe(condition: str, seed: int) -> Recipe:
     document: Document = {
         "title": condition,
         "seed": seed,
-        "part": _part(rng),
-        "scanner": _scanner(rng),
-        "disturbances": _disturbances(rng),
-        "robot": _robot(rng),
+        "part": draw_part(rng),
+        "scanner": draw_scanner(rng),
+        "disturbances": draw_disturbances(rng),
+        "robot": draw_robot(rng),
     }
-    document["passes"] = [_pass(rng, document)]
+    document["passes"] = [draw_pass(rng, document)]
     CONDITIONS[condition](rng, document)
     return parse_recipe(document, source=condition)
-
-
-def _part(rng: Generator) -> Document:
-    thickness = rng.uniform(5, 12)
-    root, bevel = rng.uniform(1.08, min(2.72, thickness - 3.0)), rng.uniform(31.0, 49.0)
-    return {
-        "length_mm": rng.uniform(80, 160),
-        "thickness_mm": _course(rng, thickness, 0.1, 0.05),
-        "root_mm": _course(rng, root, 0.25, 0.15),
-        "bevel_deg": _course(rng, bevel, 1.0, 0.5),
-        "end_face_tilt_deg": rng.uniform(-3, 3),
-        "table_gap_mm": None if rng.random() < 0.3 else math.exp(rng.uniform(math.log(3), math.log(80))),
-        "base_from_part": {
-            "position_mm": (_direction(rng) * (1, 1, 0.6) * rng.uniform(1000, 2000)).tolist(),
-            "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-90, 90), rng.uniform(-180, 180)],
-        },
-    }
-
-
-def _course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
-    change = rng.uniform(-drift, drift)
-    return {
-        "start": mean - change / 2,
-        "end": mean + change / 2,
-        "amplitude": rng.uniform(0, wave),
-        "wavelength_mm": rng.uniform(40, 200),
-        "phase_deg": rng.uniform(0, 360),
-    }
-
-
-def _direction(rng: Generator) -> Any:
-    vector = rng.normal(size=3)
-    return vector / np.linalg.norm(vector)
-
-
-def _scanner(rng: Generator) -> Document:
-    standoff = rng.uniform(90, 300)
-    return {
-        "columns": 800,
-        "pitch_mm": 0.05,
-        "beam": "fan" if rng.random() < 0.7 else "parallel",
-        "sampling": "lateral" if rng.random() < 0.7 else "angular",
-        "x_rises": bool(rng.random() < 0.5),
-        "z_away": bool(rng.random() < 0.8),
-        "zero_range_mm": float(rng.choice([0.0, standoff, rng.uniform(0, 400)])),
-        "x_offset_mm": rng.uniform(-10, 10),
-        "standoff_mm": standoff,
-        "near_mm": standoff - rng.uniform(22, 40),
-        "far_mm": standoff + rng.uniform(22, 60),
-        "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 90),
-        "max_incidence_deg": rng.uniform(80, 86),
-        "noise": {"sd_mm": 0.012, "grazing_power": rng.uniform(0, 1), "grazing_cap": rng.uniform(2, 4)},
-        "quantum_mm": float(rng.choice([0.0, 0.001, 0.002])),
-    }
-
-
-def _disturbances(rng: Generator) -> Document:
-    return {
-        "dropout_share": 0.005,
-        "grazing_dropout": rng.uniform(0, 0.3),
-        "outlier_share": 0.0035,
-        "streak_outlier_share": 0.0015,
-        "outlier_reach_mm": rng.uniform(1, 10),
-        "mixed_pixel_probability": rng.uniform(0.2, 0.8),
-    }
-
-
-def _robot(rng: Generator) -> Document:
-    return {
-        "pose_rate_hz": float(rng.choice([25, 50, 100, 250])),
-        "flange_from_profiler": {
-            "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
-            "rpy_deg": (np.array([60.489, -3.813, -2.024]) + rng.uniform(-20, 20, 3)).tolist(),
-        },
-        "hand_eye_error_mm": rng.uniform(0, 0.1),
-        "hand_eye_error_deg": rng.uniform(0, 0.01),
-        "pose_noise_mm": rng.uniform(0, 0.05),
-        "pose_noise_deg": rng.uniform(0, 0.01),
-    }
-
-
-def _pass(rng: Generator, document: Document, elevation_deg: tuple[float, float] = (20, 70)) -> Document:
-    """A pass along the whole edge, either way, that sees the edge near the middle of its view."""
-    elevation, length = rng.uniform(*elevation_deg), document["part"]["length_mm"]
-    lateral = 0.5 * _bevel_end_mm(document, elevation) + rng.uniform(-4, 4)
-    beyond = rng.random(2) < 0.3  # the scan may run over the ends of the plate
-    margins = np.where(beyond, rng.uniform(-4, 0, 2), rng.uniform(0.5, 6, 2))
-    ends = [margins[0], length - margins[1]]
-    skew = rng.uniform(-1.5, 1.5)
-    return {
-        "from_mm": ends[0],
-        "to_mm": ends[1],
-        "elevation_deg": elevation,
-        "oblique_deg": rng.uniform(-5, 5),
-        "lead_deg": rng.uniform(-8, 8),
-        "aim_mm": _aim(lateral, elevation),
-        "skew_mm": [-skew, skew],
-        "turn_deg": rng.uniform(-1, 1, 3).tolist(),
-        "upside_down": bool(rng.random() < 0.5),
-    } | ({"from_mm": ends[1], "to_mm": ends[0]} if rng.random() < 0.5 else {})
-
-
-def _bevel_end_mm(document: Document, elevation_deg: float) -> float:
-    """Lateral distance in the view from the lower edge to the bevel's upper edge."""
-    thickness, root, bevel = (document["part"][name]["start"] for name in ("thickness_mm", "root_mm", "bevel_deg"))
-    back = (thickness - root) * math.tan(bevel * DEG)
-    return float(math.sin(elevation_deg * DEG) * back + math.cos(elevation_deg * DEG) * thickness)
-
-
-def _aim(lateral: float, elevation_deg: float) -> list[float]:
-    return [-math.sin(elevation_deg * DEG) * lateral, math.cos(elevation_deg * DEG) * lateral]
 
 
 def _follow_edge(rng: Generator, document: Document) -> None:
@@ -164,8 +62,8 @@ def _as_is(rng: Generator, document: Document) -> None:
 
 def _paper(rng: Generator, document: Document) -> None:
     document["part"].update(
-        root_mm=_course(rng, 1.5 + rng.uniform(-0.3, 0.3), 0.2, 0.1),
-        bevel_deg=_course(rng, 40 + rng.uniform(-0.7, 0.7), 0.2, 0.1),
+        root_mm=draw_course(rng, 1.5 + rng.uniform(-0.3, 0.3), 0.2, 0.1),
+        bevel_deg=draw_course(rng, 40 + rng.uniform(-0.7, 0.7), 0.2, 0.1),
         end_face_tilt_deg=0.0,
     )
 
@@ -194,9 +92,9 @@ def _oblique(rng: Generator, document: Document) -> None:
 
 def _two_pass(rng: Generator, document: Document) -> None:
     document["part"]["table_gap_mm"] = None
-    second = _pass(rng, document, (-60, -20) if rng.random() < 0.7 else (20, 70))
+    second = draw_pass(rng, document, (-60, -20) if rng.random() < 0.7 else (20, 70))
     if second["elevation_deg"] < 0:
-        second["aim_mm"] = _aim(rng.uniform(-3, 3), second["elevation_deg"])
+        second["aim_mm"] = aim_at(rng.uniform(-3, 3), second["elevation_deg"])
     document["passes"].append(second)
 
 
@@ -207,16 +105,16 @@ def _reversed(rng: Generator, document: Document) -> None:
 def _partial_view(rng: Generator, document: Document) -> None:
     """Only end face and bevel: the view grazes both surfaces, or ends on the bevel."""
     if rng.random() < 0.5:
-        document["passes"] = [_pass(rng, document, (-7, 7))]
+        document["passes"] = [draw_pass(rng, document, (-7, 7))]
         document["passes"][0].update(lead_deg=rng.uniform(-3, 3), turn_deg=[0, 0, 0])
         document["scanner"]["max_incidence_deg"] = 78
         document["scanner"].update(sampling="lateral", beam="parallel")
         return
     scan, part = document["passes"][0], document["part"]
     start = part["root_mm"]["start"] * math.cos(scan["elevation_deg"] * DEG)
-    end = _bevel_end_mm(document, scan["elevation_deg"])
+    end = bevel_end_mm(document, scan["elevation_deg"])
     half_view = document["scanner"]["columns"] * document["scanner"]["pitch_mm"] / 2
-    scan.update(aim_mm=_aim(start + rng.uniform(0.6, 0.9) * (end - start) - half_view, scan["elevation_deg"]))
+    scan.update(aim_mm=aim_at(start + rng.uniform(0.6, 0.9) * (end - start) - half_view, scan["elevation_deg"]))
     scan.update(skew_mm=[0.0, 0.0], turn_deg=(rng.uniform(-1, 1, 3) * (1, 0, 0)).tolist())
 
 
@@ -264,9 +162,9 @@ def _limit(rng: Generator, document: Document) -> None:
     _paper(rng, document)
     side = float(rng.choice([-1, 1]))
     if rng.random() < 0.5:
-        document["part"]["root_mm"] = _course(rng, 1.5 + side * (0.5 + rng.uniform(-0.03, 0.03)), 0.01, 0.005)
+        document["part"]["root_mm"] = draw_course(rng, 1.5 + side * (0.5 + rng.uniform(-0.03, 0.03)), 0.01, 0.005)
     else:
-        document["part"]["bevel_deg"] = _course(rng, 40 + side * (1 + rng.uniform(-0.15, 0.15)), 0.05, 0.02)
+        document["part"]["bevel_deg"] = draw_course(rng, 40 + side * (1 + rng.uniform(-0.15, 0.15)), 0.05, 0.02)
 
 
 CONDITIONS: dict[str, Callable[[Generator, Document], None]] = {

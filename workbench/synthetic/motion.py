@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from workbench.geometry.poses import inverse, pose_from
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Pass, Recipe
 from workbench.synthetic.surface import edge_frames, pose
@@ -48,11 +49,10 @@ def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float) -
 def recorded_hand_eye(recipe: Recipe) -> Float:
     """flange_from_profiler as the recording states it: the true one, off by the recipe's errors (per axis)."""
     robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 2])
-    error = np.eye(4)
-    error[:3, :3] = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG).as_matrix()
-    recorded = error @ pose(robot.flange_from_profiler)
-    recorded[:3, 3] = robot.flange_from_profiler.position_mm + rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_mm
-    return np.asarray(recorded)
+    turn = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG).as_matrix()
+    shift = rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_mm
+    true = pose(robot.flange_from_profiler)
+    return pose_from(turn @ true[:3, :3], true[:3, 3] + shift)
 
 
 def profiler_in_edge(recipe: Recipe, scan: Pass, share: Float) -> Float:
@@ -69,23 +69,19 @@ def profiler_in_edge(recipe: Recipe, scan: Pass, share: Float) -> Float:
     x = -lateral if scan.upside_down else lateral
     nominal = turn.as_matrix() @ np.stack([x, np.cross(z, x), z], axis=1)
 
-    poses = np.zeros((len(share), 4, 4))
-    twist = Rotation.from_rotvec(np.outer(share, np.array(scan.turn_deg) * DEG)).as_matrix()
-    poses[:, :3, :3] = nominal @ twist
+    rotation = nominal @ Rotation.from_rotvec(np.outer(share, np.array(scan.turn_deg) * DEG)).as_matrix()
     skew = scan.skew_mm[0] + (scan.skew_mm[1] - scan.skew_mm[0]) * share
     aim = np.array([scan.aim_mm[0], 0.0, scan.aim_mm[1]]) + skew[:, None] * nominal[:, 0]
     sign = 1.0 if scanner.z_away else -1.0
-    in_profiler = np.array([scanner.x_offset_mm, 0.0, sign * (scanner.standoff_mm - scanner.zero_range_mm)])
-    poses[:, :3, 3] = aim - poses[:, :3, :3] @ in_profiler
-    poses[:, 3, 3] = 1.0
-    return poses
+    aim_in_profiler = np.array([scanner.x_offset_mm, 0.0, sign * (scanner.standoff_mm - scanner.zero_range_mm)])
+    return pose_from(rotation, aim - rotation @ aim_in_profiler)
 
 
 def _along_edge(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) -> Float:
     """base_from_flange (n, 4, 4) while the scanner keeps its pose relative to the edge."""
     part_from_edge = edge_frames(surface, scan.from_mm + share * (scan.to_mm - scan.from_mm))
     base_from_profiler = pose(recipe.part.base_from_part) @ part_from_edge @ profiler_in_edge(recipe, scan, share)
-    return np.asarray(base_from_profiler @ np.linalg.inv(pose(recipe.robot.flange_from_profiler)))
+    return np.asarray(base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler)))
 
 
 def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) -> Float:
@@ -95,13 +91,10 @@ def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) ->
     chord /= np.linalg.norm(chord)
     ends[:, :3, 0], ends[:, :3, 1] = (chord[1], -chord[0], 0.0), chord
     base_from_profiler = pose(recipe.part.base_from_part) @ ends @ profiler_in_edge(recipe, scan, np.array([0.0, 1.0]))
-    flange = base_from_profiler @ np.linalg.inv(pose(recipe.robot.flange_from_profiler))
-    poses = np.zeros((len(share), 4, 4))
+    flange = base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler))
     turned = (Rotation.from_matrix(flange[0, :3, :3]).inv() * Rotation.from_matrix(flange[1, :3, :3])).as_rotvec()
-    poses[:, :3, :3] = flange[0, :3, :3] @ Rotation.from_rotvec(np.outer(share, turned)).as_matrix()
-    poses[:, :3, 3] = flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3])
-    poses[:, 3, 3] = 1.0
-    return poses
+    rotation = flange[0, :3, :3] @ Rotation.from_rotvec(np.outer(share, turned)).as_matrix()
+    return pose_from(rotation, flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3]))
 
 
 def _pose_times(scan: Pass, rate_hz: float, time: Float) -> Float:

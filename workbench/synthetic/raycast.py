@@ -4,6 +4,8 @@ In the part's frame a point has the coordinates (u, h, z): u names the normal pl
 is its distance from the edge's plan curve, outwards, z its height. In a normal plane, which is the section plane at u,
 the part is the polygon that the recipe asks for, so root size and bevel angle hold exactly, drifting or not. The body
 is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry.
+
+All kernels stand in this one file: numba's cache notices a change only in the file of the function that it compiles.
 """
 
 from __future__ import annotations

@@ -7,15 +7,10 @@ the plate to its left (+y), so that t = x, n = -y, m = z there.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-
-from workbench.errors import InputError, nearest
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 _MOST = 1e5  # no length, angle or rate of a recipe is greater
 _MOST_FRAMES, _MOST_POSES = 1_000_000, 5_000_000
@@ -250,55 +245,3 @@ class Recipe(Strict):
         if frames > _MOST_FRAMES or frames / self.robot.frame_rate_hz * self.robot.pose_rate_hz > _MOST_POSES:
             raise ValueError(f"at most {_MOST_FRAMES} frames and {_MOST_POSES} poses in all")
         return self
-
-
-def read_recipe(path: str | Path) -> Recipe:
-    """The recipe in the JSON file `path`; InputError names the place and what was expected."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(str(path), f"a readable recipe file ({error.strerror or error})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(str(path), "a recipe in JSON, encoded as UTF-8") from error
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"JSON: {error.msg}") from error
-    except RecursionError as error:
-        raise InputError(str(path), "JSON nested less deeply") from error
-    return parse_recipe(document, source=str(path))
-
-
-def parse_recipe(document: Any, source: str = "recipe") -> Recipe:
-    """The recipe that `document` (parsed JSON) describes; InputError as for `read_recipe`."""
-    if not isinstance(document, Mapping):
-        raise InputError(source, "a JSON object, the recipe")
-    try:
-        return Recipe.model_validate(document)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place, expected = _path(first["loc"]), str(first["msg"])
-        if first["type"] == "extra_forbidden":
-            expected = "no such key" + nearest(str(first["loc"][-1]), _siblings(first["loc"]))
-        raise InputError(f"{source}: {place}" if place else source, expected) from error
-
-
-def _path(location: tuple[int | str, ...]) -> str:
-    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
-    return "".join(steps).removeprefix(".")
-
-
-def _siblings(location: tuple[int | str, ...]) -> list[str]:
-    """Keys that the object at `location`'s parent may have."""
-    schema: dict[str, Any] = Recipe.model_json_schema()
-    node = schema
-    for step in location[:-1]:
-        node = _resolved(node["items"] if isinstance(step, int) else node["properties"][step], schema)
-    return list(node.get("properties", {}))
-
-
-def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    for option in (node, *node.get("anyOf", ())):
-        if "$ref" in option:
-            return dict(schema["$defs"][option["$ref"].rsplit("/", 1)[-1]])
-    return node

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Course, Part, Placement
 from workbench.units import DEG, Float
@@ -85,16 +86,7 @@ def course_values(course: raycast.CourseTerms, u: Float) -> Float:
 
 def pose(placement: Placement) -> Float:
     """The 4x4 matrix of a placement: R = Rz(roll) Ry(pitch) Rx(yaw) (section 3 of the paper)."""
-    roll, pitch, yaw = (angle * DEG for angle in placement.rpy_deg)
-    cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
-    matrix = np.eye(4)
-    matrix[:3, :3] = (
-        np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-        @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        @ np.array([[1, 0, 0], [0, cy, -sy], [0, sy, cy]])
-    )
-    matrix[:3, 3] = placement.position_mm
-    return matrix
+    return pose_from(rotation_from_rpy(*(angle * DEG for angle in placement.rpy_deg)), np.array(placement.position_mm))
 
 
 def _course(course: Course, length: float, unit: float = 1.0) -> raycast.CourseTerms:

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.poses import inverse
 from workbench.synthetic import raycast
-from workbench.synthetic.recipe import Recipe, parse_recipe
+from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.recipe_file import parse_recipe
 from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, pose
 from workbench.units import DEG, Bool, Float
 
@@ -63,7 +65,7 @@ class Truth:
         return np.asarray(self.seen[nearest] & within)
 
     def _parameter_at(self, position_mm: Float) -> Float:
-        part_from_base = np.linalg.inv(pose(self.recipe.part.base_from_part))
+        part_from_base = inverse(pose(self.recipe.part.base_from_part))
         points = np.asarray(position_mm, dtype=float) @ part_from_base[:3, :3].T + part_from_base[:3, 3]
         flat = points.reshape(-1, 3)
         u = [raycast.project(self._surface, float(x), float(y))[0] for x, y, _ in flat]

@@ -111,7 +111,7 @@ def test_sections_are_dimensioned_to_one_scale(part, drawn):
     first = p.inspection.sections[0]
     shown = [text.get_text() for text in panels[0].texts]
     assert f"{first.root_mm:.3f} ± 0.006 mm" in shown
-    assert f"({first.bevel_deg:.3f} ± 0.042)°" in shown
+    assert f"({first.bevel_deg:.2f} ± 0.04)°" in shown
     assert "the edge is hidden here" in [text.get_text() for text in panels[4].texts]
 
 

@@ -14,17 +14,23 @@ from workbench.report.values import alike, decimals, measured, span
     ("u", "places"),
     [
         ([0.05], 2),
-        ([0.049], 3),
+        ([0.049], 2),
         ([0.0031], 3),
-        ([0.4], 2),
+        ([0.0008], 4),
+        ([0.4], 1),
         ([8.0], 1),
-        ([0.5, None, 0.03], 3),
+        ([0.5, None, 0.007], 3),
         ([None], 3),
-        ([math.nan], 3),
     ],
 )
-def test_two_digits_of_the_smallest_expanded_uncertainty(u, places):
+def test_digits_follow_the_smallest_expanded_uncertainty(u, places):
     assert decimals(u) == places
+
+
+@pytest.mark.parametrize("expanded", np.geomspace(0.0011, 0.9, 60))
+def test_rounding_hardly_changes_an_uncertainty(expanded):
+    shown = float(measured(1.0, expanded / 2, decimals([expanded / 2])).split()[-1])
+    assert shown == pytest.approx(expanded, rel=0.2)
 
 
 def test_a_value_stands_with_twice_its_standard_uncertainty():

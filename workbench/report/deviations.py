@@ -14,7 +14,7 @@ from workbench.report.develop import in_section
 from workbench.report.sample import frame_arc_length_mm, of_section
 from workbench.units import DEG, AnyArray, Float
 
-STRIP = (0.13, 0.05, 0.29, 0.17)  # the strip's place in a section's panel, inside the material
+STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material
 
 
 @dataclass(frozen=True, slots=True, eq=False)

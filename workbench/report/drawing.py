@@ -27,7 +27,7 @@ POINTS = 60_000  # drawn in all sections together at most
 COLUMNS = 3
 PANEL_IN = (3.3, 2.95)
 PANEL_SHAPE = 1.16  # width over height inside a panel's axes
-FOR_THE_PART = 0.54  # of a panel's width; the rest is for the dimensions
+FOR_THE_PART = 0.52  # of a panel's width; the rest is for the dimensions
 
 HEAD = "|-|>,head_width=0.13,head_length=0.32"
 ARROW: dict[str, Any] = {"arrowstyle": HEAD[1:], "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}

@@ -13,11 +13,15 @@ COVERAGE = 2.0  # U = k u with k = 2, about 95 %
 
 
 def decimals(uncertainties: Iterable[float | None]) -> int:
-    """Decimal places that show the smallest expanded uncertainty with two digits, one to three."""
+    """Decimal places, one to four, for the smallest expanded uncertainty: two digits of it if it starts with 1 or 2,
+    else one, so that rounding never changes it by more than a fifth.
+    """
     known = [COVERAGE * u for u in uncertainties if u is not None and u > 0.0 and math.isfinite(u)]
     if not known:
         return 3
-    return min(3, max(1, 1 - math.floor(math.log10(min(known)))))
+    exponent = math.floor(math.log10(min(known)))
+    digits = 2 if min(known) < 2.95 * 10.0**exponent else 1
+    return min(4, max(1, digits - 1 - exponent))
 
 
 def measured(value: float | None, u: float | None, places: int) -> str:

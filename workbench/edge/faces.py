@@ -29,6 +29,7 @@ class TrackedFaces:
     seen: Bool  # (N,) root face and bevel face both found
     side: Float  # (N,) +1 or -1: the lower side lies towards rising side * x; NaN in a pass without the edge
     root_end: Float  # (N, 3) x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
+    end_column: Int  # (N,) that return's column, counted towards the lower side
     end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
     labels: AnyArray  # (N, M) uint8
     range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
@@ -47,6 +48,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     side_of = np.full(n, np.nan)
     labels = np.zeros((n, columns), np.uint8)
     sigma = np.full((n, 4), np.nan)
+    rising = np.ones(n)
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     keys = [_key_readings(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG) for frames in passes]
     for frames, (key_frames, readings) in zip(passes, keys, strict=True):
@@ -55,6 +57,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
             continue
         at, states, side = choice
         side_of[frames] = side
+        rising[frames] = side * (1 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1)
         tracked = _follow_pass(cloud, frames, at, states, side)
         sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
     if seen.sum() < 2:
@@ -62,7 +65,8 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
                          f"{bevel_nominal_deg:g} deg in at least two frames")  # fmt: skip
     faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     end[~seen] = np.nan
-    return TrackedFaces(faces, seen, side_of, end[:, :3], lower & seen, labels, sigma)
+    outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
+    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, lower & seen, labels, sigma)
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud, EdgeFrames
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.curves import Curve, arrange, fit_curve
+from workbench.geometry.ends import Ends, fit_end, settled
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Float, Int
@@ -86,9 +87,10 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         drift = bevel.run * (size_slope * np.sin(beta) - beta_slope * lever)
         beta, beta_slope = _along(bevel.s, apparent + drift, 1.0 / bevel.angle_variance, cloud.pass_index)
         low, step, low_sigma = _root_size(cloud, tracked, curve, root, bevel, tilt, beta, up)
+        low, low_sigma = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
         s_up = root.s + root.run * up
-        weight = 1.0 / (low_sigma**2 + step**2 / 12.0 + 1e-8)
-        size, size_slope = _along(s_up, low + 0.5 * step, weight, cloud.pass_index)
+        missing = _missing_share(tracked, cloud.pass_index)
+        size, size_slope = _smooth_size(s_up, low, step, low_sigma, missing)
     t, a, b = curve.frame(np.where(np.isfinite(s_up), s_up, 0.0))
     spot = _on(root.place, tilt, up - size)
     lower_edge = curve.position(np.where(np.isfinite(s_up), s_up, 0.0)) + spot[:, :1] * a + spot[:, 1:] * b
@@ -98,7 +100,7 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         root_angle=root.angle, root_angle_variance=root.angle_variance, bevel_arc_length_mm=bevel.s,
         bevel_angle=tilt - apparent - drift, bevel_angle_variance=bevel.angle_variance, bevel_lever_mm=lever,
         root_low_mm=low, root_step_mm=step, root_sigma_mm=low_sigma,
-        missing=_missing_share(tracked, cloud.pass_index), obliquity=bevel.run,
+        missing=missing, obliquity=bevel.run,
     )  # fmt: skip
     return frames, lower_edge
 
@@ -145,6 +147,16 @@ def _along(s: Float, value: Float, weight: Float, pass_index: Int) -> tuple[Floa
         smooth[mine] = np.interp(s[mine], at[ok], fit[ok, 0])
         slope[mine] = np.interp(s[mine], at[ok], fit[ok, 1])
     return smooth, slope
+
+
+def _smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float) -> tuple[Float, Float]:
+    """Root size and its slope along the edge at each frame (N,), all passes together."""
+    size, slope = np.full(s.shape, np.nan), np.full(s.shape, np.nan)
+    mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
+    mine = mine[np.argsort(s[mine], kind="stable")]
+    end = fit_end(Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine]))
+    size[mine], slope[mine] = end.spline(s[mine]), end.spline(s[mine], 1)
+    return size, slope
 
 
 def _on(place: Float, angle: Float, distance: Float) -> Float:

@@ -1,74 +1,228 @@
 """Where a face ends, when its end is a silhouette: the place where its returns stop.
 
-A single frame knows the end only to the step between two columns. Neighbouring frames cut the face at other phases of
-that step, so together they know it far better; if all cut it at the same phase they know no more than one, and the
-likelihood says so.
+A single frame knows the end only to the step between two columns (the half-pixel rule). Neighbouring frames cut the
+face at other phases of that step, so together they know it far better; if all cut it at the same phase they know no
+more than one, and the likelihood says so. The end is fitted along the edge as a spline, by maximum likelihood.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
-from scipy.special import ndtr
+from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
 
-from workbench.units import Float
+from workbench.units import Float, Int
 
-GRID = 121  # offsets at which the likelihood is kept
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
 MISSES = 6  # columns of the face that may have gone without return at its end
+KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter than this go unseen, longer ones may hide
+#                                in the column step of frames that all cut the face at one phase
+SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
+EM_STEPS = 8  # at each
+PRICE = 3.0  # of a parameter, between the criteria of Akaike (2) and Schwarz (log n): intervals are easily overfitted
+OVER_RELAX = 1.7
+CHOICE_FRAMES = 4000  # the knot distance is chosen on this many neighbouring frames
+ROOT_HALF = math.sqrt(0.5)
 
 
-def end_log_likelihood(low: Float, step: Float, sigma: Float, missing: Float, grid: Float) -> Float:
-    """Log-likelihood (n, GRID) of where the face ends, for each frame on the offsets `grid` (GRID,) mm.
+@dataclass(frozen=True, slots=True, eq=False)
+class Ends:
+    """The last return on a face in each of n frames, sorted by arc length, counted from some place in the frame, mm."""
 
-    The face's last return in frame i lies at low[i] (n,) mm, the next column would have met it at low[i] + step[i]: the
-    end lies between, uniformly (the half-pixel rule), or k steps further if k columns without return, each with
-    probability missing[i], followed. All of it is blurred by sigma[i] mm, the noise of the place that `low` is
-    counted from. step = 0 stands for an end measured as a corner: a normal distribution alone.
+    s: Float  # (n,) arc length
+    low: Float  # (n,) the face reaches at least to here
+    step: Float  # (n,) the next column lies this much further; 0: `low` is a measured corner
+    sigma: Float  # (n,) noise of low
+    missing: Float  # (n,) probability that a column of the face is without return
+
+    def part(self, chosen: slice) -> Ends:
+        return Ends(self.s[chosen], self.low[chosen], self.step[chosen], self.sigma[chosen], self.missing[chosen])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothEnd:
+    """The end along the edge: a cubic spline with evenly spaced knots."""
+
+    spline: BSpline
+    knots_mm: float
+
+
+def fit_end(ends: Ends) -> SmoothEnd:
+    """The most likely smooth end; the knot distance is the one of least price."""
+    middle = max(0, (ends.s.size - CHOICE_FRAMES) // 2)
+    sample = ends.part(slice(middle, middle + CHOICE_FRAMES))
+    best, best_score = KNOTS_MM[0], math.inf
+    for distance in KNOTS_MM:
+        spline, log_likelihood = _most_likely(sample, distance)
+        score = PRICE * len(spline.c) - 2.0 * log_likelihood
+        if score < best_score:
+            best, best_score = distance, score
+    return SmoothEnd(_most_likely(ends, best)[0], best)
+
+
+def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:
+    """Spline with knots `distance` mm apart of (locally) greatest likelihood, and that log-likelihood.
+
+    Expectation and maximisation in turn; the ends' own scatter about the spline shrinks from a part of the column step
+    to the measured noise, so that the fit first sees all intervals and in the end only their hard limits.
     """
-    out = np.zeros((low.size, grid.size))
-    blur = np.maximum(sigma, 1e-6)[:, None]
-    silhouette = step > 0
-    for k in range(MISSES):
-        start = (low + k * step)[:, None]
-        inside = ndtr((grid - start) / blur) - ndtr((grid - start - step[:, None]) / blur)
-        out += np.where(silhouette[:, None], (missing[:, None] ** k) * inside, 0.0)
-    corner = np.exp(-0.5 * ((grid - low[:, None]) / blur) ** 2)
-    out = np.where(silhouette[:, None], out * (1.0 - missing[:, None]), corner)
-    return np.log(out + STRAY * np.where(silhouette, 1.0, 0.3)[:, None])
+    length = max(float(ends.s[-1] - ends.s[0]), 1e-3)
+    pieces = max(1, round(length / distance))
+    grid = np.linspace(ends.s[0], ends.s[-1], pieces + 1)
+    piece, basis = _basis(ends.s, grid)
+    weight = 1.0 / (ends.sigma**2 + ends.step**2 / 12.0 + 1e-8)
+    coefficients = _solve(piece, basis, ends.low + 0.5 * ends.step, weight, pieces)
+    for part in SCATTER_PARTS:
+        scatter = np.hypot(ends.sigma, ends.step * part) + 1e-6
+        for _ in range(EM_STEPS):
+            now = _value(piece, basis, coefficients)
+            target, weight, found = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)
+            relaxed = now + OVER_RELAX * (target - now)
+            coefficients = _solve(piece, basis, relaxed, weight / scatter**2, pieces)
+    now = _value(piece, basis, coefficients)
+    found = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)[2]
+    return BSpline(np.r_[[grid[0]] * 3, grid, [grid[-1]] * 3], coefficients, 3), found
+
+
+def _basis(s: Float, grid: Float) -> tuple[Int, Float]:
+    """Piece number (n,) and the four cubic B-splines (n, 4) that are not zero at each s."""
+    knots = np.r_[[grid[0]] * 3, grid, [grid[-1]] * 3]
+    piece = np.clip(np.searchsorted(grid, s, side="right") - 1, 0, grid.size - 2)
+    return piece, _de_boor(s, knots, piece + 3)
 
 
 @njit(cache=True, nogil=True)
-def pooled_end(s: Float, log_likelihood: Float, at: Float, half_width: float, grid: Float) -> Float:
-    """Mean, standard uncertainty and number of frames of the end's offset at each place, columns of (m, 3).
+def _de_boor(s: Float, knots: Float, span: Int) -> Float:
+    out = np.zeros((s.size, 4))
+    for i in range(s.size):
+        j = span[i]
+        left, right = np.empty(4), np.empty(4)
+        out[i, 0] = 1.0
+        for d in range(1, 4):
+            left[d], right[d] = s[i] - knots[j + 1 - d], knots[j + d] - s[i]
+            saved = 0.0
+            for r in range(d):
+                term = out[i, r] / (right[r + 1] + left[d - r])
+                out[i, r] = saved + right[r + 1] * term
+                saved = left[d - r] * term
+            out[i, d] = saved
+    return out
 
-    s (n,) sorted arc lengths of the frames; log_likelihood (n, GRID) over offsets `grid`; `at` (m,). The frames within
-    half_width are pooled with a flat prior. The uncertainty is half the half-width of the interval that holds
-    95.45 % of the posterior: a silhouette's is no normal distribution.
+
+@njit(cache=True, nogil=True)
+def _normal_equations(piece: Int, basis: Float, target: Float, weight: Float, size: int) -> tuple[Float, Float]:
+    """Banded normal matrix (4, size), upper form of scipy.linalg.solveh_banded, and right side (size,)."""
+    band, right = np.zeros((4, size)), np.zeros(size)
+    for i in range(target.size):
+        for p in range(4):
+            right[piece[i] + p] += weight[i] * basis[i, p] * target[i]
+            for q in range(p, 4):
+                band[3 - (q - p), piece[i] + q] += weight[i] * basis[i, p] * basis[i, q]
+    return band, right
+
+
+@njit(cache=True, nogil=True)
+def _value(piece: Int, basis: Float, coefficients: Float) -> Float:
+    out = np.zeros(piece.size)
+    for i in range(piece.size):
+        for p in range(4):
+            out[i] += basis[i, p] * coefficients[piece[i] + p]
+    return out
+
+
+def _solve(piece: Int, basis: Float, target: Float, weight: Float, pieces: int) -> Float:
+    """Weighted least squares; a slight pull against bending carries the spline over gaps."""
+    size = pieces + 3
+    band, right = _normal_equations(piece, basis, target, weight, size)
+    pull = 1e-4 * float(band[3].mean()) + 1e-12
+    for k in range(size - 2):
+        for (p, cp) in ((0, 1.0), (1, -2.0), (2, 1.0)):
+            for (q, cq) in ((0, 1.0), (1, -2.0), (2, 1.0)):
+                if q >= p:
+                    band[3 - (q - p), k + q] += pull * cp * cq
+    band[3] += 1e-9 * pull
+    return np.asarray(solveh_banded(band, right))
+
+
+@njit(cache=True, nogil=True)
+def cdf(z: float) -> float:
+    """Standard normal distribution function."""
+    return 0.5 * math.erfc(-z * ROOT_HALF)
+
+
+@njit(cache=True, nogil=True)
+def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing: Float) -> tuple[Float, Float, float]:
+    """Expected end of each frame given the smooth one `now` (n,), the weight it deserves, and the log-likelihood.
+
+    Ends scatter about the smooth one with standard deviation `scatter`; the frame says that its own lies in
+    [low, low + step], or k steps further with probability missing^k.
     """
-    out = np.full((at.size, 3), np.nan)
-    total = np.zeros(grid.size)
-    first = last = 0
-    for i in range(at.size):
-        low = np.searchsorted(s, at[i] - half_width)
-        high = np.searchsorted(s, at[i] + half_width)
-        if i == 0 or low >= last or (i % 64) == 0:  # a fresh sum now and then: rounding does not pile up
-            total[:] = 0.0
-            for j in range(low, high):
-                total += log_likelihood[j]
-        else:
-            for j in range(first, low):
-                total -= log_likelihood[j]
-            for j in range(last, high):
-                total += log_likelihood[j]
-        first, last = low, high
-        if high <= low:
+    target, weight = np.empty(now.size), np.empty(now.size)
+    total = 0.0
+    for i in range(now.size):
+        if step[i] <= 0.0:
+            z = (low[i] - now[i]) / scatter[i]
+            p = math.exp(-0.5 * z * z)
+            target[i], weight[i] = low[i], p / (p + STRAY)
+            total += math.log(p + STRAY)
             continue
-        p = np.exp(total - total.max())
-        p /= p.sum()
-        mean = (p * grid).sum()
-        cumulative = np.cumsum(p) - 0.5 * p
-        lower = np.interp(0.02275, cumulative, grid)
-        upper = np.interp(0.97725, cumulative, grid)
-        out[i, 0], out[i, 1], out[i, 2] = mean, 0.25 * (upper - lower), high - low
+        mass, first = 0.0, 0.0
+        for k in range(MISSES):
+            a = (low[i] + k * step[i] - now[i]) / scatter[i]
+            b = a + step[i] / scatter[i]
+            share = (1.0 - missing[i]) * missing[i] ** k
+            mass += share * (cdf(b) - cdf(a))
+            first += share * 0.3989422804014327 * (math.exp(-0.5 * a * a) - math.exp(-0.5 * b * b))
+        if mass > 1e-12:
+            target[i] = now[i] + scatter[i] * first / mass
+        else:
+            target[i] = now[i]
+        weight[i] = mass / (mass + STRAY)
+        total += math.log(mass + STRAY)
+    return target, weight, total
+
+
+def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float]:
+    """`low` (n,) freed of the noise that frames next to each other do not share, and the noise that remains, mm.
+
+    Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
+    where between two columns the end lies. Frames in order of time, column (n,) of the last return counted outwards:
+    low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter is taken off.
+    """
+    low, sigma = low.copy(), sigma.copy()
+    for g in np.unique(group):
+        mine = np.flatnonzero((group == g) & np.isfinite(low) & (step > 0))
+        if mine.size < 2 * SETTLE_FRAMES:
+            continue
+        course = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
+        rough = course - _running_line(course, SETTLE_FRAMES)
+        spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
+        noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
+        share = min(1.0, noise / max(spread, 1e-12))
+        low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
+        sigma[mine] *= math.sqrt(max(1.0 - share, 2.25 / SETTLE_FRAMES))
+    return low, sigma
+
+
+SETTLE_FRAMES = 15
+
+
+@njit(cache=True, nogil=True)
+def _running_line(y: Float, window: int) -> Float:
+    """Value at each place of the line through the `window` places around it (shifted inwards at the ends)."""
+    out = np.empty(y.size)
+    half = window // 2
+    for i in range(y.size):
+        first = min(max(i - half, 0), y.size - window)
+        my = y[first : first + window].mean()
+        mx = 0.5 * (window - 1)
+        sxy = 0.0
+        for k in range(window):
+            sxy += (k - mx) * (y[first + k] - my)
+        slope = sxy / (window * (window * window - 1.0) / 12.0)
+        out[i] = my + slope * (i - first - mx)
     return out

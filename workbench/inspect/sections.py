@@ -68,7 +68,7 @@ def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAng
     if edge.kind != "milled":
         raise InputError("edge", "expected a milled edge to inspect, found a raw one")
     angles = bevel_angles(edge, at_mm, half_width_mm)
-    roots = root_sizes(edge, at_mm, half_width_mm, angles)
+    roots = root_sizes(edge, at_mm, angles)
     seen = covered(edge.frame_arc_length_mm, edge.pass_index, at_mm)
     return angles, roots, seen & np.isfinite(angles.bevel) & np.isfinite(roots.root_mm)
 

@@ -90,7 +90,8 @@ def decision_rule(guard_factor: float) -> str:
         f"Decision rule (ISO 14253-1): with the guard band g = {guard_factor:g} u, u being the standard uncertainty, a "
         "value passes if it lies inside its limits by at least g, fails if it lies outside by at least g, and is "
         f"undecided otherwise. A value accepted or rejected exactly g from a limit is so wrongly with a probability of "
-        f"{risk:.2g} %. A section or the part fails if any characteristic fails, and passes if all pass."
+        f"{risk:.2g} %. A section or the part fails if any characteristic fails, and passes if all pass. The verdict "
+        "rests on the sections; values along the whole edge are for information."
     )
 
 

@@ -267,13 +267,16 @@ def interruptibly(action: Callable[[argparse.Namespace], int], options: argparse
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns the exit status."""
     argv = sys.argv[1:] if argv is None else argv
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without ± or ° gets them in ASCII
     try:
         options = parse(argv)
         return interruptibly(COMMANDS[options.command], options) if options.command else without_command(options)
     except SystemExit as done:  # --help
         return int(done.code or 0)
     except KeyboardInterrupt as stop:
-        print("interrupted: nothing was written", file=sys.stderr)
+        print("interrupted", file=sys.stderr)
         return 128 + (stop.args[0] if stop.args else 2)
     except Exception as error:
         status = complain(error, "--traceback" in argv)

@@ -122,7 +122,7 @@ class Stage:
             if key not in known:
                 raise PipelineError(f"{where}.{key}", f"{self.name} has no such parameter{nearest(key, known)}")
         try:
-            model = self.model.model_validate_json(json.dumps(dict(given), default=_jsonable))
+            model = self.model.model_validate_json(json.dumps(dict(given), default=jsonable))
         except ValidationError as error:
             raise _complaint(error, given, where) from None
         except (TypeError, ValueError, RecursionError) as error:
@@ -204,7 +204,7 @@ def _roles(hint: Any) -> Iterator[Role]:
             yield from _roles(part)
 
 
-def _jsonable(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
     """What JSON lacks but a notebook passes: paths, numpy scalars and arrays."""
     if isinstance(value, Path):
         return str(value)

@@ -25,18 +25,17 @@ class Reporter:
 
 
 class Lines(Reporter):
-    """Plain lines on a stream, one a stage; on a terminal the line of the running stage is rewritten in place."""
+    """One line a stage on a stream; on a terminal it is rewritten in place while the stage runs."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
         self.live = stream.isatty()
-        self.label = ""
+        self.label = ""  # of the stage that is running
 
     def begin(self, index: int, count: int, name: str) -> None:
         """Show which stage is running."""
         self.label = f"[{index + 1}/{count}] {name}"
-        if self.live:
-            self._show(self.label)
+        self._show(self.label)
 
     def fraction(self, done: float) -> None:
         """Show how far it is, where a line can be rewritten."""
@@ -45,17 +44,17 @@ class Lines(Reporter):
 
     def end(self, seconds: float) -> None:
         """Show how long it took."""
-        self._show(f"{chr(13) if self.live else ''}{self.label} {seconds:.2f} s\n")
+        self._show(f"\r{self.label} {seconds:.2f} s\n" if self.live else f" {seconds:.2f} s\n")
+        self.label = ""
 
     def compiling(self) -> None:
         """Say why it takes so long this time."""
-        text = "compiling kernels for this machine: only once after installing, may take a minute"
-        self._show(f"{chr(13) if self.live else ''}{text}\n{self.label if self.live else ''}")
+        self._show(f"\ncompiling kernels for this machine: only once after installing, a minute or two\n{self.label}")
 
     def close(self) -> None:
-        """End a line that was left open by a failure."""
-        if self.live and self.label:
-            self._show("\r\033[K")
+        """End the line of a stage that failed or was stopped."""
+        if self.label:
+            self._show("\n")
 
     def _show(self, text: str) -> None:
         self.stream.write(text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 import time
 import warnings
@@ -16,19 +17,19 @@ from typing import Any, TypeVar
 from workbench import __version__
 from workbench.artefacts import Gate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
-from workbench.pipeline.document import check_document, read_document
+from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
-from workbench.pipeline.results import RUN_FILE, plain, result_files, strict_json
+from workbench.pipeline.results import RUN_FILE, result_files, strict_json
 from workbench.pipeline.wiring import InputRecord, Plan, Step, plan
-from workbench.stage import Role, Source
+from workbench.stage import Role, Source, jsonable
 
 A = TypeVar("A")
 VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")
 NOTED = (UserWarning, RuntimeWarning)  # Python warnings that a user should see; the rest is for developers
 
 
-@dataclass
+@dataclass(repr=False)
 class Results:
     """What a run made: artefacts by stage id, in order; files, if it wrote any."""
 
@@ -42,6 +43,13 @@ class Results:
         """What one stage returned: its artefact, or a tuple of them."""
         made = self.artefacts[stage_id]
         return made[0] if len(made) == 1 else made
+
+    def __repr__(self) -> str:
+        """What was made, in a line a notebook can show."""
+        made = ", ".join(
+            f"{name}: {'/'.join(type(one).__name__ for one in ones)}" for name, ones in self.artefacts.items()
+        )
+        return f"Results(passed={self.passed}, {made}, {len(self.files)} files, {len(self.warnings)} warnings)"
 
     def last(self, kind: type[A]) -> A:
         """The last artefact of a type, e.g. `results.last(Inspection)`; KeyError if there is none."""
@@ -65,7 +73,11 @@ class Pipeline:
 
     def __init__(self, document: Mapping[str, Any], *, base_dir: str | Path = ".") -> None:
         """Take a document as Python data; its relative paths start at `base_dir`. Raises PipelineError."""
-        self.document = check_document(plain(document), "pipeline", Path(base_dir))
+        try:
+            text = json.dumps(document, default=jsonable)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise PipelineError("pipeline", f"expected what JSON can hold: {error}") from None
+        self.document = check_document(parse_json(text.encode(), "pipeline"), "pipeline", Path(base_dir))
 
     @classmethod
     def load(cls, path: str | Path) -> Pipeline:

@@ -1,0 +1,78 @@
+"""The door for plug-ins, and one set of numbers by command line, pipeline and plain functions."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench
+from workbench import Pipeline, api
+from workbench.artefacts import Inspection
+from workbench.errors import PipelineError
+from workbench.pipeline.results import inspection_document, strict_json
+
+ROOT = Path(__file__).parents[1]
+RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
+
+
+def test_api_offers_what_it_names() -> None:
+    assert sorted(api.__all__) == list(api.__all__)
+    assert all(hasattr(api, name) for name in api.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Piepline'"):
+        _ = workbench.Piepline
+
+
+@pytest.fixture(scope="module")
+def pipeline() -> dict[str, Any]:
+    """The shipped inspection without its page."""
+    document = json.loads((ROOT / "pipelines" / "inspect_bevel.json").read_text())
+    document["stages"] = [entry for entry in document["stages"] if not entry["stage"].startswith("report.")]
+    document["inputs"]["recording"] = str(RECORDING)
+    return document
+
+
+def test_command_line_pipeline_and_functions_give_the_same_bytes(pipeline: Any, command: Any, tmp_path: Path) -> None:
+    from workbench.cloud import denoise
+    from workbench.edge import segment
+    from workbench.inspect import sections
+    from workbench.scan import fuse, read
+
+    (tmp_path / "p.json").write_text(json.dumps(pipeline))
+    got = command("run", tmp_path / "p.json", "--out", tmp_path / "out", "--input", "sections=5")
+    results = Pipeline(pipeline).run(inputs={"sections": 5})
+    by_hand = sections(segment(denoise(fuse(read(recording=RECORDING)))), sections=5)
+    assert got.status == 0
+    written = (tmp_path / "out" / "inspection.json").read_bytes()
+    assert written == strict_json(inspection_document(results.last(Inspection)))
+    assert written == strict_json(inspection_document(by_hand))
+    assert len(json.loads(written)["sections"]) == 5
+
+
+def test_digest_in_run_json_is_the_files(pipeline: Any) -> None:
+    import hashlib
+
+    results = Pipeline(pipeline).run()
+    assert results.inputs == [("recording", str(RECORDING), hashlib.sha256(RECORDING.read_bytes()).hexdigest())]
+    assert repr(results).startswith("Results(passed=True, scan.read: Recording, ")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seed": float("nan")}, "pipeline: seed: NaN is not JSON"),
+        ({"title": {1, 2}}, "expected what JSON can hold"),
+        ({"titel": "x"}, "pipeline: titel: unknown key; did you mean 'title'?"),
+    ],
+)
+def test_document_as_python_data_is_checked_as_a_file(pipeline: Any, change: Any, message: str) -> None:
+    with pytest.raises(PipelineError) as caught:
+        Pipeline(pipeline | change)
+    assert message in str(caught.value)
+    assert (
+        Pipeline(
+            pipeline | {"seed": np.int64(3), "inputs": {**pipeline["inputs"], "recording": RECORDING}}
+        ).document.seed
+        == 3
+    )

@@ -110,3 +110,14 @@ def test_unusable_arguments_are_refused(tmp_path):
     with pytest.raises(InputError):
         simulate_file(tmp_path / "no.json", tmp_path / "part.h5")
     assert not list(tmp_path.iterdir())
+
+
+def test_neither_folders_nor_the_recipe_are_overwritten(tmp_path):
+    recipe = tmp_path / "part.truth.json"
+    recipe.write_text(json.dumps(DOCUMENT))
+    (tmp_path / "folder.h5").mkdir()
+    for out, match in (("part.truth.json", "overwrite"), ("part.h5", "overwrite"), ("folder.h5", "folder")):
+        with pytest.raises(OutputError, match=match):
+            simulate_file(recipe, tmp_path / out)
+    assert json.loads(recipe.read_text()) == DOCUMENT
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.h5", "part.truth.json"]

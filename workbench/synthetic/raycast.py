@@ -50,6 +50,7 @@ class Surface(NamedTuple):
     burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
     top: float  # greatest height
     relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
+    reserve: float  # F - reserve is a safe step too, from far off
 
 
 class Sensor(NamedTuple):
@@ -216,6 +217,16 @@ def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) 
 
 
 @njit(cache=True)
+def _step(s: Surface, f: float, slope: float, norm: float) -> float:
+    """How far to go on along a ray where F is f: by Newton, but never through a wall of a rough or burred part."""
+    if s.relax > 0.0 and abs(f) > 1e-3:
+        return max(s.relax * f, (f - s.reserve) / 1.05) / norm
+    if slope < -1e-12:
+        return -f / slope
+    return s.relax * 1e-4 / norm if s.relax > 0.0 else math.inf
+
+
+@njit(cache=True)
 def enter(
     s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float
 ) -> tuple[float, int, float, float, float]:
@@ -225,7 +236,7 @@ def enter(
     The face is NOTHING where it misses. A start inside the part counts as a hit at once.
     """
     lo, hi = _prism(s, near, o, d, lo, hi)
-    a = lo
+    a, norm = lo, math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     for _ in range(30 if s.relax == 0.0 else 400):
         if a > hi:
             break
@@ -235,16 +246,9 @@ def enter(
         fu /= unit
         slope = fu * (d[0] * tx + d[1] * ty) + fh * (d[0] * ty - d[1] * tx) + fz * d[2]
         if abs(f) < _ON_FACE_MM or (a == lo and f < 0.0):
-            steep = math.sqrt((fu * fu + fh * fh + fz * fz) * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
-            return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / steep
-        if s.relax > 0.0 and abs(f) > 1e-3:
-            a += s.relax * f
-        elif slope < -1e-12:
-            a -= f / slope
-        elif s.relax > 0.0:
-            a += s.relax * max(f, 1e-4)
-        else:
-            break
+            steep = math.sqrt(fu * fu + fh * fh + fz * fz)
+            return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / (steep * norm)
+        a += _step(s, f, slope, norm)
     return math.inf, NOTHING, 0.0, 0.0, 0.0
 
 

@@ -52,21 +52,28 @@ def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progr
     Both files appear whole or not at all. `progress` is told frames done and frames in all.
     InputError: the recipe is unusable. OutputError: the files cannot be written.
     """
-    return write_simulation(read_recipe(recipe_path), out_path, progress)
+    recipe = read_recipe(recipe_path)
+    if Path(recipe_path).resolve() in (Path(out_path).resolve(), truth_path(out_path).resolve()):
+        raise OutputError(str(out_path), "a name that does not overwrite the recipe")
+    return write_simulation(recipe, out_path, progress)
 
 
 def write_simulation(recipe: Recipe, out_path: str | Path, progress: Progress | None = None) -> Truth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
     beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
+    for path in (recording, truth_file):
+        if path.is_dir():
+            raise OutputError(str(path), "a file to write, but this is a folder")
     try:
         truth = _write_recording(recipe, beside[0], progress)
         text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
         beside[1].write_text(text, encoding="utf-8")
         beside[1].replace(truth_file)
         beside[0].replace(recording)
-    except OSError as error:
-        raise OutputError(str(out_path), f"a place to write the recording to ({error.strerror or error})") from error
+    except (OSError, RuntimeError) as error:  # HDF5 reports a full disk as either
+        cause = getattr(error, "strerror", None) or error
+        raise OutputError(str(out_path), f"a place to write the recording to ({cause})") from error
     finally:
         for path in beside:
             path.unlink(missing_ok=True)

@@ -42,6 +42,7 @@ def build_surface(part: Part, seed: int = 0) -> raycast.Surface:
         burrs=burrs,
         top=part.thickness_mm.highest + sum(b.height_mm for b in part.burrs),
         relax=_safe_step(rough, burrs),
+        reserve=float(2 * np.sum(rough[:, 0]) + np.sum(burrs[:, 3])),
     )
 
 

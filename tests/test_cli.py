@@ -108,6 +108,24 @@ def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline
     assert sorted(os.listdir(out / "superseded" / "2")) == ["inspection.json", "report.html", "run.json"]
 
 
+def test_failure_half_way_shows_the_stage_and_one_error_line(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    (tmp_path / "part.txt").write_text("")
+    got = command("run", pipeline, "--out", tmp_path / "out")
+    stage, error = got.err.splitlines()
+    assert (got.status, stage) == (2, "[1/5] demo.read")
+    assert error == f"error: {tmp_path / 'part.txt'}: expected at least one line"
+    assert not (tmp_path / "out").exists()
+
+
+def test_simulate_writes_recording_and_truth(command: Any, tmp_path: Path) -> None:
+    (tmp_path / "r.json").write_text(
+        '{"version": 1, "passes": [{"from_mm": 5, "to_mm": 6}], "part": {"length_mm": 40}, "scanner": {"columns": 50}}'
+    )
+    got = command("simulate", tmp_path / "r.json", "--out", tmp_path / "part.h5")
+    assert (got.status, got.out) == (0, f"recording: {tmp_path / 'part.h5'}\ntruth: {tmp_path / 'part.truth.json'}\n")
+    assert {"part.h5", "part.truth.json"} <= set(os.listdir(tmp_path))
+
+
 def test_name_out_of_a_file_cannot_forge_a_line(
     command: Any, pipeline: Path, demo_document: Doc, tmp_path: Path
 ) -> None:

@@ -158,10 +158,15 @@ def simulate(options: argparse.Namespace) -> int:
     from workbench.synthetic.simulate import simulate_file, truth_path
 
     lines = Lines(sys.stderr)
-    lines.begin(0, 1, "simulate")
+
+    def advance(done: int, count: int) -> None:
+        if not lines.label:  # the recipe is read and found good
+            lines.begin(0, 1, "simulate")
+        lines.fraction(done / count)
+
     try:
         with compilation_watch(lines):
-            simulate_file(options.recipe, options.out, lambda done, count: lines.fraction(done / count))
+            simulate_file(options.recipe, options.out, advance)
     finally:
         lines.close()
     printed(print, f"recording: {options.out}\ntruth: {truth_path(options.out)}")

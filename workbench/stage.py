@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import json
 import re
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,10 +17,11 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from workbench.errors import PipelineError, nearest
+from workbench.errors import PipelineError
+from workbench.parameters import check_parameters, parameter_model
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel, ValidationError
+    from pydantic import BaseModel
 
 
 class Role(Enum):
@@ -100,34 +100,21 @@ class Stage:
 
     @functools.cached_property
     def model(self) -> type[BaseModel]:
-        """The pydantic model of the parameters: strict types, no unknown keys, finite numbers, defaults checked too."""
-        from pydantic import ConfigDict, create_model
-
-        fields: dict[str, Any] = {}
-        for name, parameter in self._signature(inspect.Parameter.KEYWORD_ONLY):
-            if self.parameters[name] is not Role.PROGRESS:
-                fields[name] = (self.hints[name], ... if parameter.default is parameter.empty else parameter.default)
-        config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, validate_default=True, frozen=True)
-        return create_model(self.name, __config__=config, **fields)
+        """The pydantic model of the parameters."""
+        fields = {
+            name: (self.hints[name], ... if parameter.default is parameter.empty else parameter.default)
+            for name, parameter in self._signature(inspect.Parameter.KEYWORD_ONLY)
+            if self.parameters[name] is not Role.PROGRESS
+        }
+        return parameter_model(self.name, fields)
 
     def validate(self, given: Mapping[str, Any], where: str | None = None) -> dict[str, Any]:
-        """All parameters as the function takes them, defaults included; `where` is the place that messages name.
+        """All parameters as the function takes them, defaults included.
 
-        Values go through JSON whoever gives them, so that a notebook and a pipeline are checked alike.
+        Raises PipelineError at `where` (the stage's name if None) with the place inside, what was expected and the
+        nearest known name.
         """
-        from pydantic import ValidationError
-
-        where, known = where or self.name, self.model.model_fields
-        for key in given:
-            if key not in known:
-                raise PipelineError(f"{where}.{key}", f"{self.name} has no such parameter{nearest(key, known)}")
-        try:
-            model = self.model.model_validate_json(json.dumps(dict(given), default=jsonable))
-        except ValidationError as error:
-            raise _complaint(error, given, where) from None
-        except (TypeError, ValueError, RecursionError) as error:
-            raise PipelineError(where, f"a parameter is not a JSON value: {error}") from None
-        return {name: getattr(model, name) for name in known}
+        return check_parameters(self.model, given, where or self.name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run on artefacts (positional, or by name) with parameters by name."""
@@ -202,31 +189,3 @@ def _roles(hint: Any) -> Iterator[Role]:
     for part in get_args(hint):
         if get_origin(part) is not None:
             yield from _roles(part)
-
-
-def jsonable(value: Any) -> Any:
-    """What JSON lacks but a notebook passes: paths, numpy scalars and arrays."""
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no JSON form")
-
-
-def _complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
-    """The first thing that pydantic found, as place and expectation."""
-    first = error.errors(include_url=False)[0]
-    value: Any = given
-    for depth, key in enumerate(first["loc"]):
-        missing = first["type"] == "missing" and depth == len(first["loc"]) - 1
-        try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):
-            if depth and not missing:
-                break  # the tag of a union
-        where += f"[{key}]" if isinstance(key, int) else f".{key}"
-    if first["type"] == "missing":
-        return PipelineError(where, "is required, but missing")
-    text = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    shown = repr(first.get("input", value))
-    return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")

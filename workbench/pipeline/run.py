@@ -17,12 +17,13 @@ from typing import Any, TypeVar
 from workbench import __version__
 from workbench.artefacts import Gate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
+from workbench.parameters import jsonable
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.results import RUN_FILE, result_files, strict_json
 from workbench.pipeline.wiring import InputRecord, Plan, Step, plan
-from workbench.stage import Role, Source, jsonable
+from workbench.stage import Role, Source
 
 A = TypeVar("A")
 VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")

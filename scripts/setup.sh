@@ -46,15 +46,15 @@ missing_packages() {
 }
 
 install_packages() {
-    if [ "$(id -u)" = 0 ]; then as_root=
-    elif sudo -n true 2>/dev/null; then as_root='sudo -n'
-    else return 1
+    as_root='env DEBIAN_FRONTEND=noninteractive'
+    if [ "$(id -u)" != 0 ]; then
+        sudo -n true 2>/dev/null || return 1
+        as_root="sudo -n $as_root"
     fi
     command -v apt-get >/dev/null || return 1
     echo "setup: installing $*"
-    export DEBIAN_FRONTEND=noninteractive
     log=$(mktemp)
-    { $as_root apt-get update && $as_root apt-get install -y --no-install-recommends "$@"; } >"$log" 2>&1 </dev/null ||
+    { $as_root apt-get update; $as_root apt-get install -y --no-install-recommends "$@"; } >"$log" 2>&1 </dev/null ||
         { tail -n 5 "$log" >&2; rm -f "$log"; return 1; }
     rm -f "$log"
 }

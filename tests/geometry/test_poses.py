@@ -174,11 +174,12 @@ def test_inverse_undoes_a_pose() -> None:
 
 def improper() -> dict[str, Float]:
     good = poses.pose_from(poses.rotation_from_rpy(0.1, 0.2, 0.3), np.array([1.0, 2.0, 3.0]))
-    bad = {name: good.copy() for name in ("scaled", "mirrored", "sheared", "last row", "not finite")}
+    bad = {name: good.copy() for name in ("scaled", "mirrored", "sheared", "last row", "not finite", "huge")}
     bad["scaled"][:3, :3] *= 1.00001
     bad["mirrored"][:3, 0] *= -1
     bad["sheared"][0, 1] += 1e-5
     bad["last row"][3, 0] = 1e-3
+    bad["huge"][0, 0] = 1e200
     bad["not finite"][0, 3] = np.nan
     assert poses.is_rigid(good)
     return {**bad, "shape": good[:3]}

@@ -15,7 +15,7 @@ RIGID_TOLERANCE = 1e-6  # largest entry of R R^T - 1 that still counts as a rota
 
 def is_rigid(pose: Float, tolerance: float = RIGID_TOLERANCE) -> bool:
     """Whether `pose` (4, 4) is a proper rigid motion: orthonormal to `tolerance`, determinant +1, last row 0 0 0 1."""
-    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+    if pose.shape != (4, 4) or not np.isfinite(pose).all() or np.abs(pose[:3, :3]).max() > 2:  # squares may overflow
         return False
     rotation = pose[:3, :3]
     orthonormal = np.abs(rotation @ rotation.T - np.eye(3)).max() <= tolerance

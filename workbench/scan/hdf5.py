@@ -21,6 +21,7 @@ MAX_BYTES = 2**31  # a data set: 5e8 float32, three times the largest recording 
 MAX_RATIO = 1100  # a data set over MIN_BYTES in memory against the file; deflate reaches 1,032 at most
 MIN_BYTES = 2**24
 _BROKEN = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)  # h5py has no own class
+MAX_ENTRIES, MAX_ATTRIBUTE_BYTES = 16, 2**16
 MAX_HOPS = 16  # soft links followed one after another
 
 
@@ -79,9 +80,18 @@ def member(group: Any, path: str, hops: int = 0) -> Any | None:
 
 
 def attribute(holder: Any, name: str) -> Any | None:
-    """An attribute in Python's own types (an array of one entry counts as that entry); None if absent."""
+    """An attribute in Python's own types (an array of one entry counts as that entry); None if absent.
+
+    Its size is looked at first: HDF5 itself believes what a damaged header declares, and hangs or crashes.
+    """
+    import h5py
+
     if name not in holder.attrs:
         return None
+    low = h5py.h5a.open(holder.id, name.encode())
+    if low.get_space().get_simple_extent_npoints() > MAX_ENTRIES or low.get_storage_size() > MAX_ATTRIBUTE_BYTES:
+        place = f"{holder.file.filename}: {holder.name.rstrip('/')}/@{name}"
+        raise InputError(place, f"expected one value, found {low.get_storage_size()} bytes")
     value = holder.attrs[name]
     if isinstance(value, np.ndarray | np.generic):
         value = value.reshape(-1)[0] if np.size(value) == 1 else value

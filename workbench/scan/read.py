@@ -12,6 +12,7 @@ from workbench.scan.checks import checked
 from workbench.scan.digest import digesting
 from workbench.scan.hdf5 import opened, whole
 from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, text
+from workbench.scan.trial import survives
 from workbench.stage import InputFile, Progress, stage
 from workbench.units import AnyArray, Float32
 
@@ -37,25 +38,27 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
     """
     where = str(recording)
     with opened(recording) as file:
-        check_header(file, where)
-        sets = data_sets(file, where)
-        diameter_mm, clock = calibration(file, where)
-        values = {name: whole(sets[name], FIELDS[name].dtype) for name in sets if name not in ON_THE_GRID}
-        values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
-        values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
-        values = checked(where, values, diameter_mm is not None, clock)
+        if not survives(lambda: _tables(file, where)):
+            raise InputError(where, "expected a whole HDF5 file: its tables or texts are damaged")
+        sets, values, header = _tables(file, where)
         with digesting(recording) as digest:
             values |= _grid(sets, where, progress)
-        part_id = text(file, "part_id", f"{where}: /")
         sha256 = digest.result()
-    return Recording(
-        source=where,
-        **{name: frozen(array) for name, array in values.items()},
-        sphere_diameter_mm=diameter_mm,
-        clock=clock,
-        part_id=part_id,
-        sha256=sha256,
-    )
+    fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
+    return Recording(source=where, sha256=sha256, **fields, **header)
+
+
+def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray], dict[str, Any]]:
+    """All but the grid: data sets by field, checked times, passes and poses, and what the attributes say."""
+    check_header(file, where)
+    sets = data_sets(file, where)
+    diameter_mm, clock = calibration(file, where)
+    values = {name: whole(sets[name], FIELDS[name].dtype) for name in sets if name not in ON_THE_GRID}
+    values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
+    values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
+    values = checked(where, values, diameter_mm is not None, clock)
+    part_id = text(file, "part_id", f"{where}: /")
+    return sets, values, {"sphere_diameter_mm": diameter_mm, "clock": clock, "part_id": part_id}
 
 
 def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, AnyArray]:

@@ -1,0 +1,44 @@
+"""The forked trial tells a crash and an endless loop from what merely fails."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import InputError
+from workbench.scan import read, trial
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
+
+
+def test_results_and_exceptions_survive_a_crash_does_not() -> None:
+    assert trial.survives(lambda: 1)
+    assert trial.survives(lambda: 1 / 0)
+    assert not trial.survives(lambda: os.kill(os.getpid(), signal.SIGSEGV))
+
+
+def test_an_endless_loop_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    def endless() -> None:
+        while True:
+            pass
+
+    monkeypatch.setattr(trial, "CPU_SECONDS", 1)
+    assert not trial.survives(endless)
+
+
+def test_a_damaged_heap_of_texts_is_refused(build: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A heap object that claims to reach almost to 2^64: HDF5 adds it up past the end and never comes back."""
+    monkeypatch.setattr(trial, "CPU_SECONDS", 1)
+    path = build()
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    struct.pack_into("<Q", content, heap + 16 + 8, 2**64 - 16)  # size of the heap's first object
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read(recording=path)
+    assert str(caught.value).startswith(f"{path}: expected a whole HDF5 file")

@@ -77,6 +77,7 @@ def test_command_line_and_python_give_the_same_bytes(command: Any, pipeline: Pat
         ),
         (["run", "missing.json", "--out", "D"], "missing.json: cannot be read: No such file or directory"),
         (["run", "P", "--out", "P"], "p.json: is not a directory"),
+        (["run", "P", "--out", ""], "expected the name of a directory"),
         (["validate", "missing.json"], "missing.json: cannot be read"),
         (["stages", "demo.trun"], "did you mean 'demo.turn'?"),
         (["simulate", "missing.json", "--out", "D/x.h5"], "missing.json"),
@@ -192,6 +193,28 @@ def test_module_runs_and_closed_pipe_is_no_error(tmp_path: Path) -> None:
     command = f"{sys.executable} -m workbench schema | true; echo ${{PIPESTATUS[0]}}"
     got = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60, check=False)
     assert (got.stdout, got.stderr) == ("0\n", "")
+
+
+@pytest.mark.parametrize(
+    ("redirect", "status"),
+    [
+        ("2>/dev/full", 0),
+        (">&- 2>&-", 0),
+        ("--input x=1 2>/dev/full", 2),
+        ("--input x=1 >&- 2>&-", 2),
+        (">/dev/full", 2),
+    ],
+)
+def test_streams_that_cannot_be_written(tmp_path: Path, redirect: str, status: int) -> None:
+    """1 would mean that a gate has rejected the part."""
+    (tmp_path / "p.json").write_text('{"version": 1, "stages": [{"stage": "demo.quick"}]}')
+    code = SLEEPER.replace("demo.sleep", "demo.quick").replace("30", "0").replace("1:-1", "1:")
+    (tmp_path / "quick.py").write_text(code.replace("sys.argv[-1]", '"flag"'))
+    command = f"{sys.executable} quick.py run p.json --out out {redirect}"
+    got = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
+    assert got.returncode == status
+    assert "Traceback" not in got.stderr
+    assert (tmp_path / "out" / "a.txt").exists() == (status == 0)
 
 
 SLEEPER = """

@@ -7,6 +7,8 @@ arguments are unusable: one `error:` line on standard error. Only what the help 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -105,31 +107,32 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 
 def printed(write: Callable[..., None], *what: Any) -> None:
-    """Write to standard output; a reader that has gone away (`| head`) is no error."""
+    """Write to standard output; a reader that has gone away (`| head`) is no error, a full disk is."""
     try:
         write(*what)
         sys.stdout.flush()
-    except BrokenPipeError:
-        import os
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again at its end
+        if not isinstance(error, BrokenPipeError):
+            from workbench.errors import OutputError
 
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise OutputError("standard output", f"cannot be written: {error.strerror}") from None
 
 
 def set_aside(argv: list[str]) -> None:
     """After a run that failed: no earlier result may stand where a reader takes it for this run's."""
-    from pathlib import Path
-
     from workbench.errors import WorkbenchError, one_line
     from workbench.pipeline.output import OutputDirectory
 
     out = next((b for a, b in zip(argv, argv[1:], strict=False) if a == "--out"), None)  # noqa: RUF007
     out = out or next((text[6:] for text in argv if text.startswith("--out=")), None)
     try:
-        aside = OutputDirectory(Path(out)).supersede() if out and argv[0] == "run" else None
+        aside = OutputDirectory(out).supersede() if out and argv[0] == "run" else None
     except WorkbenchError:
         return  # not writable: the error line says so
     if aside:
-        print(one_line(f"note: the results of an earlier run were moved to {aside}"), file=sys.stderr)
+        with contextlib.suppress(OSError):
+            print(one_line(f"note: the results of an earlier run were moved to {aside}"), file=sys.stderr)
 
 
 def complain(error: Exception, traceback: bool) -> int:
@@ -142,7 +145,8 @@ def complain(error: Exception, traceback: bool) -> int:
         tracebacks.print_exception(error)
     known = isinstance(error, WorkbenchError)
     text = str(error) if known else f"internal: {type(error).__name__}: {error} (--traceback shows where)"
-    print(f"error: {one_line(text)}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody to tell: the exit status says it
+        print(f"error: {one_line(text)}", file=sys.stderr)
     return 2
 
 
@@ -174,12 +178,19 @@ def interruptibly(action: Callable[[argparse.Namespace], int], options: argparse
             signal.signal(number, handler)
 
 
+def prepare_streams() -> None:
+    """Closed streams lead nowhere; a terminal without ± or ° gets them in ASCII."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 (for as long as the process lives)
+        if hasattr(getattr(sys, name), "reconfigure"):
+            getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns the exit status."""
     argv = sys.argv[1:] if argv is None else argv
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # a terminal without ± or ° gets them in ASCII
+    prepare_streams()
     try:
         options = parse(argv, COMMANDS)
         return interruptibly(COMMANDS[options.command], options) if options.command else without_command(options)

@@ -37,8 +37,10 @@ SUPERSEDED = "superseded"
 class OutputDirectory:
     """Where one run's results go. Every failure is an OutputError that names the directory."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        if not str(path):
+            raise OutputError("''", "expected the name of a directory ('.' for this one)")
+        self.path = Path(path)
 
     def check(self) -> None:
         """Before long work: is it a directory that takes files, or a place where one can be made?"""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 
@@ -57,8 +57,9 @@ class Lines(Reporter):
             self._show("\n")
 
     def _show(self, text: str) -> None:
-        self.stream.write(text)
-        self.stream.flush()
+        with suppress(OSError):  # a run does not fail because nobody can watch it
+            self.stream.write(text)
+            self.stream.flush()
 
 
 @contextmanager

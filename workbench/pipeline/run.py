@@ -105,7 +105,7 @@ class Pipeline:
         WorkbenchError for anything unusable outside the program.
         """
         checked = self.plan(inputs, settings)
-        target = OutputDirectory(Path(out)) if out is not None else None
+        target = OutputDirectory(out) if out is not None else None
         if target:
             target.check()
         results = run_plan(checked, reporter or Reporter())

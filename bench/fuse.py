@@ -30,7 +30,7 @@ Row = tuple[str, float, float, float]
 
 
 def fusing(million_points: int) -> Row:
-    """`grids.fuse`, in place, against `np.copyto`: 8 bytes read and 12 written a point, so a copy of 10 bytes a point."""
+    """`grids.fuse`, in place, against `np.copyto`: 8 bytes read and 12 written a point, so a copy of 10 a point."""
     x, z = grid(million_points)
     poses = np.repeat(np.eye(4)[None], len(x), axis=0)
     poses[:, 1, 3] = np.arange(len(x)) * 0.1

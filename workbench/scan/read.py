@@ -37,12 +37,11 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
         InputError: not such a file, or not a whole one, with the place in it (data set, row) and what was expected.
     """
     where = str(recording)
-    with opened(recording) as file:
+    with opened(recording) as file, digesting(recording) as digest:
         if not survives(lambda: _tables(file, where)):
             raise InputError(where, "expected a whole HDF5 file: its tables or texts are damaged")
         sets, values, header = _tables(file, where)
-        with digesting(recording) as digest:
-            values |= _grid(sets, where, progress)
+        values |= _grid(sets, where, progress)
         sha256 = digest.result()
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
     return Recording(source=where, sha256=sha256, **fields, **header)

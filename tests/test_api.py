@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import workbench
-from workbench import Pipeline, api
+from workbench import Pipeline, api, artefacts
 from workbench.artefacts import Inspection
 from workbench.errors import PipelineError
 from workbench.pipeline.results import inspection_document, strict_json
@@ -20,6 +20,10 @@ RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
 def test_api_offers_what_it_names() -> None:
     assert sorted(api.__all__) == list(api.__all__)
     assert all(hasattr(api, name) for name in api.__all__)
+    made_here = [
+        name for name, kind in vars(artefacts).items() if getattr(kind, "__module__", "") == artefacts.__name__
+    ]
+    assert set(made_here) <= set(api.__all__)
     with pytest.raises(AttributeError, match="no attribute 'Piepline'"):
         _ = workbench.Piepline
 

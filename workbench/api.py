@@ -8,6 +8,7 @@ from workbench.artefacts import (
     Cloud,
     Document,
     Edge,
+    EdgeFrames,
     EdgeProfile,
     Gate,
     HandEye,
@@ -20,13 +21,16 @@ from workbench.artefacts import (
     frozen,
 )
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError
+from workbench.geometry.faces import FaceLines
 from workbench.stage import InputFile, Progress, Seed, stage
 
 __all__ = [
     "Cloud",
     "Document",
     "Edge",
+    "EdgeFrames",
     "EdgeProfile",
+    "FaceLines",
     "Gate",
     "HandEye",
     "InputError",

@@ -1,0 +1,34 @@
+"""docs/pipelines.md: what it shows is valid, and its plug-in is one."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from workbench import Pipeline
+from workbench.pipeline.document import KEYS
+from workbench.stage import REGISTRY
+
+DOCS = Path(__file__).parents[2] / "docs"
+MANUAL = (DOCS / "pipelines.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("text", re.findall(r"```json\n(.*?)```", MANUAL, re.DOTALL))
+def test_pipelines_shown_are_valid(text: str) -> None:
+    assert Pipeline(json.loads(text), base_dir=DOCS).plan().steps
+
+
+def test_plugin_shown_is_a_stage() -> None:
+    [text] = [block for block in re.findall(r"```python\n(.*?)```", MANUAL, re.DOTALL) if "@stage" in block]
+    try:
+        exec(compile(text, "manual", "exec"), {"__name__": "plate_plugin"})
+        stage = REGISTRY["plate.count"]
+        assert [source.name for source in stage.sources] == ["cloud"]
+        assert stage.validate({}) == {"share": 1.0}
+    finally:
+        REGISTRY.pop("plate.count", None)
+
+
+def test_every_key_of_the_document_is_explained() -> None:
+    assert all(f"| `{key}` |" in MANUAL for key in KEYS)

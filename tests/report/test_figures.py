@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from workbench.report import along, plan
 from workbench.report.deviations import deviations, laid_out
 from workbench.report.drawing import section_drawings
-from workbench.report.page import decision_rule, set_aside
+from workbench.report.tables import decision_rule, set_aside
 
 
 @pytest.fixture

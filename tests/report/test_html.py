@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import io
+import json
 import re
 from html.parser import HTMLParser
 
@@ -16,6 +17,7 @@ from workbench.errors import InputError, PipelineError
 from workbench.report import html
 from workbench.report.rendering import Pictures, Rendering
 from workbench.report.scene import views
+from workbench.report.tables import one_line_a_stage
 
 HOSTILE = '<script>alert("x")</script>\n& {{ 7*7 }} ../../etc'
 
@@ -129,6 +131,13 @@ def test_inputs_are_not_changed(small, provenance, quick):
         np.testing.assert_array_equal(one, other)
 
 
+def test_the_pipeline_is_shown_whole():
+    pipeline = {"version": 1, "inputs": {"a": None}, "stages": [{"stage": "x.y", "k": [1, 2]}, {"stage": "é"}]}
+    shown = one_line_a_stage(pipeline)
+    assert json.loads(shown) == pipeline
+    assert '    {"stage": "é"}' in shown.splitlines()
+
+
 def test_without_provenance_it_says_so(part, quick):
     p = part(frames=60, columns=60, part_id=None)
     text = Elements(html(p.cloud, p.edge, p.inspection).content.decode()).text
@@ -136,13 +145,20 @@ def test_without_provenance_it_says_so(part, quick):
     assert "not recorded" in text
 
 
-@pytest.mark.parametrize("variant", ["one section", "no gap", "two passes"])
+@pytest.mark.parametrize("variant", ["one section", "no gap", "two passes", "one station", "frames without edge"])
 def test_unusual_parts_are_reported_too(part, variant, quick):
     p = part(frames=80, columns=80, clamp=(-2.0, -1.0), sections=1 if variant == "one section" else 9)
     cloud, edge, inspection = p.cloud, p.edge, p.inspection
     if variant == "two passes":
         cloud = dataclasses.replace(cloud, pass_index=np.repeat([0, 1], 40))
         edge = dataclasses.replace(edge, frame_arc_length_mm=np.r_[edge.frame_arc_length_mm[:40], np.full(40, np.nan)])
+    if variant == "one station":
+        position = np.full_like(edge.position_mm, np.nan)
+        position[50] = edge.position_mm[50]
+        edge = dataclasses.replace(edge, position_mm=position, seen=np.arange(len(position)) == 50)
+    if variant == "frames without edge":
+        nothing = np.full(80, np.nan)
+        edge = dataclasses.replace(edge, frame_arc_length_mm=nothing, labels=np.zeros_like(edge.labels))
     assert b"</html>" in html(cloud, edge, inspection).content
 
 
@@ -157,6 +173,12 @@ def test_a_part_that_is_hidden_in_all_sections_is_drawn(part):
 def test_no_sections_is_refused(small):
     with pytest.raises(InputError, match="at least one section"):
         html(small.cloud, small.edge, dataclasses.replace(small.inspection, sections=()))
+
+
+def test_an_edge_of_which_nothing_was_measured_is_refused(small):
+    edge = dataclasses.replace(small.edge, position_mm=np.full_like(small.edge.position_mm, np.nan))
+    with pytest.raises(InputError, match="something was measured"):
+        html(small.cloud, edge, small.inspection)
 
 
 def test_a_wrong_parameter_is_refused(small):

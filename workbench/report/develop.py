@@ -21,7 +21,7 @@ FOOT_STEPS = 3  # Newton steps to the foot point: each divides its error by the 
 def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
     """(n, 3) arc length s, u (outward) and v (from the lower to the upper side), mm, of base positions (n, 3).
 
-    `start_mm` (n,): arc length near each point, where the search for its foot point starts.
+    `start_mm` (n,): arc length near each point, where the search for its foot point starts; NaN gives NaN.
     """
     arc_length = start_mm
     for _ in range(FOOT_STEPS):
@@ -55,6 +55,8 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     stations = edge.arc_length_mm[measured]
     inside = np.clip(arc_length, stations[0], stations[-1])
     beyond = (arc_length - inside)[:, None] * _at(inside, edge, edge.tangent)
+    if len(stations) == 1:
+        return edge.position_mm[measured] + beyond
     curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
     on_curve: Float = curve(inside) + beyond
     return on_curve

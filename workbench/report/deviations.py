@@ -30,9 +30,9 @@ def laid_out(cloud: Cloud, edge: Edge, section: Section, budget: int) -> LaidOut
     """About `budget` points of the frames that a section rests on."""
     points = of_section(cloud, edge, section, budget)
     start = frame_arc_length_mm(cloud, edge)[points.frame]
-    known = np.isfinite(start)
-    points = points.where(known)
-    return LaidOut(section, in_section(points.position_mm, start[known], edge, section), points.label)
+    uv = in_section(points.position_mm, start, edge, section)
+    known = np.isfinite(uv).all(axis=1)
+    return LaidOut(section, uv[known], points.label[known])
 
 
 def deviations(drawn: LaidOut) -> tuple[Float, Float, AnyArray] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Document, Edge, Inspection, Provenance
@@ -41,6 +42,8 @@ def html(
 
     if not inspection.sections:
         raise InputError(cloud.source or "inspection", "expected at least one section to report")
+    if not np.isfinite(edge.position_mm).all(axis=1).any():
+        raise InputError(cloud.source or "edge", "expected an edge of which something was measured")
     rendering = Rendering(views(cloud, edge, inspection, points))  # draws while the charts are made
     sections = section_drawings(cloud, edge, inspection)
     root, angle = root_chart(edge, inspection), angle_chart(edge, inspection)

@@ -1,0 +1,130 @@
+"""What stands in the report's tables and sentences, as text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from workbench.artefacts import Cloud, Edge, Inspection
+from workbench.errors import one_line
+from workbench.report.along import hidden_stretches
+from workbench.report.plan import Plan
+from workbench.report.values import alike, decimals, measured, span
+from workbench.units import Float
+
+
+def facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:
+    """What the report is about: name and value."""
+    frames, columns = cloud.x_mm.shape
+    passes = len(np.unique(cloud.pass_index))
+    yield "Recording", one_line(PurePath(cloud.source).name) or "not named"
+    yield "Date of recording", "not stated in the recording"
+    yield "Scan", f"{frames:,} frames × {columns:,} columns, {passes} pass{'es' if passes > 1 else ''}"
+    yield "Points kept", f"{np.count_nonzero(cloud.keep):,}"
+    yield "Edge", f"{np.ptp(edge.arc_length_mm):.1f} mm long, {100.0 * np.mean(edge.seen):.0f} % of it seen"
+    yield "Kind of edge", edge.kind
+
+
+def summary(inspection: Inspection) -> list[tuple[str, ...]]:
+    """A row a characteristic: name, nominal, limits, lowest and highest section, range over the whole edge."""
+    required, profile, sections = inspection.requirements, inspection.profile, inspection.sections
+    root_u, bevel_u = [s.root_u_mm for s in sections], [s.bevel_u_deg for s in sections]
+    root = [s.root_mm for s in sections if s.root_mm is not None]
+    bevel = [s.bevel_deg for s in sections if s.bevel_deg is not None]
+    rows = (
+        ("Root size", " mm", required.root_nominal_mm, required.root_tolerance_mm, root, root_u, profile.root_mm),
+        (
+            "Bevel angle",
+            "°",
+            required.bevel_nominal_deg,
+            required.bevel_tolerance_deg,
+            bevel,
+            bevel_u,
+            profile.bevel_deg,
+        ),
+    )
+    table = []
+    for name, unit, nominal, (lower, upper), values, u, along in rows:
+        places = decimals(u)
+        ends = [f"{end(values):.{places}f}{unit}" if values else "–" for end in (min, max)]
+        low, middle, high = alike(nominal + lower, nominal, nominal + upper)
+        table.append((name, f"{middle}{unit}", f"{low} to {high}{unit}", *ends, span(along, places, unit)))
+    return table
+
+
+def section_rows(inspection: Inspection) -> list[dict[str, Any]]:
+    """A row a section, values with their expanded uncertainties."""
+    root = decimals(s.root_u_mm for s in inspection.sections)
+    bevel = decimals(s.bevel_u_deg for s in inspection.sections)
+    return [
+        {
+            "index": s.index,
+            "arc_length_mm": s.arc_length_mm,
+            "root": measured(s.root_mm, s.root_u_mm, root),
+            "bevel": measured(s.bevel_deg, s.bevel_u_deg, bevel),
+            "verdict": s.verdict,
+            "reason": s.reason,
+        }
+        for s in inspection.sections
+    ]
+
+
+def decision_rule(guard_factor: float) -> str:
+    """The decision rule of ISO 14253-1 in words, with the risk that its guard band leaves."""
+    risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
+    return (
+        f"Decision rule (ISO 14253-1): with the guard band g = {guard_factor:g} u, u being the standard uncertainty, a "
+        "value passes if it lies inside its limits by at least g, fails if it lies outside by at least g, and is "
+        f"undecided otherwise. A value accepted or rejected exactly g from a limit is so wrongly with a probability of "
+        f"{risk:.2g} %. A section or the part fails if any characteristic fails, and passes if all pass. The verdict "
+        "rests on the sections; values along the whole edge are for information."
+    )
+
+
+def set_aside(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str, str]]:
+    """Rejected points by cause, hidden stretches and burrs: what, how much, where."""
+    returns = int(np.count_nonzero(cloud.keep)) + sum(cloud.rejected.values())
+    for cause, count in sorted(cloud.rejected.items()):
+        yield (
+            f"Rejected: {one_line(cause)}",
+            f"{count:,} points",
+            f"{100.0 * count / max(1, returns):.3f} % of all returns",
+        )
+    hidden = hidden_stretches(edge)
+    total = sum(end - start for start, end in hidden)
+    yield "Hidden stretches", f"{total:.1f} mm", "; ".join(f"{a:.1f} to {b:.1f} mm" for a, b in hidden) or "none"
+    burrs = edge.arc_length_mm[edge.burr_stations]
+    yield "Burrs", f"{len(burrs)} stations", ", ".join(_runs(burrs)) or "none"
+
+
+def _runs(arc_length_mm: Float) -> Iterator[str]:
+    """Arc lengths in mm as runs of neighbours: '31 to 32 mm'."""
+    for run in np.split(arc_length_mm, np.flatnonzero(np.diff(arc_length_mm) > 2.0) + 1):
+        if len(run):
+            yield f"{run[0]:.0f} mm" if len(run) == 1 else f"{run[0]:.0f} to {run[-1]:.0f} mm"
+
+
+def plan_note(plan: Plan) -> str:
+    """What the plan view leaves out."""
+    searched = "All frames" if plan.every_frame == 1 else f"One frame in {plan.every_frame}"
+    beyond = f"; {plan.outside:,} rejected points lie outside the picture" if plan.outside else ""
+    return f"{searched} searched{beyond}."
+
+
+def one_line_a_stage(pipeline: Mapping[str, Any]) -> str:
+    """A pipeline as JSON that is still JSON, laid out to be read: a line for each stage and each other key."""
+
+    def compact(value: Any) -> str:
+        return json.dumps(value, default=str, ensure_ascii=False)
+
+    lines = []
+    for key, value in pipeline.items():
+        several = key == "stages" and isinstance(value, Sequence)
+        shown = "[\n    " + ",\n    ".join(map(compact, value)) + "\n  ]" if several else compact(value)
+        lines.append(f"  {compact(key)}: {shown}")
+    return "{\n" + ",\n".join(lines) + "\n}"

@@ -14,7 +14,7 @@ from workbench.report.colours import FACES, INK, REJECTED
 from workbench.report.develop import developed
 from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
 from workbench.report.sample import Points, frame_arc_length_mm, overview, rejected
-from workbench.units import Bool, Float, Int
+from workbench.units import Float, Int
 
 SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for rejects; points drawn of each sort
 MARGIN_MM = 3.0  # shown beyond the faces
@@ -74,5 +74,5 @@ def _laid_out(points: Points, cloud: Cloud, edge: Edge) -> tuple[Points, Float]:
     """The points and their (n, 3) s, u, v; those of passes that never saw the edge are left out."""
     start = frame_arc_length_mm(cloud, edge)[points.frame]
     laid_out = developed(points.position_mm, start, edge)
-    known: Bool = np.isfinite(laid_out).all(axis=1)
+    known = np.isfinite(laid_out[:, 0])  # an unknown start makes all three unknown
     return points.where(known), laid_out[known]

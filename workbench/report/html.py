@@ -20,7 +20,9 @@ def html(
     inspection: Inspection,
     provenance: Provenance | None = None,
     *,
-    points: Annotated[int, Field(ge=10_000, le=1_000_000)] = 300_000,
+    points: Annotated[
+        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
+    ] = 300_000,
 ) -> Document:
     """The inspection as a self-contained page, `report.html`: verdict, drawings, charts, tables, provenance.
 
@@ -30,7 +32,12 @@ def html(
     offscreen in a process of its own, and in a simpler manner where VTK cannot start (the page then says why).
     Needs no network to open; the same input gives the same page but for the pixels of the views in space.
 
-    points: about how many points a view in space shows at most; the cloud itself is never copied.
+    Args:
+        cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.
+        edge: its faces, and the lower edge along which everything is laid out.
+        inspection: what was measured, required and decided.
+        provenance: inputs, versions, pipeline and seed; the runner supplies it, without it the page says so.
+        points: about how many points a view in space shows at most.
     """
     # Matplotlib and jinja2 cost time to import: only where a report is made.
     from workbench.report.along import angle_chart, root_chart

@@ -48,3 +48,15 @@ def test_a_function_that_is_named_exists(page, name):
 @pytest.mark.parametrize(("page", "target"), found(MAKE))
 def test_a_make_target_that_is_named_exists(page, target):
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), f"{page.name} names make {target}"
+
+
+def test_the_recording_written_by_its_page_is_read(tmp_path, monkeypatch):
+    from workbench.scan import fuse, read
+
+    (block,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "docs/recording.md").read_text(), re.MULTILINE | re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(block, {})
+    cloud = fuse(read(recording=tmp_path / "flat.h5"))
+    points_mm = cloud.base_from_profiler @ [0.0, 0.0, 150.0, 1.0]
+    assert points_mm[:, 2] == pytest.approx(750.0)  # the scanner looks down: 150 mm below the flange
+    assert points_mm[[0, -1], 1] == pytest.approx([-50.0, 50.0])

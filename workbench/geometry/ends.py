@@ -21,8 +21,10 @@ STRAY = 0.01  # probability that a frame's last return tells nothing about the e
 MISSES = 6  # columns of the face that may have gone without return at its end
 KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter than this go unseen, longer ones may hide
 #                                in the column step of frames that all cut the face at one phase
+SHARP = 0.5  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
+BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
 PRICE = 3.0  # of a parameter, between the criteria of Akaike (2) and Schwarz (log n): intervals are easily overfitted
 OVER_RELAX = 1.7
 CHOICE_FRAMES = 4000  # the knot distance is chosen on this many neighbouring frames
@@ -52,16 +54,20 @@ class SmoothEnd:
 
 
 def fit_end(ends: Ends) -> SmoothEnd:
-    """The most likely smooth end; the knot distance is the one of least price."""
+    """The most likely smooth end, with knots as far apart as the frames allow.
+
+    A curve that keeps to the middle of the column steps seems likelier than the true one, which must touch their limits:
+    by `slack` in all, for noise blurs the limits. Only what a finer curve gains beyond that speaks for it.
+    """
     middle = max(0, (ends.s.size - CHOICE_FRAMES) // 2)
     sample = ends.part(slice(middle, middle + CHOICE_FRAMES))
-    best, best_score = KNOTS_MM[0], math.inf
-    for distance in KNOTS_MM:
-        spline, log_likelihood = _most_likely(sample, distance)
-        score = PRICE * len(spline.c) - 2.0 * log_likelihood
-        if score < best_score:
-            best, best_score = distance, score
-    return SmoothEnd(_most_likely(ends, best)[0], best)
+    silhouette = sample.step > 0
+    slack = BOUNDARY_LOSS * float((sample.sigma[silhouette] / sample.step[silhouette]).sum())
+    fits = [(_most_likely(sample, distance), distance) for distance in KNOTS_MM]
+    best = max(found for (_, found), _ in fits)
+    price = [PRICE * len(spline.c) - 2.0 * min(found, best - slack) for (spline, found), _ in fits]
+    distance = KNOTS_MM[int(np.argmin(price))]
+    return SmoothEnd(_most_likely(ends, distance)[0], distance)
 
 
 def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:
@@ -77,7 +83,7 @@ def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:
     weight = 1.0 / (ends.sigma**2 + ends.step**2 / 12.0 + 1e-8)
     coefficients = _solve(piece, basis, ends.low + 0.5 * ends.step, weight, pieces)
     for part in SCATTER_PARTS:
-        scatter = np.hypot(ends.sigma, ends.step * part) + 1e-6
+        scatter = np.hypot(SHARP * ends.sigma, ends.step * part) + 1e-6
         for _ in range(EM_STEPS):
             now = _value(piece, basis, coefficients)
             target, weight, found = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)
@@ -204,11 +210,12 @@ def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> t
         noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
         share = min(1.0, noise / max(spread, 1e-12))
         low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
-        sigma[mine] *= math.sqrt(max(1.0 - share, 2.25 / SETTLE_FRAMES))
+        sigma[mine] *= math.sqrt(max(1.0 - share, SHARED_NOISE))
     return low, sigma
 
 
 SETTLE_FRAMES = 15
+SHARED_NOISE = 0.6  # of the variance: little is left, but neighbouring frames share it, and the likelihood knows no sharing
 
 
 @njit(cache=True, nogil=True)

@@ -32,7 +32,7 @@ lint: setup
 	@$(BIN)/python scripts/check_repository.py
 
 metrology: setup
-	@$(BIN)/python -m tests.metrology
+	@$(BIN)/python -m bench.metrology
 
 bench: setup
 	@$(BIN)/python -m bench

@@ -40,7 +40,6 @@ class Recording:
     sphere_diameter_mm: float | None = None  # set: a calibration recording
     clock: Literal["robot", "own"] = "robot"
     part_id: str | None = None  # free text out of the file: data, never a path
-    sha256: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import platform
 import time
@@ -18,11 +17,12 @@ from workbench import __version__
 from workbench.artefacts import Gate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
+from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.results import RUN_FILE, result_files, strict_json
-from workbench.pipeline.wiring import InputRecord, Plan, Step, plan
+from workbench.pipeline.wiring import Plan, Step, plan
 from workbench.stage import Role, Source
 
 A = TypeVar("A")
@@ -117,16 +117,19 @@ class Pipeline:
 def run_plan(checked: Plan, reporter: Reporter) -> Results:
     """Run the steps in order, in memory."""
     results = Results(warnings=list(checked.warnings))
-    with compilation_watch(reporter):
+    records = [record for step in checked.steps for record in step.files]
+    with compilation_watch(reporter), digesting(records) as digests:
         for i, step in enumerate(checked.steps):
             reporter.begin(i, len(checked.steps), step.id)
             start = time.perf_counter()
+            if any(issubclass(source.type, Provenance) for source in step.stage.sources):
+                results.inputs = digests.all()
             made = _run_step(step, checked, results, reporter)
             results.seconds[step.id] = time.perf_counter() - start
             results.artefacts[step.id] = made
-            results.inputs += [item for item in _digests(step, made) if item not in results.inputs]
             results.warnings += [note for one in made for note in getattr(one, "warnings", ())]
             reporter.end(results.seconds[step.id])
+        results.inputs = digests.all()
     results.warnings = list(dict.fromkeys(results.warnings))
     return results
 
@@ -164,21 +167,6 @@ def _one_line_errors(step: Step, checked: Plan) -> Iterator[None]:
     except Exception as error:
         why = f"failed inside: {type(error).__name__}: {error} (--traceback shows where)"
         raise PipelineError(where, why) from error
-
-
-def _digests(step: Step, made: tuple[Any, ...]) -> Iterator[tuple[str, str, str]]:
-    """SHA-256 of the files a step has read; a reader that has hashed its file already is not repeated."""
-    known = next((digest for one in made if (digest := getattr(one, "sha256", None))), None)
-    for record in step.files:
-        yield record.name, record.given, known if known and len(step.files) == 1 else _sha256(record)
-
-
-def _sha256(record: InputRecord) -> str:
-    try:
-        with open(record.path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(record.given, f"cannot be read any more: {error.strerror}") from None
 
 
 def provenance(checked: Plan, results: Results) -> Provenance:

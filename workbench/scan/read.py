@@ -9,7 +9,6 @@ import numpy as np
 from workbench.artefacts import Recording, frozen
 from workbench.errors import InputError
 from workbench.scan.checks import checked
-from workbench.scan.digest import digesting
 from workbench.scan.hdf5 import opened, whole
 from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, text
 from workbench.scan.trial import survives
@@ -25,9 +24,8 @@ ON_THE_GRID = ("x_mm", "z_mm", "intensity")
 def read(*, recording: InputFile, progress: Progress = None) -> Recording:
     """Read a profile recording: laser profiles (frame x column, mm) and robot poses, each with its time in s.
 
-    The grid is read in blocks of frames straight into place and checked while in the cache; the file's SHA-256 is taken
-    meanwhile. Quaternions within 1e-3 of unit length are normalised. Anything else that the format does not allow is
-    refused, none of it repaired.
+    The grid is read in blocks of frames straight into place and checked while in the cache. Quaternions within 1e-3 of
+    unit length are normalised. Anything else that the format does not allow is refused, none of it repaired.
 
     Args:
         recording: the HDF5 file, `format = "profile-recording"`, version 1.
@@ -37,14 +35,13 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
         InputError: not such a file, or not a whole one, with the place in it (data set, row) and what was expected.
     """
     where = str(recording)
-    with opened(recording) as file, digesting(recording) as digest:
+    with opened(recording) as file:
         if not survives(lambda: _tables(file, where)):
             raise InputError(where, "expected a whole HDF5 file: its tables or texts are damaged")
         sets, values, header = _tables(file, where)
         values |= _grid(sets, where, progress)
-        sha256 = digest.result()
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
-    return Recording(source=where, sha256=sha256, **fields, **header)
+    return Recording(source=where, **fields, **header)
 
 
 def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray], dict[str, Any]]:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud
 from workbench.geometry.chains import noise_sigma
-from workbench.geometry.outliers import isolated, short_runs
+from workbench.geometry.outliers import reject_outliers
 from workbench.stage import stage
 
 SAMPLE_FRAMES = 60  # frames that the noise is judged from
@@ -23,7 +23,8 @@ def denoise(
     *,
     window_frames: Annotated[int, Field(ge=3, le=31, description="count of frames compared with each other")] = 5,
     tolerance_mm: Annotated[
-        float | None, Field(gt=0, le=5, description="how far off its neighbours' line a return may lie; null: from the noise")
+        float | None,
+        Field(gt=0, le=5, description="how far off its neighbours' line a return may lie; null: from the noise"),
     ] = None,
     jump_mm: Annotated[
         float, Field(gt=0, le=20, description="range step between neighbouring columns above which a surface ends")
@@ -43,17 +44,10 @@ def denoise(
         jump_mm: range step a column above which a surface ends.
     """
     tolerance = tolerance_mm if tolerance_mm is not None else max(0.06, NOISE_SIGMAS * range_noise(cloud))
-    alone = np.zeros(cloud.keep.shape, bool)
-    isolated(cloud.z_mm, cloud.keep, tolerance, window_frames, alone)
-    keep = cloud.keep & ~alone
-    streaks = np.zeros(cloud.keep.shape, bool)
-    short_runs(cloud.z_mm, keep, jump_mm, streaks)
-    keep &= ~streaks
-    rejected = {
-        **cloud.rejected,
-        "isolated returns": int(np.count_nonzero(alone)),
-        "short streaks": int(np.count_nonzero(streaks)),
-    }
+    keep, isolated, streaks = reject_outliers(
+        cloud.z_mm, cloud.keep, cloud.pass_index, tolerance, window_frames, jump_mm
+    )
+    rejected = {**cloud.rejected, "isolated returns": isolated, "short streaks": streaks}
     return replace(cloud, keep=keep, rejected=rejected)
 
 

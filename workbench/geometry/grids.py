@@ -5,9 +5,12 @@ Compiled at first use and cached beside this file. NaN (no return) goes through 
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit, prange
+from functools import partial
 
+import numpy as np
+from numba import njit
+
+from workbench.geometry.blocks import as_input, over_blocks
 from workbench.units import AnyArray, Bool, Float, Float32
 
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
@@ -37,18 +40,18 @@ def fuse(
         raise ValueError("out is (N, M, 3), float32")
     # x and z axes and the offset of each frame's plane, in (N, 3, 3); the subtraction happens in float64
     planes = base_from_profiler[:, :3, [0, 2, 3]] - np.outer(origin_mm, (0.0, 0.0, 1.0))
-    _fuse(x_mm, z_mm, planes.astype(np.float32), points)
+    kernel = partial(_fuse, as_input(x_mm), as_input(z_mm), as_input(planes.astype(np.float32)), points)
+    over_blocks(kernel, x_mm.shape)
     return points
 
 
-@njit(parallel=True, nogil=True, cache=True, error_model="numpy")
-def _fuse(x: Float32, z: Float32, planes: Float32, out: Float32) -> None:
-    frames, columns = x.shape
-    for i in prange(frames):
+@njit(nogil=True, cache=True)
+def _fuse(x: Float32, z: Float32, planes: Float32, out: Float32, first: int, last: int) -> None:
+    for i in range(first, last):
         ax, bx, cx = planes[i, 0, 0], planes[i, 0, 1], planes[i, 0, 2]
         ay, by, cy = planes[i, 1, 0], planes[i, 1, 1], planes[i, 1, 2]
         az, bz, cz = planes[i, 2, 0], planes[i, 2, 1], planes[i, 2, 2]
-        for j in range(columns):
+        for j in range(x.shape[1]):
             u, w = x[i, j], z[i, j]
             out[i, j, 0] = ax * u + bx * w + cx
             out[i, j, 1] = ay * u + by * w + cy
@@ -58,16 +61,19 @@ def _fuse(x: Float32, z: Float32, planes: Float32, out: Float32) -> None:
 def returns(x_mm: Float32, z_mm: Float32) -> Bool:
     """(N, M) where something came back: x and z both finite."""
     keep = np.empty(x_mm.shape, np.bool_)
-    _returns(x_mm.view(np.int32), z_mm.view(np.int32), keep)
+    over_blocks(partial(_returns, _bits(x_mm), _bits(z_mm), keep), keep.shape)
     return keep
 
 
-@njit(parallel=True, nogil=True, cache=True)
-def _returns(x_bits: AnyArray, z_bits: AnyArray, keep: Bool) -> None:
-    frames, columns = keep.shape
-    for i in prange(frames):
-        for j in range(columns):
+@njit(nogil=True, cache=True)
+def _returns(x_bits: AnyArray, z_bits: AnyArray, keep: Bool, first: int, last: int) -> None:
+    for i in range(first, last):
+        for j in range(keep.shape[1]):
             keep[i, j] = ((x_bits[i, j] & _MAGNITUDE) < _EXPONENT) & ((z_bits[i, j] & _MAGNITUDE) < _EXPONENT)
+
+
+def _bits(values_mm: Float32) -> AnyArray:
+    return as_input(values_mm).view(np.int32)
 
 
 def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
@@ -76,7 +82,7 @@ def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
     One pass over integers: meant for a block that is still in the cache.
     """
     limit = np.float32(limit_mm).view(np.int32)  # magnitudes of floats order as their bits do
-    finite, beyond = _census(x_mm.view(np.int32).ravel(), z_mm.view(np.int32).ravel(), limit)
+    finite, beyond = _census(_bits(x_mm).ravel(), _bits(z_mm).ravel(), limit)
     return int(finite), int(beyond)
 
 

@@ -2,95 +2,144 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit, prange
+from functools import partial
 
-from workbench.units import AnyArray, Bool, Float32
+import numpy as np
+from numba import njit
+
+from workbench.geometry.blocks import as_input, over_blocks
+from workbench.units import Bool, Float32, Int
 
 REACH_COLUMNS = 4  # a neighbour may be this many columns away: returns go missing
 SHORT_RUN = 4  # a run of fewer returns than this, far from both neighbours, is no surface
 
 
+def reject_outliers(
+    z_mm: Float32, keep: Bool, pass_index: Int, tolerance_mm: float, window_frames: int, jump_mm: float
+) -> tuple[Bool, int, int]:
+    """What remains of `keep` (N, M) without isolated returns and short streaks, and how many there were of each.
+
+    Isolated is a return that neither its own profile nor the frames next door support. A streak is a run of fewer than
+    SHORT_RUN of the others that stands off its neighbours by jumps in range, or by more than REACH_COLUMNS columns.
+
+    Args:
+        z_mm: (N, M) range.
+        keep: (N, M) where something came back.
+        pass_index: (N,) frames are next door within a pass only.
+        tolerance_mm: how far off the line of its neighbours a good return may lie.
+        window_frames: frames compared with each other, half of them on each side.
+        jump_mm: range step a column above which a surface ends.
+    """
+    left = np.empty(keep.shape, np.bool_)
+    grid = (as_input(z_mm), as_input(keep), as_input(pass_index))
+    kernel = partial(_reject, *grid, float(tolerance_mm), window_frames // 2, float(jump_mm), left)
+    counts = over_blocks(kernel, keep.shape)
+    return left, sum(isolated for isolated, _ in counts), sum(streaks for _, streaks in counts)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reject(
+    z: Float32,
+    keep: Bool,
+    pass_index: Int,
+    tolerance: float,
+    reach: int,
+    jump: float,
+    left: Bool,
+    first: int,
+    last: int,
+) -> tuple[int, int]:
+    """Frames first to last - 1 of `reject_outliers`, in one pass; the counts of both kinds."""
+    isolated = streaks = 0
+    doubtful = np.zeros(z.shape[1], np.bool_)
+    for i in range(first, last):
+        _doubt(z[i], keep[i], np.float32(1.99 * tolerance), doubtful)
+        for j in range(z.shape[1]):
+            left[i, j] = keep[i, j]
+        for j in range(z.shape[1]):
+            if doubtful[j] and not (
+                _supported(z[i], keep[i], j, tolerance) or _beside(z, keep, pass_index, i, j, reach, tolerance)
+            ):
+                left[i, j] = False
+                isolated += 1
+        streaks += _drop_short_runs(z[i], left[i], jump)
+    return isolated, streaks
+
+
+@njit(cache=True, nogil=True)
+def _doubt(z: Float32, keep: Bool, limit: float, doubtful: Bool) -> None:
+    """Mark the kept points of a profile that do not obviously lie between the columns next to them.
+
+    No branch: nearly all points are settled here, many at a time. The second difference must stay below `limit`, the
+    least bit less than the twice the tolerance that `_supported` allows, for float32 rounds.
+    """
+    before, here, after = z[:-2], z[1:-1], z[2:]
+    has_before, has, has_after, out = keep[:-2], keep[1:-1], keep[2:], doubtful[1:-1]
+    for j in range(here.size):
+        near = abs((before[j] - here[j]) + (after[j] - here[j])) < limit
+        out[j] = has[j] & ~(has_before[j] & has_after[j] & near)
+    doubtful[0], doubtful[-1] = keep[0], keep[-1]
+
+
+@njit(cache=True, nogil=True)
+def _next(keep: Bool, j: int, step: int, start: int) -> int:
+    """Columns from j to the first kept one more than `start` away; 0: none within reach."""
+    for d in range(start + 1, REACH_COLUMNS + 1):
+        k = j + d * step
+        if k < 0 or k >= keep.size:
+            return 0
+        if keep[k]:
+            return d
+    return 0
+
+
 @njit(cache=True, nogil=True)
 def _supported(z: Float32, keep: Bool, j: int, tolerance: float) -> bool:
     """Does point j of a profile continue the line of two neighbours on one side, or lie between one on each?"""
-    found = np.empty((2, 2))
-    place = np.empty((2, 2))
-    count = np.zeros(2, np.int64)
-    for side in range(2):
-        step = 1 if side else -1
-        for d in range(1, REACH_COLUMNS + 1):
-            k = j + d * step
-            if k < 0 or k >= z.size or count[side] == 2:
-                break
-            if keep[k]:
-                found[side, count[side]], place[side, count[side]] = z[k], d * step
-                count[side] += 1
-    for side in range(2):
-        if count[side] == 2:
-            slope = (found[side, 1] - found[side, 0]) / (place[side, 1] - place[side, 0])
-            if abs(z[j] - found[side, 0] + slope * place[side, 0]) < tolerance:
+    near_left, near_right = _next(keep, j, -1, 0), _next(keep, j, 1, 0)
+    here = np.float64(z[j])
+    if near_left and near_right:
+        a, b = np.float64(z[j - near_left]), np.float64(z[j + near_right])
+        if abs(here - a - (b - a) * near_left / (near_left + near_right)) < tolerance:
+            return True
+    for step, near in ((-1, near_left), (1, near_right)):
+        far = _next(keep, j, step, near) if near else 0
+        if far:
+            a, b = np.float64(z[j + step * near]), np.float64(z[j + step * far])
+            if abs(here - a + (b - a) * near / (far - near)) < tolerance:
                 return True
-    if count[0] and count[1]:
-        slope = (found[1, 0] - found[0, 0]) / (place[1, 0] - place[0, 0])
-        if abs(z[j] - found[0, 0] + slope * place[0, 0]) < tolerance:
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int, tolerance: float) -> bool:
+    """Does point (i, j) lie between its neighbours in the frames before and after, or next to either?"""
+    for d in range(1, reach + 1):
+        before = i - d >= 0 and pass_index[i - d] == pass_index[i] and keep[i - d, j]
+        after = i + d < z.shape[0] and pass_index[i + d] == pass_index[i] and keep[i + d, j]
+        if before and abs(np.float64(z[i, j]) - z[i - d, j]) < tolerance:
+            return True
+        if after and abs(np.float64(z[i, j]) - z[i + d, j]) < tolerance:
+            return True
+        if before and after and abs(z[i, j] - 0.5 * (np.float64(z[i - d, j]) + z[i + d, j])) < tolerance:
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _beside(z: Float32, keep: Bool, i: int, j: int, window: int, tolerance: float) -> bool:
-    """Does point (i, j) lie between its neighbours in the frames before and after, or next to either?"""
-    for d in range(1, window + 1):
-        before, after = i - d >= 0 and keep[i - d, j], i + d < z.shape[0] and keep[i + d, j]
-        if before and after and abs(z[i, j] - 0.5 * (z[i - d, j] + z[i + d, j])) < tolerance:
-            return True
-        if (before and abs(z[i, j] - z[i - d, j]) < tolerance) or (after and abs(z[i, j] - z[i + d, j]) < tolerance):
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def isolated(z: Float32, keep: Bool, tolerance_mm: float, window_frames: int, out: Bool) -> None:
-    """Mark in `out` (N, M) the kept points that neither their own profile nor the frames next door support.
-
-    z (N, M) mm; tolerance_mm: how far off the line of its neighbours a good point may lie.
-    """
-    reach = window_frames // 2
-    quick = 0.5 * tolerance_mm
-    for i in prange(z.shape[0]):
-        for j in range(z.shape[1]):
-            if not keep[i, j]:
+def _drop_short_runs(z: Float32, keep: Bool, jump: float) -> int:
+    """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points."""
+    start, last, size, dropped = -1, -1, 0, 0  # first column of the run, its last so far, and its points
+    for j in range(z.size + 1):
+        if j < z.size:
+            if not keep[j]:
                 continue
-            if 0 < j < z.shape[1] - 1 and keep[i, j - 1] and keep[i, j + 1]:  # nearly all points end here
-                if abs(z[i, j - 1] - 2.0 * z[i, j] + z[i, j + 1]) < quick:
-                    continue
-            if _supported(z[i], keep[i], j, tolerance_mm):
-                continue
-            out[i, j] = not _beside(z, keep, i, j, reach, tolerance_mm)
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def short_runs(z: Float32, keep: Bool, jump_mm: float, out: Bool) -> None:
-    """Mark in `out` (N, M) runs of fewer than SHORT_RUN returns that stand off their neighbours by jumps in range."""
-    for i in prange(z.shape[0]):
-        start = -1  # first column of the run, last column of it so far, and its size
-        last, size = -1, 0
-        for j in range(z.shape[1] + 1):
-            inside = j < z.shape[1] and keep[i, j]
-            if not inside and j < z.shape[1]:
-                continue
-            joined = inside and start >= 0 and abs(z[i, j] - z[i, last]) < jump_mm * (j - last)
-            if joined and j - last <= REACH_COLUMNS:
+            if start >= 0 and j - last <= REACH_COLUMNS and abs(z[j] - z[last]) < jump * (j - last):
                 last, size = j, size + 1
                 continue
-            if start >= 0 and size < SHORT_RUN:
-                for k in range(start, last + 1):
-                    if keep[i, k]:
-                        out[i, k] = True
-            start, last, size = j, j, 1
-
-
-def points_marked(mask: AnyArray) -> int:
-    """Number of True entries."""
-    return int(np.count_nonzero(mask))
+        if start >= 0 and size < SHORT_RUN:
+            for k in range(start, last + 1):
+                dropped += keep[k]
+                keep[k] = False
+        start, last, size = j, j, 1
+    return dropped

@@ -1,0 +1,58 @@
+"""Blocks of frames: every frame once, in order, and no work after a failure."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from workbench.geometry import blocks
+
+
+@pytest.mark.parametrize("cores", [1, 3])
+@pytest.mark.parametrize("frames", [0, 1, 5, 64, 65])
+def test_every_frame_once_and_in_order(monkeypatch: pytest.MonkeyPatch, frames: int, cores: int) -> None:
+    monkeypatch.setattr(blocks, "cores", lambda: cores)
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 1000)
+    spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125))
+    assert [i for first, last in spans for i in range(first, last)] == list(range(frames))
+    assert all(last - first <= 8 for first, last in spans)
+
+
+def test_a_frame_wider_than_a_block_is_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 10)
+    assert blocks.over_blocks(lambda first, last: last - first, (3, 11)) == [1, 1, 1]
+
+
+def test_blocks_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "cores", lambda: 2)
+    both = threading.Barrier(2, timeout=5)
+    assert sorted(blocks.in_order(lambda first, last: both.wait(), 2, 1)) == [0, 1]
+
+
+def test_a_failure_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "cores", lambda: 2)
+    begun = []
+
+    def task(first: int, last: int) -> None:
+        begun.append(first)
+        if first == 3:
+            raise KeyError(first)
+        time.sleep(0.001)
+
+    with pytest.raises(KeyError, match="3"):
+        list(blocks.in_order(task, 2000, 1))
+    assert len(begun) < 1000
+
+
+def test_kernels_see_one_type_whatever_the_array_was() -> None:
+    array = np.arange(12.0).reshape(3, 4)
+    for given in (array, array[:, ::2], array.T):
+        made = blocks.as_input(given)
+        np.testing.assert_array_equal(made, given)
+        assert made.flags.c_contiguous
+        assert not made.flags.writeable
+    assert array.flags.writeable
+    assert np.shares_memory(blocks.as_input(array), array)

@@ -1,0 +1,116 @@
+"""The command and the Python API, driven from outside on recordings of our own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from .hdf import write
+from .stranger import Part, Scan, Setting, any_setting, record
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "pipelines" / "inspect_bevel.json"
+PART = Part(root_mm=(1.4, 1.6), bevel_deg=(40.3, 39.7), curvature_per_mm=1 / 400)
+SCAN = Scan(elevation_deg=38, yaw_deg=6, pitch_deg=-4, skew_mm=1.7, turn_deg=1, z_zero_mm=-60)
+
+
+@dataclass
+class Ended:
+    """How a command ended, and what stood in its output directory."""
+
+    status: int
+    out: str
+    err: str
+    directory: Path
+
+    def read(self, name: str = "inspection.json") -> dict[str, Any]:
+        """A result, as strict JSON."""
+
+        def refuse(constant: str) -> None:
+            raise AssertionError(f"{name} holds {constant}")
+
+        return json.loads((self.directory / name).read_text(), parse_constant=refuse)
+
+
+@pytest.fixture(scope="session")
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+@pytest.fixture(scope="session")
+def setting(rng: np.random.Generator) -> Setting:
+    return any_setting(rng)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("stranger")
+
+
+@pytest.fixture(scope="session")
+def quick(folder: Path) -> Path:
+    """The shipped inspection without its page, which takes longer than all the rest."""
+    document = json.loads(SHIPPED.read_text())
+    document["stages"] = [entry for entry in document["stages"] if not entry["stage"].startswith("report.")]
+    path = folder / "quick.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.fixture(scope="session")
+def easy(folder: Path, setting: Setting) -> Path:
+    """A milled arc with root and angle that drift, seen from above, obliquely."""
+    attributes = {"part_id": '../../<script>alert("7")</script>&\n/etc'}
+    return write(folder / "easy.h5", record(PART, [SCAN], setting, 1), form="gzip", attributes=attributes)
+
+
+@pytest.fixture(scope="session")
+def installed(folder: Path) -> Callable[..., Ended]:
+    """`installed(name, "run", ...)`: the command as a user has it, in a process of its own."""
+
+    def call(name: str, *arguments: object) -> Ended:
+        program = Path(sys.executable).parent / "workbench"
+        directory = folder / name
+        out = ["--out", str(directory)] if "run" in arguments else []
+        done = subprocess.run(
+            [str(program), *map(str, arguments), *out], capture_output=True, text=True, cwd=folder, timeout=300
+        )
+        return Ended(done.returncode, done.stdout, done.stderr, directory)
+
+    return call
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], quick: Path, tmp_path: Path) -> Callable[..., Ended]:
+    """`run(recording, "--input", ...)`: the inspection in this process, which saves the start."""
+    from workbench.cli import main
+
+    def call(recording: Path, *arguments: object, out: str = "out") -> Ended:
+        capsys.readouterr()
+        given = ["run", quick, "--input", f"recording={recording}", *arguments, "--out", tmp_path / out]
+        status = main([str(one) for one in given])
+        return Ended(status, *capsys.readouterr(), tmp_path / out)
+
+    return call
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Ended]:
+    """`command("validate", path)`: any command in this process."""
+    from workbench.cli import main
+
+    def call(*arguments: object) -> Ended:
+        capsys.readouterr()
+        out = ["--out", tmp_path / "out"] if "run" in arguments else []
+        status = main([str(one) for one in [*arguments, *out]])
+        return Ended(status, *capsys.readouterr(), tmp_path / "out")
+
+    return call

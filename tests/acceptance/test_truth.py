@@ -1,0 +1,112 @@
+"""Sizes, places and senses against a truth that the project had no hand in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from .conftest import PART, SCAN, Ended
+from .hdf import write
+from .judge import errors
+from .stranger import Part, Scan, Setting, any_setting, pose, record, with_all
+
+Run = Callable[..., Ended]
+BACK = {"start_mm": 124.0, "stop_mm": -4.0}
+CASES: dict[str, tuple[Part, list[Scan]]] = {
+    "arc from above": (PART, [SCAN]),
+    "straight, frontal, other way": (
+        Part(root_mm=(1.2, 1.3), bevel_deg=(39, 40)),
+        [replace(SCAN, elevation_deg=12, x_sense=-1, falling=True, **BACK)],
+    ),
+    "hollow, from below, counts towards": (
+        replace(PART, curvature_per_mm=-1 / 400),
+        [replace(SCAN, elevation_deg=-14, z_sense=-1, poses="dense")],
+    ),
+    "wavy, upside down, far zero": (
+        Part(wave_rad=0.06, tilt_deg=1.5),
+        [replace(SCAN, x_sense=-1, z_sense=-1, x_zero_mm=900, z_zero_mm=1500, yaw_deg=-12, poses="frames")],
+    ),
+    "two passes, both sides": (
+        Part(root_mm=(1.7, 1.5)),
+        [replace(SCAN, pass_index=7), replace(SCAN, pass_index=-3, elevation_deg=-12, x_sense=-1, **BACK)],
+    ),
+    "followed, disturbed, on a table": (
+        PART,
+        [replace(SCAN, follow=True, poses="dense", outliers=0.03, dropouts=0.1, mixed=0.5, table_mm=12)],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_inspection_is_true(case: str, run: Run, folder: Path) -> None:
+    part, scans = CASES[case]
+    setting = any_setting(np.random.default_rng(len(case)))
+    path = write(folder / "case.h5", record(part, scans, setting, 3), form="lzf")
+    ended = run(path)
+    assert ended.status == 0, ended.err
+    inspection = ended.read()
+    found = errors(inspection, part, setting)
+    assert np.max(found.off_mm) < 0.1
+    assert np.max(found.aside_deg) < 0.5  # and so not turned round either
+    assert np.max(np.abs(found.root_mm)) < 0.03
+    assert np.max(np.abs(found.bevel_deg)) < 0.15
+    stretch = inspection["profile"]["arc_length_mm"][-1]
+    assert stretch == pytest.approx(part.length_mm, abs=4)
+    assert found.told_mm == pytest.approx((np.arange(1, 10) - 0.5) / 9 * stretch, abs=1e-6)
+    assert np.ptp(found.told_mm - found.along_mm) < 0.2
+    assert abs(np.mean(found.told_mm - found.along_mm)) < 3  # counted from the first point measured
+
+
+def test_only_the_part_is_measured(run: Run, folder: Path, setting: Setting) -> None:
+    """A pass that begins and ends on the part: arc length 0 is where it begins."""
+    scan = replace(SCAN, start_mm=100.0, stop_mm=20.0)
+    ended = run(write(folder / "inside.h5", record(PART, [scan], setting, 4)))
+    found = errors(ended.read(), PART, setting)
+    assert np.all(np.diff(found.along_mm) > 0)
+    assert found.told_mm + 20 == pytest.approx(found.along_mm, abs=3)
+
+
+def test_nothing_is_invented_under_a_clamp(run: Run, folder: Path, setting: Setting) -> None:
+    scan = replace(SCAN, clamp_mm=(50.0, 72.0))
+    ended = run(write(folder / "clamp.h5", record(PART, [scan], setting, 5)))
+    inspection = ended.read()
+    found = errors(inspection, PART, setting)
+    hidden = (found.along_mm > 51) & (found.along_mm < 71)
+    assert hidden.any()
+    for section, under in zip(inspection["sections"], hidden, strict=True):
+        assert (section["root_mm"] is None) == (section["bevel_deg"] is None) == under
+        assert section["verdict"] == ("undecided" if under else "pass")
+    assert (ended.status, inspection["verdict"]) == (0, "undecided")
+    profile = inspection["profile"]
+    told = np.array(profile["arc_length_mm"]) + (found.along_mm - found.told_mm)[0]
+    middle = (told > 55) & (told < 67)
+    assert all(profile["root_mm"][k] is None for k in np.flatnonzero(middle))
+    assert np.nanmax(np.abs(found.root_mm)) < 0.03
+
+
+@pytest.mark.parametrize("change", [{"x_sense": -1}, {"z_sense": -1}, {"falling": True}, BACK], ids=lambda d: min(d))
+def test_a_sensor_s_habits_do_not_matter(change: dict, run: Run, folder: Path, setting: Setting) -> None:
+    """The same pass by a sensor mounted, or counting, the other way round."""
+    sizes = []
+    for scans in ([SCAN], with_all([SCAN], **change)):
+        ended = run(write(folder / "habit.h5", record(PART, scans, setting, 6)))
+        found = errors(ended.read(), PART, setting)
+        sizes.append((found.root_mm, found.bevel_deg))
+    assert np.max(np.abs(sizes[0][0] - sizes[1][0])) < 0.02
+    assert np.max(np.abs(sizes[0][1] - sizes[1][1])) < 0.12
+
+
+def test_a_rigid_motion_moves_places_and_leaves_sizes(run: Run, easy: Path, folder: Path, setting: Setting) -> None:
+    move = pose(Rotation.from_rotvec([1.2, -0.3, 2.1]).as_matrix(), np.array([700.0, -1500.0, 40.0]))
+    moved = replace(setting, base_from_part=move @ setting.base_from_part)
+    before, after = run(easy).read(), run(write(folder / "moved.h5", record(PART, [SCAN], moved, 1))).read()
+    for one, other in zip(before["sections"], after["sections"], strict=True):
+        for key in ("arc_length_mm", "root_mm", "bevel_deg", "root_u_mm", "bevel_u_deg"):
+            assert other[key] == pytest.approx(one[key], abs=1e-5)
+        assert other["origin_mm"] == pytest.approx(move[:3, :3] @ one["origin_mm"] + move[:3, 3], abs=1e-5)
+        assert other["tangent"] == pytest.approx(move[:3, :3] @ one["tangent"], abs=1e-6)

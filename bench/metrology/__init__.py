@@ -1,0 +1,1 @@
+"""Errors and uncertainties over many simulated parts, beside other methods: `python -m bench.metrology`."""

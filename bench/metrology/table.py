@@ -1,0 +1,117 @@
+"""The figures as Markdown tables, for docs/metrology.md and the screen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from bench.metrology.summary import Quantity, Summary
+
+BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
+PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
+
+
+def tables(summaries: list[Summary], command: str) -> str:
+    """All tables, and what fell short."""
+    short = [words for s in summaries for words in s.shortcomings]
+    return "\n".join(
+        [
+            f"`{command}`",
+            "",
+            "### Greatest error over the nine sections: 95th percentile of the parts (median)",
+            "",
+            *accuracy(summaries),
+            "",
+            "### Uncertainties",
+            "",
+            *uncertainty(summaries),
+            "",
+            "### Verdicts, hidden stretches, time",
+            "",
+            *verdicts(summaries),
+            "",
+            *refusals(summaries),
+            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+        ]
+    )
+
+
+def accuracy(summaries: list[Summary]) -> Iterable[str]:
+    """Errors beside their goals and beside other methods."""
+    head = ["condition", "parts", "root, mm", "goal", "bevel, deg", "goal", "met"]
+    names = sorted({name for s in summaries for name in s.peers}, reverse=True)
+    head += [f"{PEERS[name]}: {what}" for name in names for what in ("parts", "root, mm", "bevel, deg")]
+    rows = []
+    for s in summaries:
+        row = [s.condition, f"{s.parts}", *_both(s.root, 4), *_both(s.bevel, 3)]
+        row.append("yes" if s.root.accurate and s.bevel.accurate else "**no**")
+        for name in names:
+            count, root, bevel = s.peers.get(name, (0, (0.0, 0.0), (0.0, 0.0)))
+            row += (
+                [f"{count}", f"{root[0]:.3f} ({root[1]:.3f})", f"{bevel[0]:.2f} ({bevel[1]:.2f})"]
+                if count
+                else ["0", "", ""]
+            )
+        rows.append(row)
+    return markdown(head, rows)
+
+
+def _both(q: Quantity, digits: int) -> list[str]:
+    return [f"{q.p95:.{digits}f} ({q.median:.{digits}f})", f"{q.goal:g}"]
+
+
+def _pair(values: tuple[float, float], digits: int) -> str:
+    high, middle = (f"{v:.{digits}f}" if math.isfinite(v) else "not found" for v in values)
+    return f"{high} ({middle})"
+
+
+def uncertainty(summaries: list[Summary]) -> Iterable[str]:
+    """Coverage of 2u, and u beside its bound."""
+    head = ["condition"]
+    for name, unit in (("root", "mm"), ("bevel", "deg")):
+        head += [f"{name}: within 2u, %", "95 % interval", f"mean u, {unit}", "u / bound", "its 95th percentile"]
+    rows = []
+    for s in summaries:
+        row = [s.condition]
+        for q, digits in ((s.root, 4), (s.bevel, 3)):
+            row += [f"{100 * q.coverage:.1f}" if q.covered else f"**{100 * q.coverage:.1f}**"]
+            row += [f"{100 * q.coverage_low:.1f} to {100 * q.coverage_high:.1f}", f"{q.mean_u:.{digits}f}"]
+            row += [f"{q.u_over_bound:.2f}", f"{q.u_over_bound_p95:.2f}"]
+        rows.append(row)
+    return markdown(head, rows)
+
+
+def verdicts(summaries: list[Summary]) -> Iterable[str]:
+    """Counts of sections by verdict; those wrong, invented or missing; seconds a part."""
+    head = ["condition", "pass", "fail", "undecided", "wrong", "in a guard band", "wrong by over 2u",
+            "invented sections", "invented stations", "missing, %", "refused", "s a part"]  # fmt: skip
+    rows = [
+        [s.condition, *(f"{n}" for n in (s.passed, s.failed, s.undecided, s.wrong, s.at_risk, s.far_wrong, s.invented,
+         s.stations_invented)), f"{100 * s.missing:.2f}", f"{len(s.refused)}", f"{s.seconds:.2f}"]
+        for s in summaries
+    ]  # fmt: skip
+    return markdown(head, rows)
+
+
+def refusals(summaries: list[Summary]) -> Iterable[str]:
+    """Every part that was refused or crashed, with the cause."""
+    lines = [
+        f"- {s.condition}, seed {r.seed}: {'refused' if r.refused else '**crashed**'}: {r.refused or r.crashed} "
+        f"({100 * r.seen_share:.0f} % of the edge in view)"
+        for s in summaries
+        for r in (*s.refused, *s.crashed)
+    ]
+    return [*lines, ""] if lines else []
+
+
+def markdown(head: list[str], rows: list[list[str]]) -> list[str]:
+    """Lines of a Markdown table."""
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
+
+
+def put_into(page: Path, text: str) -> None:
+    """Replace what stands between the page's marks."""
+    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, after = rest.partition(END)
+    page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")

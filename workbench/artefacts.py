@@ -93,7 +93,7 @@ class EdgeFrames:
     root_low_mm: Float  # (N,) root size up to the last return on the root face; the edge lies at most a step beyond
     root_step_mm: Float  # (N,) that step between columns; 0 where the lower edge is a corner of two faces
     root_sigma_mm: Float  # (N,) standard deviation of root_low_mm from range noise
-    missing: Float  # (N,) share of returns missing on the root face, in the frame's pass
+    missing: Float  # (N,) probability that a column at the end of the root face has no return on it
     obliquity: Float  # (N,) tangent of the angle between laser plane and section plane, along the bevel face
 
 

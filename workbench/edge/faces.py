@@ -30,6 +30,7 @@ class TrackedFaces:
     side: Float  # (N,) +1 or -1: the lower side lies towards rising side * x; NaN in a pass without the edge
     root_end: Float  # (N, 3) x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
     end_column: Int  # (N,) that return's column, counted towards the lower side
+    end_is_mixed: Bool  # (N,) the next column saw both the root face and what lies behind it
     end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
     labels: AnyArray  # (N, M) uint8
     range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
@@ -42,7 +43,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     """
     n, columns = cloud.x_mm.shape
     sums = np.zeros((n, 4, 8))
-    end = np.full((n, 4), np.nan)
+    end = np.full((n, 5), np.nan)
     seen = np.zeros(n, bool)
     lower = np.zeros(n, bool)
     side_of = np.full(n, np.nan)
@@ -66,7 +67,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
-    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, lower & seen, labels, sigma)
+    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, end[:, 4] > 0, lower & seen, labels, sigma)
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:
@@ -166,7 +167,7 @@ def _follow_pass(cloud: Cloud, frames: slice | Int, keys: Int, states: Float, si
     sigma = np.full(4, 0.03)
     for chosen in (keys, np.arange(x.shape[0])):
         n = chosen.size
-        sums, end = np.zeros((n, 4, 8)), np.full((n, 4), np.nan)
+        sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
         seen, labels = np.zeros(n, bool), np.zeros((n, x.shape[1]), np.uint8)
         whole = n == x.shape[0]
         grid = (x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])

@@ -14,6 +14,7 @@ from workbench.geometry.sections import SectionLines, crossing, in_section, sect
 from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Float, Int
 
+MIXED = 0.5
 SMOOTHING_MM = 10.0  # half width of the local regressions that give drift along the edge
 
 
@@ -203,7 +204,11 @@ def _lower_corner(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: Secti
 
 
 def _missing_share(tracked: TrackedFaces, pass_index: Int) -> Float:
-    """Share of the root face's columns without a return on it (N,), one value a pass."""
+    """Probability that a column of the root face has no return on it (N,).
+
+    The share inside the face, one value a pass; at the end of the face MIXED where the next column saw a mixed pixel,
+    which may have taken the place of the face's last return as well as of the first one behind it.
+    """
     root = tracked.faces[ROOT_FACE]
     share = np.full(root.count.shape, np.nan)
     for p in np.unique(pass_index):
@@ -211,7 +216,7 @@ def _missing_share(tracked: TrackedFaces, pass_index: Int) -> Float:
         inner = (root.columns[mine, 1] - root.columns[mine, 0] - 1).sum()
         if inner > 0:
             share[pass_index == p] = 1.0 - (root.count[mine] - 2).sum() / inner
-    return np.clip(share, 0.02, 0.6)
+    return np.where(tracked.end_is_mixed, MIXED, np.clip(share, 0.02, 0.6))
 
 
 def _from_zero(frames: EdgeFrames, curve: Curve) -> Measured:

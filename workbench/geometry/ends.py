@@ -21,7 +21,7 @@ STRAY = 0.01  # probability that a frame's last return tells nothing about the e
 MISSES = 6  # columns of the face that may have gone without return at its end
 KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter than this go unseen, longer ones may hide
 #                                in the column step of frames that all cut the face at one phase
-SHARP = 0.5  # what `settled` leaves of the noise, of what it reports
+SHARP = 0.9  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
 BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
@@ -214,8 +214,8 @@ def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> t
     return low, sigma
 
 
-SETTLE_FRAMES = 15
-SHARED_NOISE = 0.6  # of the variance: little is left, but neighbouring frames share it, and the likelihood knows no sharing
+SETTLE_FRAMES = 31
+SHARED_NOISE = 0.2  # of the variance: little is left, but neighbouring frames share it, and the likelihood knows no sharing
 
 
 @njit(cache=True, nogil=True)

@@ -23,6 +23,7 @@ CORNER_MARGIN_MM = 0.05  # points this near to a corner are left out of both fac
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
 FINAL_SIGMAS = 4.5
 MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
+MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
 
@@ -128,10 +129,20 @@ def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tup
 
 
 @njit(cache=True, nogil=True)
-def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
-    """The last return on the root face away from the bevel: x, z on its line, step along it a column, column.
+def _stands_alone(z: Float32, j: int, direction: int) -> bool:
+    """Does column j return a range that the next one outwards does not share?"""
+    if j < 0 or j >= z.size or not np.isfinite(z[j]):
+        return False
+    beyond = j + direction
+    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < MIXED_STEP_MM
 
-    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line.
+
+@njit(cache=True, nogil=True)
+def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
+    """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, mixed.
+
+    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line. `mixed` is 1 where
+    the next column returned a range of its own, neither the face's nor that of what lies behind: a pixel that saw both.
     """
     first, last = int(sums[ROOT, FIRST]), int(sums[ROOT, LAST])
     rising = side * (np.float64(x[last]) - np.float64(x[first])) > 0
@@ -151,7 +162,8 @@ def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sum
     k = state[ROOT, SLOPE]
     dx = abs(np.float64(x[end]) - np.float64(x[far])) / max(abs(end - far), 1)
     xe = np.float64(x[end])
-    return np.array([xe, k * xe + state[ROOT, OFFSET], dx * np.sqrt(1.0 + k * k), float(end)])
+    mixed = _stands_alone(z, end + direction, direction)
+    return np.array([xe, k * xe + state[ROOT, OFFSET], dx * np.sqrt(1.0 + k * k), float(end), 1.0 if mixed else 0.0])
 
 
 @njit(cache=True, nogil=True)
@@ -265,7 +277,7 @@ def follow(x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: F
 
     x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
     same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face. Filled in: sums (n, 4, 8), end
-    (n, 4) as `_root_end`, seen (n,), labels (n, M).
+    (n, 5) as `_root_end`, seen (n,), labels (n, M).
     """
     for c in prange(keys.size + 1):
         _follow_stretch(np.int64(c), x, z, keep, side, keys, states, sigma, names, sums, end, seen, labels)

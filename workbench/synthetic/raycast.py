@@ -217,10 +217,28 @@ def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) 
 
 
 @njit(cache=True)
-def _step(s: Surface, f: float, slope: float, norm: float) -> float:
-    """How far to go on along a ray where F is f: by Newton, but never through a wall of a rough or burred part."""
+def _hollow(s: Surface) -> float:
+    """Greatest curvature (1/mm) with which the end face bends towards the scanner: there F is not convex."""
+    if s.bend == ARC:
+        bend = max(-s.curvature, 0.0)
+    elif s.bend == WAVY:
+        bend = abs(s.wave_amplitude) * s.wave_number**2
+    else:
+        return 0.0
+    return bend / max(1.0 - _OUTREACH_MM * bend, 0.2)
+
+
+@njit(cache=True)
+def _step(s: Surface, f: float, slope: float, norm: float, bend: float) -> float:
+    """How far to go on along a ray where F is f and falls by `slope`, at most bending down by `bend`.
+
+    By Newton, shortened where the face is hollow: a full step could pass the thin wedge at the lower edge. Never
+    through a wall of a rough or burred part.
+    """
     if s.relax > 0.0 and abs(f) > 1e-3:
         return max(s.relax * f, (f - s.reserve) / 1.05) / norm
+    if bend > 0.0 and f > 0.0:
+        return 2.0 * f / max(math.sqrt(slope * slope + 2.0 * bend * f) - slope, 1e-12)
     if slope < -1e-12:
         return -f / slope
     return s.relax * 1e-4 / norm if s.relax > 0.0 else math.inf
@@ -237,7 +255,8 @@ def enter(
     """
     lo, hi = _prism(s, near, o, d, lo, hi)
     a, norm = lo, math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    for _ in range(30 if s.relax == 0.0 else 400):
+    hollow = _hollow(s)
+    for _ in range(60 if s.relax == 0.0 else 400):
         if a > hi:
             break
         z = o[2] + a * d[2]
@@ -248,7 +267,8 @@ def enter(
         if abs(f) < _ON_FACE_MM or (a == lo and f < 0.0):
             steep = math.sqrt(fu * fu + fh * fh + fz * fz)
             return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / (steep * norm)
-        a += _step(s, f, slope, norm)
+        sideways = abs(d[0] * tx + d[1] * ty) + 0.05 * norm
+        a += _step(s, f, slope, norm, hollow * sideways * sideways)
     return math.inf, NOTHING, 0.0, 0.0, 0.0
 
 

@@ -9,7 +9,7 @@ help:
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
 	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/metrology.md"
-	@echo "make bench      speed and memory beside Open3D (long); writes docs/bench.md"
+	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make docs       write the page of every stage anew"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
@@ -35,7 +35,7 @@ metrology: setup
 	@$(BIN)/python -m bench.metrology
 
 bench: setup
-	@$(BIN)/python -m bench
+	@$(BIN)/python -m bench.speed
 
 docs: setup
 	@$(BIN)/python -m workbench.pipeline.docs

@@ -1,0 +1,130 @@
+"""What is measured: each function makes rows of the table."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from bench.speed import general, ours
+from bench.speed.recordings import unpacked
+from bench.speed.timing import REPEATS, Row, in_turn, seconds
+from workbench.geometry import grids
+from workbench.scan import read
+
+GENERAL_REPEATS = {1: 5, 10: 3}  # by million points; a size that is not listed is extrapolated
+
+
+def fusing(million: int) -> Iterator[Row]:
+    """`grids.fuse`, in place, beside `np.copyto`: 8 bytes read and 12 written a point, so a copy of 10 a point."""
+    frames = million * 1000
+    rng = np.random.default_rng(0)
+    x, z = (rng.random((frames, 1000), np.float32) for _ in "xz")
+    poses, out = np.repeat(np.eye(4)[None], frames, axis=0), np.ones((frames, 1000, 3), np.float32)
+    source = np.ones(x.size * 10 // 4, np.float32)
+    target = np.ones_like(source)
+    fuse_s, copy_s = in_turn(
+        lambda: grids.fuse(x, z, poses, np.zeros(3), out=out), lambda: np.copyto(target, source), repeats=3 * REPEATS
+    )
+    yield Row(
+        f"fuse {million} M points; `np.copyto` of as many bytes", seconds(fuse_s), seconds(copy_s), copy_s / fuse_s,
+        "{:.2f} of its speed", goal=0.8,
+    )  # fmt: skip
+
+
+def reading(million: int, packed: Path) -> Iterator[Row]:
+    """Recording to inspection, and reading alone, beside h5py reading x and z and doing nothing with them."""
+    for path, storage in ((packed, "gzip and shuffle"), (unpacked(packed), "not compressed")):
+        whole_s, read_s, plain_s = in_turn(
+            lambda path=path: ours.read_and_inspect(path),
+            lambda path=path: read(recording=path),
+            lambda path=path: general.plain_read(path),
+        )
+        against = f"{million} M points, {storage}; h5py reading x and z"
+        yield Row(f"`scan.read` of {against}", seconds(read_s), seconds(plain_s), read_s / plain_s, "{:.2f} x its time")
+        yield Row(f"recording to inspection, {against}", seconds(whole_s), seconds(plain_s), whole_s / plain_s,
+                  "{:.2f} x its time", goal=2, at_most=True)  # fmt: skip
+
+
+def routes(paths: dict[int, Path], also_largest: bool) -> Iterator[Row]:
+    """Reading to inspection beside the general route, and the same from memory; the slope beyond what is measured."""
+    known: dict[int, float] = {}
+    for million, path in paths.items():
+        recording = read(recording=path)
+        repeats = GENERAL_REPEATS.get(million, 1)
+        if million in GENERAL_REPEATS or also_largest or len(known) < 2:
+            inspect_s, general_s = in_turn(
+                lambda r=recording: ours.inspect(r),
+                lambda r=recording: general.planes(r),
+                repeats=repeats,
+                warm_up=False,
+            )
+            known[million], how = general_s, f"median of {repeats}" if repeats > 1 else "one run"
+        else:
+            (inspect_s,) = in_turn(lambda r=recording: ours.inspect(r))
+            general_s, how = extrapolated(known, million), "extrapolated"
+        whole_s, plain_s = in_turn(lambda p=path: ours.read_and_inspect(p), lambda p=path: general.plain_read(p))
+        other_s = general_s + plain_s
+        yield Row(f"recording to inspection, {million} M points, gzip; Open3D ({how})", seconds(whole_s),
+                  seconds(other_s), other_s / whole_s, "{:.0f} x faster", goal=500)  # fmt: skip
+        yield Row(f"the same from memory, {million} M points; Open3D ({how})", seconds(inspect_s),
+                  seconds(general_s), general_s / inspect_s, "{:.0f} x faster", goal=500)  # fmt: skip
+
+
+def extrapolated(known_s: dict[int, float], million: int) -> float:
+    """Seconds at `million` points on the straight line through the two largest sizes measured."""
+    (a, a_s), (b, b_s) = sorted(known_s.items())[-2:]
+    return b_s + (b_s - a_s) / (b - a) * (million - b)
+
+
+def memory(million: int, path: Path) -> Iterator[Row]:
+    """Peak resident memory of a process that reads and inspects; the grid alone is 8 bytes a point."""
+    command = [sys.executable, "-m", "bench.speed.ours", str(path)]
+    peak = int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    yield Row(f"peak memory, {million} M points, gzip; x and z alone", f"{peak / 1e9:.2f} GB",
+              f"{million * 8e-3:.2f} GB", peak / 1e9, "{:.2f} GB", goal=2.5, at_most=True)  # fmt: skip
+
+
+def linearity(paths: dict[int, Path]) -> Iterator[Row]:
+    """Time a frame of each size beside that of the smallest but one: constant where the cost is linear."""
+    per_frame = {}
+    for million, path in paths.items():
+        (whole_s,) = in_turn(lambda p=path: ours.read_and_inspect(p))
+        per_frame[million] = whole_s / (million * 1000)
+    base = sorted(per_frame)[min(1, len(per_frame) - 1)]
+    for million, value_s in per_frame.items():
+        goal = 1.25 if million > base else None
+        yield Row(f"time a frame, {million} M points; at {base} M", seconds(value_s), seconds(per_frame[base]),
+                  value_s / per_frame[base], "{:.2f} x", goal, at_most=True)  # fmt: skip
+
+
+def starting() -> Iterator[Row]:
+    """`workbench --help` beside a bare Python that imports argparse, byte code cached on both sides."""
+
+    def run(*command: str) -> None:
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+    workbench = str(Path(sys.executable).with_name("workbench"))
+    help_s, bare_s = in_turn(
+        lambda: run(workbench, "--help"), lambda: run(sys.executable, "-c", "import argparse"), repeats=3 * REPEATS
+    )
+    yield Row('`workbench --help`; `python -c "import argparse"`', seconds(help_s), seconds(bare_s), help_s / bare_s,
+              "{:.2f} x its time", goal=4, at_most=True)  # fmt: skip
+
+
+def first_run(path: Path, cache: Path) -> Iterator[Row]:
+    """The first run after installing, which compiles the kernels, beside the next one."""
+    import os
+
+    command = [sys.executable, "-m", "bench.speed.ours", str(path)]
+    times = []
+    for _ in range(2):
+        start = time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True, env={**os.environ, "NUMBA_CACHE_DIR": str(cache)})
+        times.append(time.perf_counter() - start)
+    yield Row("a process that inspects 1 M points, kernels to compile (one run); the next one", *map(seconds, times),
+              times[0] / times[1], "{:.1f} x")  # fmt: skip

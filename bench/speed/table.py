@@ -1,0 +1,68 @@
+"""The page that a run writes: what was measured, on what machine, and how to measure it again."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+
+from bench.speed.timing import REPEATS, Row
+from workbench.geometry.blocks import cores
+
+HEAD = """<!-- Written by `make bench`: measure again rather than edit. -->
+
+# Benchmarks
+
+Both sides of a line were run in turn, in one run of `{command}`; medians of {repeats} at least unless the line says
+otherwise. The recordings come from the project's own simulator (`bench/speed/recordings.py`): a milled edge, a frame
+every 0.1 mm, 1,000 columns, 0.5 % outliers, every frame simulated by itself; 50 million points are 5 m of edge. Files
+are read from a warm cache.
+
+Machine: {machine}. {packages}.
+
+| what; beside what | workbench | the other | factor | goal | |
+|---|---|---|---|---|---|
+"""
+
+FOOT = """
+The Open3D route is what one would write without this project (`bench/speed/general.py`): points into the base with
+numpy, float64, `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials)
+on the whole cloud. It ends with two planes; no section, root size or uncertainty. Where a line says "extrapolated", it
+was not run: its time is that on the straight line through the two largest sizes that were run.
+`python -m bench.speed --all` runs it there too.
+"""
+
+
+def line(row: Row) -> str:
+    """One row in Markdown."""
+    goal = "" if row.goal is None else f"{'at most' if row.at_most else 'at least'} {row.goal:g}"
+    verdict = {None: "", True: "yes", False: "**no**"}[row.met]
+    return f"| {row.what} | {row.ours} | {row.other} | {row.factor_is.format(row.factor)} | {goal} | {verdict} |"
+
+
+def document(found: Iterable[Row], arguments: list[str]) -> str:
+    """The whole page."""
+    command = " ".join(["make bench"] if not arguments else ["python -m bench.speed", *arguments])
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "h5py", "open3d"))
+    head = HEAD.format(command=command, repeats=REPEATS, machine=machine(), packages=packages)
+    return head + "".join(f"{line(row)}\n" for row in found) + FOOT
+
+
+def machine() -> str:
+    """Processor, cores, memory and load, in words."""
+    words = [f"{cores()} cores of {_processor()}"]
+    if hasattr(os, "sysconf"):
+        memory_gb = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+        words.append(f"{memory_gb:.0f} GB of memory")
+    if hasattr(os, "getloadavg"):
+        words.append(f"load average {os.getloadavg()[2]:.1f} over the last quarter of an hour")
+    return ", ".join([*words, f"{platform.system()}, Python {platform.python_version()}"])
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    text = info.read_text() if info.exists() else ""
+    names = [line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name")]
+    return names[0] if names else platform.machine()

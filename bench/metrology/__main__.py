@@ -48,12 +48,12 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
-    """Every part to measure. Open3D is slow: it gets the first few of each condition."""
+    """Every part to measure, all conditions in turn. Open3D is slow: it gets the first few of each condition."""
     peers = (("per_profile", "open3d"), ("per_profile",))
     return [
         (name, options.seed + k, peers[int(k >= options.open3d)])
-        for name in options.conditions
         for k in range(options.parts)
+        for name in options.conditions
     ]
 
 

@@ -26,12 +26,12 @@ def measured(method, **noise):
     return np.array(found["root_mm"], dtype=float), np.array(found["bevel_deg"], dtype=float)
 
 
-@pytest.mark.parametrize(("method", "tolerance_mm"), [(with_per_profile, 0.02), (with_open3d, 0.12)])
+@pytest.mark.parametrize(("method", "tolerance_mm"), [(with_per_profile, 0.04), (with_open3d, 0.12)])
 def test_all_but_exact_without_noise(method, tolerance_mm):
-    """On clean faces the statistical filter takes their outermost rows for outliers, since points are sparser there."""
+    """To a column step; but on clean faces the statistical filter takes off the outermost rows, being sparser."""
     root, bevel = measured(method, sd_mm=0.0005)
     assert np.abs(root).max() < tolerance_mm
-    assert np.abs(bevel).max() < 0.1
+    assert np.abs(bevel).max() < 0.3
     assert len(root) == len(bevel) >= 7
 
 

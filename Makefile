@@ -32,7 +32,7 @@ lint: setup
 	@$(BIN)/python scripts/check_repository.py
 
 metrology: setup
-	@$(BIN)/python -m bench.metrology
+	@$(BIN)/python -m bench.metrology --docs
 
 bench: setup
 	@$(BIN)/python -m bench.speed

@@ -72,3 +72,11 @@ def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:
     beyond = int(sum((np.abs(grid) > 100.0).sum() for grid in (x, z)))
     assert grids.census(x, z, 100.0) == (int(finite.sum()), beyond)
     assert grids.census(x[:0], z[:0], 100.0) == (0, 0)
+
+
+def test_unshuffle_undoes_the_shuffle() -> None:
+    values = np.random.default_rng(1).normal(200, 5, (6, 11)).astype(np.float32)
+    shuffled = np.ascontiguousarray(values.reshape(-1, 1).view(np.uint8).T).ravel()
+    out = np.empty((4, 11), np.float32)  # a chunk may reach beyond the last frame
+    grids.unshuffle(shuffled, out)
+    np.testing.assert_array_equal(out, values[:4])

@@ -94,3 +94,21 @@ def _census(x_bits: AnyArray, z_bits: AnyArray, limit: np.int32) -> tuple[int, i
         finite += (u < _EXPONENT) & (w < _EXPONENT)
         beyond += ((u > limit) & (u <= _EXPONENT)) + ((w > limit) & (w <= _EXPONENT))
     return finite, beyond
+
+
+def unshuffle(shuffled: AnyArray, out: Float32) -> None:
+    """Undo HDF5's shuffle: `shuffled` holds the first byte of every value, then the second of every value, and so on.
+
+    Args:
+        shuffled: (4 n,) uint8, little-endian float32.
+        out: at most n values, contiguous; written to.
+    """
+    _unshuffle(as_input(shuffled.reshape(4, -1)), out.view(np.uint32).reshape(-1))
+
+
+@njit(nogil=True, cache=True)
+def _unshuffle(planes: AnyArray, out: AnyArray) -> None:
+    first, second, third, fourth = planes[0], planes[1], planes[2], planes[3]
+    for i in range(out.size):
+        low = np.uint32(first[i]) | np.uint32(second[i]) << np.uint32(8)
+        out[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)

@@ -67,7 +67,7 @@ def _reject(
 
 
 @njit(cache=True, nogil=True)
-def _doubt(z: Float32, keep: Bool, limit: float, doubtful: Bool) -> None:
+def _doubt(z: Float32, keep: Bool, limit: np.float32, doubtful: Bool) -> None:
     """Mark the kept points of a profile that do not obviously lie between the columns next to them.
 
     No branch: nearly all points are settled here, many at a time. The second difference must stay below `limit`, the

@@ -8,7 +8,9 @@ import numpy as np
 
 from workbench.artefacts import Recording, frozen
 from workbench.errors import InputError
+from workbench.geometry.blocks import in_order
 from workbench.scan.checks import checked
+from workbench.scan.chunks import read_frames
 from workbench.scan.hdf5 import opened, whole
 from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, text
 from workbench.scan.trial import survives
@@ -63,14 +65,17 @@ def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, Any
     frames, columns = grid["x_mm"].shape
     step = max([1, *(sets[name].chunks[0] for name in grid if sets[name].chunks)])
     step *= max(1, BLOCK_BYTES // (4 * columns * step))
-    seen = 0
-    for start in range(0, frames, step):
-        block = np.s_[start : min(start + step, frames)]
+
+    def fill(first: int, last: int) -> int:
         for name, array in grid.items():
-            sets[name].read_direct(array, block, block)
-        seen += _count_returns(grid["x_mm"][block], grid["z_mm"][block], start, where)
+            read_frames(sets[name], array, first, last)
+        return _count_returns(grid["x_mm"][first:last], grid["z_mm"][first:last], first, where)
+
+    seen = 0
+    for number, returns in enumerate(in_order(fill, frames, step), 1):
+        seen += returns
         if progress is not None:
-            progress(block.stop / frames)
+            progress(min(1.0, number * step / frames))
     if not seen:
         raise InputError(f"{where}: /profiles", "no return in any frame: every x or z is NaN")
     return grid

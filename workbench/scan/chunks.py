@@ -1,0 +1,75 @@
+"""Unpacking a grid on all cores: HDF5 itself unpacks one chunk at a time, under a lock.
+
+Chunks of whole frames, packed by gzip with or without shuffle, are taken as they lie in the file and unpacked here;
+every other form goes through HDF5.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+
+from workbench.units import AnyArray
+
+PACKED = ("deflate", "shuffle deflate")  # the filters, in the order of writing
+
+
+def read_frames(dataset: Any, out: AnyArray, first: int, last: int) -> None:
+    """Frames first to last - 1 of `dataset` into the same place of `out`, converted to its dtype.
+
+    Several threads may read different frames at the same time.
+
+    Raises:
+        OSError, RuntimeError: the file is damaged.
+    """
+    if not unpacks_here(dataset, out) or first % dataset.chunks[0]:
+        dataset.read_direct(out, np.s_[first:last], np.s_[first:last])
+        return
+    rows = dataset.chunks[0]
+    for start in range(first, last, rows):
+        frames = np.s_[start : min(start + rows, last)]
+        filters_left_out, packed = dataset.id.read_direct_chunk((start, 0))
+        if filters_left_out:
+            dataset.read_direct(out, frames, frames)
+        else:
+            _unpack(packed, rows, bool(dataset.shuffle), out[frames], f"{dataset.name}[{start}]")
+
+
+def unpacks_here(dataset: Any, out: AnyArray) -> bool:
+    """Is this a form of storage that `read_frames` unpacks itself?"""
+    chunks = dataset.chunks
+    return (
+        chunks is not None
+        and chunks[1:] == dataset.shape[1:]
+        and dataset.dtype == out.dtype == np.dtype("<f4")
+        and " ".join(_filters(dataset)) in PACKED
+    )
+
+
+def _filters(dataset: Any) -> list[str]:
+    import h5py
+
+    names = {h5py.h5z.FILTER_DEFLATE: "deflate", h5py.h5z.FILTER_SHUFFLE: "shuffle"}
+    properties = dataset.id.get_create_plist()
+    return [names.get(properties.get_filter(i)[0], "other") for i in range(properties.get_nfilters())]
+
+
+def _unpack(packed: bytes, rows: int, shuffled: bool, out: AnyArray, where: str) -> None:
+    """A chunk of `rows` frames into `out`, which is shorter where the chunk reaches beyond the last frame."""
+    from workbench.geometry import grids
+
+    expected = rows * out.shape[1] * out.itemsize
+    unpacking = zlib.decompressobj()
+    try:
+        plain = unpacking.decompress(packed, expected + 1)
+    except zlib.error as error:
+        raise OSError(f"{where}: {error}") from None
+    if len(plain) != expected or not unpacking.eof:  # the end holds the checksum
+        end = "" if unpacking.eof else " without an end"
+        raise OSError(f"{where}: expected a chunk of {expected} bytes, found {len(plain)}{end}")
+    if shuffled:
+        grids.unshuffle(np.frombuffer(plain, np.uint8), out)
+    else:
+        out[:] = np.frombuffer(plain, out.dtype).reshape(rows, -1)[: len(out)]

@@ -8,6 +8,7 @@ without measuring. The scanner sends parallel rays in its laser plane; the first
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -56,10 +57,8 @@ class Part:
 
     def lower_edge(self, s: np.ndarray) -> np.ndarray:
         """Position of the lower edge at s."""
-        grid = np.arange(-60.0, self.length_mm + 60.0, 0.02)
-        step = self.tangent(grid + 0.01) * 0.02
-        points = np.cumsum(np.vstack([np.zeros(3), step[:-1]]), axis=0)
-        return np.stack([np.interp(s, grid, points[:, k]) for k in range(3)], axis=-1)
+        grid, points = _course(self)
+        return np.stack([np.interp(s, grid, points[:, k]) for k in range(2)] + [np.zeros_like(s)], axis=-1)
 
     def vertices(self, s: np.ndarray) -> np.ndarray:
         """Polygon of the section at s: (..., 5, 2) as (along n, along m), from the lower surface to the upper one."""
@@ -84,6 +83,14 @@ class Part:
         for _ in range(6):
             best = best + np.sum((points - self.lower_edge(best)) * self.tangent(best), axis=1)
         return best
+
+
+@lru_cache(maxsize=8)
+def _course(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """The lower edge as a chain of 0.02 mm, by the midpoint rule."""
+    grid = np.arange(-60.0, part.length_mm + 60.0, 0.02)
+    step = part.tangent(grid + 0.01) * 0.02
+    return grid, np.cumsum(np.vstack([np.zeros(3), step[:-1]]), axis=0)
 
 
 @dataclass(frozen=True)
@@ -114,7 +121,8 @@ class Scan:
     outliers: float = 0.0
     mixed: float = 0.0
     table_mm: float | None = None  # depth of a table below the lower surface
-    clamp_mm: tuple[float, float] | None = None  # stretch of the edge inside a clamp
+    clamp_mm: tuple[float, float] | None = None  # stretch of the edge behind a box
+    box_mm: tuple[float, float, float, float] = (-20.0, 5.0, -4.0, 18.0)  # its extent along n and m: about all the edge
     pass_index: int = 0
 
 
@@ -236,7 +244,7 @@ def _hit_face(part: Part, scan: Scan, face: int, poses: np.ndarray, x: np.ndarra
     q = np.broadcast_to(np.linspace(0, 1, FACE_SAMPLES + 1), (len(poses), FACE_SAMPLES + 1))
     middle = part.nearest(poses[:, :3, 3] + (100 + scan.z_sense * scan.z_zero_mm) * scan.z_sense * poses[:, :3, 2])
     s = np.repeat(middle[:, None], q.shape[1], axis=1)
-    for _ in range(25):
+    for _ in range(12):
         off = np.sum((part.surface(s, face, q) - origin) * y, axis=2)
         s = np.clip(s - off / np.sum(part.tangent(s) * y, axis=2), -50, part.length_mm + 50)
     points = part.surface(s, face, q) - origin
@@ -264,11 +272,11 @@ def _hit_table(scan: Scan, poses: np.ndarray, x: np.ndarray, depth: np.ndarray) 
 
 
 def _hit_clamp(part: Part, scan: Scan, poses: np.ndarray, x: np.ndarray, depth: np.ndarray) -> None:
-    """A box around a stretch of the edge."""
+    """A box around, or in front of, a stretch of the edge."""
     middle, half = np.mean(scan.clamp_mm), np.ptp(scan.clamp_mm) / 2
     axes = np.stack([part.tangent(middle), part.normal(middle), UP])
-    low = np.array([-half, -20.0, -4.0])
-    high = np.array([half, 5.0, part.thickness_mm + 6.0])
+    low = np.array([-half, scan.box_mm[0], scan.box_mm[2]])
+    high = np.array([half, scan.box_mm[1], scan.box_mm[3]])
     start, along = _frames_rays(scan, poses, x)
     local, way = (start - part.lower_edge(np.array(middle))) @ axes.T, along @ axes.T
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -89,16 +89,62 @@ def test_nothing_is_invented_under_a_clamp(run: Run, folder: Path, setting: Sett
     assert np.nanmax(np.abs(found.root_mm)) < 0.03
 
 
-@pytest.mark.parametrize("change", [{"x_sense": -1}, {"z_sense": -1}, {"falling": True}, BACK], ids=lambda d: min(d))
+def _right_or_missing(inspection: dict, part: Part, setting: Setting) -> None:
+    """Every value given is true within four standard uncertainties (0.03 mm, 0.15 deg at least)."""
+    found = errors(inspection, part, setting)
+    for section, root, bevel in zip(inspection["sections"], found.root_mm, found.bevel_deg, strict=True):
+        if section["root_mm"] is not None:
+            assert abs(root) < max(0.03, 4 * section["root_u_mm"])
+            assert abs(bevel) < max(0.15, 4 * section["bevel_u_deg"])
+
+
+STOP = replace(SCAN, elevation_deg=8, yaw_deg=0, clamp_mm=(45.0, 75.0), box_mm=(2.0, 6.0, -20.0, 0.4))
+UNSEEN = {
+    "outside the field of view": (Part(), replace(SCAN, columns=240, skew_mm=8)),
+    "behind a stop that covers part of the root face": (Part(), STOP),
+    "and 1.5 mm of the upper surface that look like a root face": (
+        Part(root_mm=(3.0, 3.0), bevel_deg=(50.0, 50.0)),
+        Scan(columns=200, elevation_deg=45, skew_mm=0.5),
+    ),
+}
+
+
+@pytest.mark.xfail(reason="the last return is taken for the lower edge where something hides the edge", strict=False)
+@pytest.mark.parametrize("what", UNSEEN)
+def test_a_lower_edge_that_is_not_seen_is_not_measured(what: str, run: Run, folder: Path, setting: Setting) -> None:
+    part, scan = UNSEEN[what]
+    ended = run(write(folder / "unseen.h5", record(part, [scan], setting, 8)))
+    if ended.status < 2:
+        _right_or_missing(ended.read(), part, setting)
+
+
+@pytest.mark.xfail(
+    reason="noise of the poses enters the tangent and hence the angle, not its uncertainty", strict=False
+)
+@pytest.mark.parametrize("kind", ["rounded to 0.1 mm", "noise of 0.05 mm"])
+def test_poses_as_robots_log_them(kind: str, run: Run, folder: Path, setting: Setting) -> None:
+    dense = replace(SCAN, poses="dense", pose_noise_mm=0.05 if "noise" in kind else 0.0)
+    arrays = record(Part(), [dense], setting, 0)
+    if "rounded" in kind:
+        arrays["/robot/position"] = np.round(arrays["/robot/position"], 1)
+    _right_or_missing(run(write(folder / "logged.h5", arrays)).read(), Part(), setting)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"x_sense": -1}, {"z_sense": -1}, {"falling": True}, {"start_mm": 80.0, "stop_mm": 30.0}],
+    ids=lambda d: min(d),
+)
 def test_a_sensor_s_habits_do_not_matter(change: dict, run: Run, folder: Path, setting: Setting) -> None:
     """The same pass by a sensor mounted, or counting, the other way round."""
     sizes = []
-    for scans in ([SCAN], with_all([SCAN], **change)):
+    scan = replace(SCAN, start_mm=30.0, stop_mm=80.0)
+    for scans in ([scan], with_all([scan], **change)):
         ended = run(write(folder / "habit.h5", record(PART, scans, setting, 6)))
         found = errors(ended.read(), PART, setting)
         sizes.append((found.root_mm, found.bevel_deg))
     assert np.max(np.abs(sizes[0][0] - sizes[1][0])) < 0.02
-    assert np.max(np.abs(sizes[0][1] - sizes[1][1])) < 0.12
+    assert np.max(np.abs(sizes[0][1] - sizes[1][1])) < 0.2
 
 
 def test_a_rigid_motion_moves_places_and_leaves_sizes(run: Run, easy: Path, folder: Path, setting: Setting) -> None:

@@ -28,6 +28,8 @@ class Quantity:
 
     p95: float  # over parts, of the greatest |error| over the sections
     median: float
+    bias: float  # mean error, sign kept
+    bias_u: float  # its standard uncertainty, from the scatter of the parts' means
     coverage: float  # share of sections with |error| <= 2u
     coverage_low: float  # 95 % interval, by resampling parts
     coverage_high: float
@@ -68,7 +70,7 @@ class Summary:
     invented: int  # sections measured where the edge is hidden
     stations_invented: int  # of the profile along the edge, likewise
     missing: float  # share of the seen sections that were not measured
-    seconds: float  # a part, without the peers
+    seconds: float  # a part without the peers, median
     peers: dict[str, tuple[int, tuple[float, float], tuple[float, float]]]  # parts; p95 and median of root; of bevel
 
     @property
@@ -113,7 +115,7 @@ def summarise(condition: str, results: list[PartResult]) -> Summary:
         invented=int((measured & hidden).sum()),
         stations_invented=sum(r.stations_invented for r in good),
         missing=float((~measured & seen).sum() / max(1, seen.sum())),
-        seconds=float(np.mean([sum(v for k, v in r.seconds.items() if k not in r.peers) for r in results])),
+        seconds=float(np.median([sum(v for k, v in r.seconds.items() if k not in r.peers) for r in results])),
         peers={name: peer(good, name) for name in sorted({name for r in good for name in r.peers})},
     )
 
@@ -124,7 +126,9 @@ def quantity(results: list[PartResult], name: str, unit: str, goal: float) -> Qu
         [np.array(getattr(r, f"{name}{what}_{unit}"), dtype=float) for r in results]
         for what in ("", "_true", "_u", "_bound")
     )
-    error = [np.abs(v - t) for v, t in zip(value, true, strict=True)]
+    signed = [v - t for v, t in zip(value, true, strict=True)]
+    error = [np.abs(e) for e in signed]
+    means = np.array([np.nanmean(e) for e in signed if np.isfinite(e).any()])
     worst = np.array([greatest_error(r, name, unit) for r in results])
     inside = [(e <= 2 * w)[np.isfinite(e)] for e, w in zip(error, u, strict=True)]
     low, high = coverage_interval(inside)
@@ -133,6 +137,8 @@ def quantity(results: list[PartResult], name: str, unit: str, goal: float) -> Qu
     return Quantity(
         p95=percentile(worst, 95),
         median=percentile(worst, 50),
+        bias=float(means.mean()) if len(means) else float("nan"),
+        bias_u=float(means.std() / max(1, len(means) - 1) ** 0.5) if len(means) else float("nan"),
         coverage=float(np.concatenate(inside).mean()) if inside else float("nan"),
         coverage_low=low,
         coverage_high=high,

@@ -33,6 +33,7 @@ def test_figures_of_known_parts():
     found = summarise("paper", [part(0), part(1, root_mm=[1.5, 1.5, 1.51])])
     assert found.root.p95 == pytest.approx(0.001 + 0.95 * 0.009)
     assert found.root.coverage == pytest.approx(5 / 6)
+    assert found.root.bias == pytest.approx((-0.009 + 0.001) / 6)
     assert found.root.u_over_bound == pytest.approx(2.0)
     assert found.bevel.coverage == 1.0
     assert found.bevel.u_over_bound == pytest.approx(1.0)

@@ -34,35 +34,28 @@ def digest() -> str:
 def measure_all(tasks: Iterable[Task], folder: Path, workers: int) -> Iterator[PartResult]:
     """Results of all tasks as they come: those kept in `folder` first, then new ones, which are kept there."""
     folder.mkdir(parents=True, exist_ok=True)
-    source, todo = digest(), []
-    for condition, of_one in _by_condition(tasks).items():
+    tasks, source, done = list(tasks), digest(), set()
+    for condition in dict.fromkeys(condition for condition, _, _ in tasks):
         path = folder / f"{condition}.jsonl"
         kept = _kept(path, source)
-        wanted = {seed: peers for _, seed, peers in of_one}
-        done = [r for r in kept if r.seed in wanted and (r.refused or r.crashed or set(wanted[r.seed]) <= set(r.peers))]
-        yield from done
-        todo += [task for task in of_one if task[1] not in {r.seed for r in done}]
-        _write(path, source, kept)
+        _write(path, source, kept.values())
+        for task in tasks:
+            result = kept.get(task[1]) if task[0] == condition else None
+            if result and (result.refused or result.crashed or set(task[2]) <= set(result.peers)):
+                done.add(task)
+                yield result
+    todo = [task for task in tasks if task not in done]
     for result in _in_processes(todo, workers):
         with (folder / f"{result.condition}.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(result), allow_nan=False) + "\n")
         yield result
 
 
-def _by_condition(tasks: Iterable[Task]) -> dict[str, list[Task]]:
-    found: dict[str, list[Task]] = {}
-    for task in tasks:
-        found.setdefault(task[0], []).append(task)
-    return found
-
-
-def _kept(path: Path, source: str) -> list[PartResult]:
-    """What a former run of the same source has left; a last line cut short does not count."""
-    if not path.exists():
-        return []
-    first, *lines = path.read_text(encoding="utf-8").splitlines() or ["{}"]
-    if json.loads(first).get("digest") != source:
-        return []
+def _kept(path: Path, source: str) -> dict[int, PartResult]:
+    """What a former run of the same source has left, by seed; a last line cut short does not count."""
+    first, *lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else [""]
+    if first != _header(source):
+        return {}
     results: dict[int, PartResult] = {}
     for line in lines:
         try:
@@ -70,11 +63,15 @@ def _kept(path: Path, source: str) -> list[PartResult]:
         except ValueError:
             continue
         results[result.seed] = result
-    return list(results.values())
+    return results
 
 
-def _write(path: Path, source: str, results: list[PartResult]) -> None:
-    lines = [json.dumps({"digest": source}), *(json.dumps(asdict(r), allow_nan=False) for r in results)]
+def _header(source: str) -> str:
+    return json.dumps({"digest": source})
+
+
+def _write(path: Path, source: str, results: Iterable[PartResult]) -> None:
+    lines = [_header(source), *(json.dumps(asdict(r), allow_nan=False) for r in results)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

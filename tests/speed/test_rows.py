@@ -1,0 +1,69 @@
+"""What the benchmark's page says of what was measured."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from bench.speed import recordings
+from bench.speed.rows import extrapolated
+from bench.speed.table import document, line
+from bench.speed.timing import Row, in_turn, seconds
+from workbench.scan import read
+
+
+def test_goals_from_below_and_above() -> None:
+    assert Row("a", "", "", 0.81, "{}", goal=0.8).met
+    assert not Row("a", "", "", 0.79, "{}", goal=0.8).met
+    assert Row("a", "", "", 1.9, "{}", goal=2, at_most=True).met
+    assert not Row("a", "", "", 2.1, "{}", goal=2, at_most=True).met
+    assert Row("a", "", "", 1.0, "{}").met is None
+
+
+def test_a_line_and_the_page() -> None:
+    row = Row("fuse; copy", "2 ms", "1 ms", 0.5, "{:.2f} of its speed", goal=0.8)
+    assert line(row) == "| fuse; copy | 2 ms | 1 ms | 0.50 of its speed | at least 0.8 | **no** |"
+    assert "python -m bench.speed --sizes 1" in document([row], ["--sizes", "1"])
+    assert line(row) in document([row], [])
+
+
+def test_sides_run_in_turn_and_the_first_round_does_not_count() -> None:
+    calls: list[str] = []
+    assert len(in_turn(lambda: calls.append("a"), lambda: calls.append("b"), repeats=2)) == 2
+    assert calls == ["a", "b"] * 3
+
+
+@pytest.mark.parametrize(
+    ("value_s", "text"), [(0.00123, "1.23 ms"), (0.5, "500 ms"), (12.34, "12.3 s"), (1234, "1234 s")]
+)
+def test_times_with_their_unit(value_s: float, text: str) -> None:
+    assert seconds(value_s) == text
+
+
+def test_extrapolation_follows_the_two_largest_sizes() -> None:
+    assert extrapolated({1: 100.0, 2: 6.0, 10: 70.0}, 50) == pytest.approx(70 + 8 * 40)
+
+
+def test_recordings_are_read_in_both_storages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recordings, "COLUMNS", 8000)  # few frames make a million points
+    packed = recordings.simulated(1, tmp_path)
+    plain = recordings.unpacked(packed)
+    with h5py.File(plain) as file:
+        assert file["profiles/z"].chunks is None
+    a, b = read(recording=packed), read(recording=plain)
+    assert a.z_mm.shape == (125, 8000)
+    np.testing.assert_array_equal(a.z_mm, b.z_mm)
+    np.testing.assert_array_equal(a.robot_position_mm, b.robot_position_mm)
+
+
+def test_peak_memory_is_that_of_the_process_alone() -> None:
+    """A parent's 300 MB do not count for the child, as they would in `resource.getrusage` after a fork."""
+    ballast = np.ones(300_000_000, np.uint8)
+    command = [sys.executable, "-c", "from bench.speed.ours import peak_bytes; print(peak_bytes())"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=Path(__file__).parents[2])
+    assert 5e6 < int(done.stdout) < ballast.size

@@ -10,6 +10,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud, Edg
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.curves import Curve, arrange, fit_curve
 from workbench.geometry.ends import Ends, fit_end, settled
+from workbench.geometry.faces import FaceLines
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Float, Int
@@ -72,11 +73,14 @@ def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, np.ndarray]:
 def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tuple[EdgeFrames, Float]:
     """All frames in the section planes of `curve`; and each frame's lower edge in the base (N, 3)."""
     pose, side, sigma = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm
-    root = section_lines(tracked.faces[ROOT_FACE], pose, side, sigma[:, 2], curve, s)
-    bevel = section_lines(tracked.faces[BEVEL_FACE], pose, side, sigma[:, 1], curve, s)
+    slope = {label: _smooth_slope(face, s, cloud.pass_index) for label, face in tracked.faces.items()}
+    root = section_lines(tracked.faces[ROOT_FACE], slope[ROOT_FACE], pose, side, sigma[:, 2], curve, s)
+    bevel = section_lines(tracked.faces[BEVEL_FACE], slope[BEVEL_FACE], pose, side, sigma[:, 1], curve, s)
     tilt = pass_tilt(root, cloud.pass_index)
+    root = _with_true_noise(root, wrapped(root.angle - tilt), cloud.pass_index)
     apparent = wrapped(tilt - bevel.angle)
     beta, beta_slope = _along(bevel.s, apparent, 1.0 / bevel.angle_variance, cloud.pass_index)
+    bevel = _with_true_noise(bevel, apparent - beta, cloud.pass_index)
     size_slope = np.zeros_like(beta)
     for _ in range(2):
         # Drift bends an oblique frame's bevel: take it back (docs/geometry.md).
@@ -87,7 +91,7 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         lever = np.hypot(*(place - _on(root.place, tilt, up)).T)
         drift = bevel.run * (size_slope * np.sin(beta) - beta_slope * lever)
         beta, beta_slope = _along(bevel.s, apparent + drift, 1.0 / bevel.angle_variance, cloud.pass_index)
-        low, step, low_sigma = _root_size(cloud, tracked, curve, root, bevel, tilt, beta, up)
+        low, step, low_sigma = _root_size(cloud, tracked, curve, root, bevel, tilt, beta, up, slope[LOWER_SURFACE])
         low, low_sigma = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
         s_up = root.s + root.run * up
         missing = _missing_share(tracked, cloud.pass_index)
@@ -104,6 +108,26 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         missing=missing, obliquity=bevel.run,
     )  # fmt: skip
     return frames, lower_edge
+
+
+def _smooth_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
+    """Slope dz/dx of a face at each frame (N,), from the frames around it."""
+    return _along(s, face.sxz / face.sxx, face.sxx, pass_index)[0]
+
+
+def _with_true_noise(lines: SectionLines, off: Float, pass_index: Int) -> SectionLines:
+    """The lines with their variances raised to what the scatter `off` (N,) of their directions shows, pass by pass.
+
+    Residuals about a frame's own line do not show noise that its neighbouring columns share; the directions of many
+    frames do, and vibration does not turn them.
+    """
+    factor = np.ones(off.shape)
+    for p in np.unique(pass_index):
+        mine = (pass_index == p) & np.isfinite(off)
+        if mine.sum() >= 20:
+            z2 = off[mine] ** 2 / lines.angle_variance[mine]
+            factor[pass_index == p] = max(1.0, float(np.median(z2)) / 0.4549)
+    return replace(lines, angle_variance=lines.angle_variance * factor, offset_variance=lines.offset_variance * factor)
 
 
 def pass_tilt(root: SectionLines, pass_index: Int) -> Float:
@@ -166,7 +190,7 @@ def _on(place: Float, angle: Float, distance: Float) -> Float:
 
 
 def _root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, bevel: SectionLines, tilt: Float,
-               beta: Float, up: Float) -> tuple[Float, Float, Float]:  # fmt: skip
+               beta: Float, up: Float, lower_slope: Float) -> tuple[Float, Float, Float]:  # fmt: skip
     """Root size to the last return on the root face (N,), the step to the next column, and its standard deviation, mm.
 
     Where the lower surface is seen, the size is that to the corner with it, and the step 0.
@@ -185,7 +209,7 @@ def _root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionL
     step = end[:, 2] / np.hypot(1.0, root.run)
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
-        corner, lean = _lower_corner(cloud, tracked, curve, root, tilt)
+        corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, lower_slope)
         at_corner = tracked.end_is_corner & np.isfinite(corner)
         down, step = np.where(at_corner, corner, down), np.where(at_corner, 0.0, step)
         root_share = np.where(at_corner, (1.0 / np.tan(beta) - 1.0 / np.tan(lean)) ** 2, root_share)
@@ -193,10 +217,10 @@ def _root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionL
     return up - down, step, np.sqrt(variance)
 
 
-def _lower_corner(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines,
-                  tilt: Float) -> tuple[Float, Float]:  # fmt: skip
+def _lower_corner(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, tilt: Float,
+                  slope: Float) -> tuple[Float, Float]:  # fmt: skip
     """Distance along the root face to the corner with the lower surface (N,), mm; and the angle between both, rad."""
-    lower = section_lines(tracked.faces[LOWER_SURFACE], cloud.base_from_profiler, tracked.side,
+    lower = section_lines(tracked.faces[LOWER_SURFACE], slope, cloud.base_from_profiler, tracked.side,
                           tracked.range_sigma_mm[:, 3], curve, root.s)  # fmt: skip
     apparent = wrapped(lower.angle - tilt)
     lean, _ = _along(lower.s, apparent, 1.0 / lower.angle_variance, cloud.pass_index)

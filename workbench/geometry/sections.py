@@ -33,9 +33,12 @@ class SectionLines:
     ray: Float  # (n, 2) direction of the range axis in (a, b)
 
 
-def section_lines(face: FaceLines, base_from_profiler: Float, side: Float, range_sigma_mm: Float, curve: Curve,
-                  s_frame: Float) -> SectionLines:  # fmt: skip
+def section_lines(face: FaceLines, slope: Float, base_from_profiler: Float, side: Float, range_sigma_mm: Float,
+                  curve: Curve, s_frame: Float) -> SectionLines:  # fmt: skip
     """Project a face's lines (n frames) into the section planes of the curve.
+
+    slope (n,): the face's slope dz/dx as its neighbouring frames say. A frame's own slope counts by its difference
+    from that, to first order: the mean of the arctangents of noisy slopes is not the arctangent of their mean.
 
     side (n,): the upper side lies towards falling side * x. range_sigma_mm (n,): noise along z. s_frame (n,): about
     where each frame crosses the edge.
@@ -49,7 +52,6 @@ def section_lines(face: FaceLines, base_from_profiler: Float, side: Float, range
     t, a, b = curve.frame(safe)
     off = centroid - curve.position(safe)
     place = np.stack([_dot(off, a), _dot(off, b)], axis=1)
-    slope = face.sxz / face.sxx
     line = -side[:, None] * (ex + slope[:, None] * ez)
     du, dv = _dot(line, a), _dot(line, b)
     size2 = du * du + dv * dv
@@ -65,7 +67,8 @@ def section_lines(face: FaceLines, base_from_profiler: Float, side: Float, range
     bow = 0.5 * (bend * lean).sum(axis=1) * run**2 / (1.0 - (bend * place).sum(axis=1))
     place = place - (bow * spread)[:, None] * lean
     variance = range_sigma_mm**2
-    return SectionLines(s, place, np.arctan2(dv, du), variance / face.sxx * turn**2, variance * across**2 / face.count,
+    angle = np.arctan2(dv, du) + turn * (face.sxz / face.sxx - slope)
+    return SectionLines(s, place, angle, variance / face.sxx * turn**2, variance * across**2 / face.count,
                         run, spread, ray)  # fmt: skip
 
 

@@ -19,7 +19,8 @@ SLOPE, OFFSET, SEEN, END = range(4)
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 
 GATES_MM = np.array([0.6, 0.3, 0.15])  # how far off its line a point may lie while the frame's lines settle
-CORNER_MARGIN_MM = 0.05  # points this near to a corner are left out of both faces: corners are never quite sharp
+CORNER_MARGIN_MM = 0.03  # points this near to a corner are left out of both faces: corners are never quite sharp,
+CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray point of the bevel turns the root face
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
 FINAL_SIGMAS = 4.5
 MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
@@ -38,8 +39,8 @@ def _crossing(state: Float, a: int, b: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _limits(state: Float, side: float) -> Float:
-    """Start and stop of each face along u = side * x, the margin at the corners taken off; empty if not seen."""
+def _limits(state: Float, side: float, margin_mm: float) -> Float:
+    """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen."""
     limits = np.full((4, 2), np.nan)
     bevel_root = side * _crossing(state, BEVEL, ROOT)
     limits[BEVEL, 1], limits[ROOT, 0] = bevel_root, bevel_root
@@ -52,10 +53,18 @@ def _limits(state: Float, side: float) -> Float:
         limits[LOWER, 0] = limits[ROOT, 1]
         limits[LOWER, 1] = min(side * state[LOWER, END], limits[LOWER, 0] + SIDE_FACE_MM)
     for f in range(4):
-        margin = CORNER_MARGIN_MM / np.sqrt(1.0 + state[f, SLOPE] ** 2)
+        margin = margin_mm / np.sqrt(1.0 + state[f, SLOPE] ** 2)
         limits[f, 0] += margin
         limits[f, 1] -= margin
     return limits
+
+
+@njit(cache=True, nogil=True)
+def _corner_sigma(state: Float, count: float, sigma: float) -> float:
+    """Standard deviation (mm) along the faces of a frame's corner of root face and bevel face, from the root line."""
+    turn = abs(np.arctan(state[ROOT, SLOPE]) - np.arctan(state[BEVEL, SLOPE]))
+    across = sigma / np.sqrt(1.0 + state[ROOT, SLOPE] ** 2)
+    return 2.0 * across / np.sqrt(max(count, 4.0)) / max(np.tan(turn), 0.2)
 
 
 @njit(cache=True, nogil=True)
@@ -180,7 +189,7 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
     low, high = _reach(state, side)
     lo, hi = _window(x, keep, side, low - 1.0, high + 1.0)
-    gates = np.empty(4)
+    gates, margin = np.empty(4), CORNER_MARGIN_MM
     for step in range(GATES_MM.size + 2):
         for f in range(4):
             lean = np.sqrt(1.0 + state[f, SLOPE] ** 2)
@@ -188,13 +197,14 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        found = _sums(x, z, keep, lo, hi, side, state, _limits(state, side), gates)
+        found = _sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates)
         if found[BEVEL, COUNT] < 5 or found[ROOT, COUNT] < 3:
             return False
         _refit(state, found, step > 0)
+        margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, found[ROOT, COUNT], sigma[ROOT])
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
-    sums[:] = _sums(x, z, keep, lo, hi, side, state, _limits(state, side), gates)
+    sums[:] = _sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
     end[:] = _root_end(x, z, keep, side, state, sums, gates[ROOT])

@@ -34,6 +34,7 @@ class Quantity:
     coverage_low: float  # 95 % interval, by resampling parts
     coverage_high: float
     mean_u: float
+    bound_p95: float  # over parts, of the greatest bound of the sections
     u_over_bound: float  # mean over sections
     u_over_bound_p95: float  # 95th percentile of the sections
     goal: float
@@ -143,6 +144,7 @@ def quantity(results: list[PartResult], name: str, unit: str, goal: float) -> Qu
         coverage_low=low,
         coverage_high=high,
         mean_u=float(np.nanmean(np.concatenate(u))) if u else float("nan"),
+        bound_p95=percentile([np.nanmax(b) for b in bound if np.isfinite(b).any()], 95),
         u_over_bound=float(ratio.mean()) if len(ratio) else float("nan"),
         u_over_bound_p95=percentile(ratio, 95),
         goal=goal,

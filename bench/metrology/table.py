@@ -71,7 +71,7 @@ def uncertainty(summaries: list[Summary]) -> Iterable[str]:
     head = ["condition"]
     for name, unit in (("root", "mm"), ("bevel", "deg")):
         head += [f"{name}: within 2u, %", "95 % interval", f"mean error, {unit}", f"mean u, {unit}", "u / bound"]
-        head += ["its 95th percentile"]
+        head += ["its 95th percentile", f"greatest bound, {unit}"]
     rows = []
     for s in summaries:
         row = [s.condition]
@@ -79,7 +79,7 @@ def uncertainty(summaries: list[Summary]) -> Iterable[str]:
             row += [f"{100 * q.coverage:.1f}" if q.covered else f"**{100 * q.coverage:.1f}**"]
             row += [f"{100 * q.coverage_low:.1f} to {100 * q.coverage_high:.1f}"]
             row += [f"{q.bias:+.{digits}f} ± {q.bias_u:.{digits}f}", f"{q.mean_u:.{digits}f}"]
-            row += [f"{q.u_over_bound:.2f}", f"{q.u_over_bound_p95:.2f}"]
+            row += [f"{q.u_over_bound:.2f}", f"{q.u_over_bound_p95:.2f}", f"{q.bound_p95:.{digits}f}"]
         rows.append(row)
     return markdown(head, rows)
 

@@ -12,7 +12,8 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.units import DEG, Bool, Float, Int
 
-TRIM_COLUMNS = 3  # left out at both ends of a face
+TRIM_COLUMNS = 1  # left out at both ends of a face
+LEAST_POINTS = 4
 OUTLIER_SIGMAS = 3.5
 ROUNDS = 4
 
@@ -40,9 +41,9 @@ def fit_lines(x: Float, z: Float, mask: Bool) -> Float:
     for i in range(len(x)):
         use = mask[i] & np.isfinite(z[i])
         xs, zs = x[i, use], z[i, use]
-        apart = len(xs) // 3
-        if apart < 2:
+        if len(xs) < LEAST_POINTS:
             continue
+        apart = max(1, len(xs) // 3)
         a = float(np.median((zs[apart:] - zs[:-apart]) / (xs[apart:] - xs[:-apart])))
         b = float(np.median(zs - a * xs))
         scatter = np.nan

@@ -48,6 +48,11 @@ class Quantity:
         return COVERAGE[0] <= self.coverage <= COVERAGE[1]
 
     @property
+    def surely_not_covered(self) -> bool:
+        """Even the interval that the number of parts leaves open lies outside."""
+        return self.coverage_high < COVERAGE[0] or self.coverage_low > COVERAGE[1]
+
+    @property
     def sharp(self) -> bool:
         return self.u_over_bound <= MOST_U_OVER_BOUND
 
@@ -81,8 +86,8 @@ class Summary:
             (bool(self.crashed), f"{len(self.crashed)} crashed"),
             (not self.root.accurate, "root error"),
             (not self.bevel.accurate, "bevel error"),
-            (not self.root.covered, "root coverage"),
-            (not self.bevel.covered, "bevel coverage"),
+            (self.root.surely_not_covered, "root coverage"),
+            (self.bevel.surely_not_covered, "bevel coverage"),
             (not self.root.sharp, "root u over bound"),
             (not self.bevel.sharp, "bevel u over bound"),
             (self.far_wrong > 0 or self.wrong > max(1.0, GUARD_RISK * self.at_risk), "wrong verdicts"),

@@ -26,10 +26,11 @@ def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]
     for size in sizes:
         yield from rows.fusing(size)
     yield from rows.memory(sizes[-1], paths[sizes[-1]])
-    yield from rows.linearity(paths)
+    times: rows.Times = {}
     for size, path in paths.items():
-        yield from rows.reading(size, path)
-    yield from rows.routes(paths, also_largest)
+        yield from rows.reading(size, path, times)
+    yield from rows.linearity(times)
+    yield from rows.routes(paths, times, also_largest)
 
 
 def main() -> None:

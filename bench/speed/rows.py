@@ -16,6 +16,7 @@ from bench.speed.timing import REPEATS, Row, in_turn, seconds
 from workbench.geometry import grids
 from workbench.scan import read
 
+Times = dict[int, tuple[float, float]]  # by million points: recording to inspection, and plainly reading, s
 GENERAL_REPEATS = {1: 5, 10: 3}  # by million points; a size that is not listed is extrapolated
 
 
@@ -24,7 +25,8 @@ def fusing(million: int) -> Iterator[Row]:
     frames = million * 1000
     rng = np.random.default_rng(0)
     x, z = (rng.random((frames, 1000), np.float32) for _ in "xz")
-    poses, out = np.repeat(np.eye(4)[None], frames, axis=0), np.ones((frames, 1000, 3), np.float32)
+    poses = np.repeat(np.eye(4)[None], frames, axis=0)
+    out = grids.fuse(x, z, poses, np.zeros(3))
     source = np.ones(x.size * 10 // 4, np.float32)
     target = np.ones_like(source)
     fuse_s, copy_s = in_turn(
@@ -36,27 +38,28 @@ def fusing(million: int) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def reading(million: int, packed: Path) -> Iterator[Row]:
+def reading(million: int, packed: Path, times: Times) -> Iterator[Row]:
     """Recording to inspection, and reading alone, beside h5py reading x and z and doing nothing with them."""
-    for path, storage in ((packed, "gzip and shuffle"), (unpacked(packed), "not compressed")):
+    for path, storage in ((unpacked(packed), "not compressed"), (packed, "gzip and shuffle")):
         whole_s, read_s, plain_s = in_turn(
             lambda path=path: ours.read_and_inspect(path),
             lambda path=path: read(recording=path),
             lambda path=path: general.plain_read(path),
         )
+        times[million] = whole_s, plain_s
         against = f"{million} M points, {storage}; h5py reading x and z"
         yield Row(f"`scan.read` of {against}", seconds(read_s), seconds(plain_s), read_s / plain_s, "{:.2f} x its time")
         yield Row(f"recording to inspection, {against}", seconds(whole_s), seconds(plain_s), whole_s / plain_s,
                   "{:.2f} x its time", goal=2, at_most=True)  # fmt: skip
 
 
-def routes(paths: dict[int, Path], also_largest: bool) -> Iterator[Row]:
-    """Reading to inspection beside the general route, and the same from memory; the slope beyond what is measured."""
+def routes(paths: dict[int, Path], times: Times, also_largest: bool) -> Iterator[Row]:
+    """From memory, and with reading, beside the general route; where that was not run, beside its extrapolation."""
     known: dict[int, float] = {}
     for million, path in paths.items():
         recording = read(recording=path)
-        repeats = GENERAL_REPEATS.get(million, 1)
         if million in GENERAL_REPEATS or also_largest or len(known) < 2:
+            repeats = GENERAL_REPEATS.get(million, 1)
             inspect_s, general_s = in_turn(
                 lambda r=recording: ours.inspect(r),
                 lambda r=recording: general.planes(r),
@@ -67,7 +70,7 @@ def routes(paths: dict[int, Path], also_largest: bool) -> Iterator[Row]:
         else:
             (inspect_s,) = in_turn(lambda r=recording: ours.inspect(r))
             general_s, how = extrapolated(known, million), "extrapolated"
-        whole_s, plain_s = in_turn(lambda p=path: ours.read_and_inspect(p), lambda p=path: general.plain_read(p))
+        whole_s, plain_s = times[million]
         other_s = general_s + plain_s
         yield Row(f"recording to inspection, {million} M points, gzip; Open3D ({how})", seconds(whole_s),
                   seconds(other_s), other_s / whole_s, "{:.0f} x faster", goal=500)  # fmt: skip
@@ -89,12 +92,9 @@ def memory(million: int, path: Path) -> Iterator[Row]:
               f"{million * 8e-3:.2f} GB", peak / 1e9, "{:.2f} GB", goal=2.5, at_most=True)  # fmt: skip
 
 
-def linearity(paths: dict[int, Path]) -> Iterator[Row]:
+def linearity(times: Times) -> Iterator[Row]:
     """Time a frame of each size beside that of the smallest but one: constant where the cost is linear."""
-    per_frame = {}
-    for million, path in paths.items():
-        (whole_s,) = in_turn(lambda p=path: ours.read_and_inspect(p))
-        per_frame[million] = whole_s / (million * 1000)
+    per_frame = {million: whole_s / (million * 1000) for million, (whole_s, _) in times.items()}
     base = sorted(per_frame)[min(1, len(per_frame) - 1)]
     for million, value_s in per_frame.items():
         goal = 1.25 if million > base else None

@@ -27,20 +27,23 @@ def fuse(
         base_from_profiler: (N, 4, 4) pose of the profiler at each frame.
         origin_mm: (3,) in the base, near the points: float32 then errs by less than 1e-4 mm within 1 m of it, while
             float32 at 5 m from the base would err by 2.4e-4 mm in its last digit alone.
-        out: (N, M, 3) to write to, if given.
+        out: (N, M, 3) to write to, if given; quickest is what this function returned before.
 
     Returns:
-        (N, M, 3) base coordinates minus `origin_mm`; NaN where x or z is.
+        (N, M, 3) base coordinates minus `origin_mm`; NaN where x or z is. In memory each frame is a row of x, one of y
+        and one of z, which are written at about the speed of a copy; triples take half as long again.
     """
-    shape = (*x_mm.shape, 3)
+    frames, columns = x_mm.shape
     if z_mm.shape != x_mm.shape or base_from_profiler.shape != (len(x_mm), 4, 4):
         raise ValueError("x_mm and z_mm are (N, M), base_from_profiler is (N, 4, 4)")
-    points = np.empty(shape, np.float32) if out is None else out
-    if points.shape != shape or points.dtype != np.float32:
+    points = np.empty((frames, 3, columns), np.float32).transpose(0, 2, 1) if out is None else out
+    if points.shape != (frames, columns, 3) or points.dtype != np.float32:
         raise ValueError("out is (N, M, 3), float32")
     # x and z axes and the offset of each frame's plane, in (N, 3, 3); the subtraction happens in float64
     planes = base_from_profiler[:, :3, [0, 2, 3]] - np.outer(origin_mm, (0.0, 0.0, 1.0))
-    kernel = partial(_fuse, as_input(x_mm), as_input(z_mm), as_input(planes.astype(np.float32)), points)
+    kernel = partial(
+        _fuse, as_input(x_mm), as_input(z_mm), as_input(planes.astype(np.float32)), points.transpose(0, 2, 1)
+    )
     over_blocks(kernel, x_mm.shape)
     return points
 
@@ -48,14 +51,11 @@ def fuse(
 @njit(nogil=True, cache=True)
 def _fuse(x: Float32, z: Float32, planes: Float32, out: Float32, first: int, last: int) -> None:
     for i in range(first, last):
-        ax, bx, cx = planes[i, 0, 0], planes[i, 0, 1], planes[i, 0, 2]
-        ay, by, cy = planes[i, 1, 0], planes[i, 1, 1], planes[i, 1, 2]
-        az, bz, cz = planes[i, 2, 0], planes[i, 2, 1], planes[i, 2, 2]
-        for j in range(x.shape[1]):
-            u, w = x[i, j], z[i, j]
-            out[i, j, 0] = ax * u + bx * w + cx
-            out[i, j, 1] = ay * u + by * w + cy
-            out[i, j, 2] = az * u + bz * w + cz
+        for k in range(3):
+            a, b, c = planes[i, k, 0], planes[i, k, 1], planes[i, k, 2]
+            u, w, row = x[i], z[i], out[i, k]
+            for j in range(u.size):
+                row[j] = a * u[j] + b * w[j] + c
 
 
 def returns(x_mm: Float32, z_mm: Float32) -> Bool:

@@ -19,7 +19,7 @@ WHAT_COUNTS = (
     "bench/peers",
     "bench/metrology",
 )
-PRESENTATION = ("__main__.py", "run.py", "summary.py", "table.py")
+PRESENTATION = ("__main__.py", "run.py", "quantity.py", "summary.py", "table.py")
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 Task = tuple[str, int, tuple[str, ...]]  # condition, seed, peers
 

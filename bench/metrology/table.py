@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from bench.metrology.summary import Quantity, Summary
+from bench.metrology.quantity import Quantity
+from bench.metrology.summary import Summary
 
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}

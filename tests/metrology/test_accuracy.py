@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bench.metrology.part import measure_part
-from bench.metrology.summary import GOALS, greatest_error, summarise
+from bench.metrology.quantity import greatest_error
+from bench.metrology.summary import GOALS, summarise
 from workbench.synthetic import CONDITIONS
 
 WIDE = 4.0  # times the goal of the 95th percentile: no single part may be worse

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from bench.metrology.part_result import PartResult
+from bench.metrology.quantity import coverage_interval
 from bench.metrology.run import measure_all
-from bench.metrology.summary import coverage_interval, summarise
+from bench.metrology.summary import summarise
 from bench.metrology.table import BEGIN, END, put_into, tables
 
 

@@ -93,8 +93,9 @@ class EdgeFrames:
     root_low_mm: Float  # (N,) root size up to the last return on the root face; the edge lies at most a step beyond
     root_step_mm: Float  # (N,) that step between columns; 0 where the lower edge is a corner of two faces
     root_sigma_mm: Float  # (N,) standard deviation of root_low_mm from range noise
+    root_weight: Float  # (N,) what the frame counts for the root size: less than 1 where neighbours say the same
     missing: Float  # (N,) probability that a column at the end of the root face has no return on it
-    obliquity: Float  # (N,) tangent of the angle between laser plane and section plane, along the bevel face
+    tangent_leverage: Float  # (N,) error of the bevel angle per error of the edge's tangent; 0: the laser plane is square
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +113,7 @@ class Edge:
     frame_arc_length_mm: Float  # (N,) where each frame crosses the lower edge; NaN: edge not seen in that frame
     frame_tangent: Float  # (N, 3) t at each frame, NaN where not seen
     frames: EdgeFrames
+    tangent_u: float  # standard uncertainty of the tangent's direction, rad
     arc_length_mm: Float  # (n,)
     position_mm: Float  # (n, 3) lower edge in the base; NaN where hidden
     tangent: Float  # (n, 3) unit, rising arc length; interpolated where hidden

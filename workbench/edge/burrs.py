@@ -33,7 +33,7 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
         out /= np.hypot(1.0, slope[i])
         limit = max(STANDS_OUT_MM, STANDS_OUT_SIGMAS * tracked.range_sigma_mm[i, 2])
         found[i] = np.count_nonzero((out > limit) & (out < REACH_MM)) >= LEAST_POINTS
-    s = measured.s_low[found]
+    s = measured.s_low[found & np.isfinite(measured.s_low)]
     number = np.rint(np.interp(s, at, np.arange(at.size))).astype(np.int64)
     count = np.bincount(number, minlength=at.size)
     return np.flatnonzero(count >= LEAST_FRAMES)

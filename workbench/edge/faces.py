@@ -31,6 +31,7 @@ class TrackedFaces:
     root_end: Float  # (N, 3) x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
     end_column: Int  # (N,) that return's column, counted towards the lower side
     end_is_mixed: Bool  # (N,) the next column saw both the root face and what lies behind it
+    end_is_cut: Bool  # (N,) the field of view, or something in front, ends the root face: its size is not seen
     end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
     labels: AnyArray  # (N, M) uint8
     range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
@@ -64,10 +65,14 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     if seen.sum() < 2:
         raise InputError(cloud.source, "no edge in view: expected a root face next to a bevel face of "
                          f"{bevel_nominal_deg:g} deg in at least two frames")  # fmt: skip
+    if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
+        raise InputError(cloud.source, "lower edge not in view: the root face runs out of the field of view, or behind "
+                         "something, in every frame")  # fmt: skip
     faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
-    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, end[:, 4] > 0, lower & seen, labels, sigma)
+    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, end[:, 4] == tracking.MIXED,
+                        (end[:, 4] == tracking.CUT) & ~lower, lower & seen, labels, sigma)  # fmt: skip
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:
@@ -84,8 +89,10 @@ def _key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     count = max(2, min(KEY_FRAMES, x.shape[0] // KEY_SPACING))
     keys = np.unique(np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64))
-    chains, lengths = _chains(x, z, keep, keys, rises_with_column(x, keep, keys))
-    return keys, [list(candidates(chains[k, : lengths[k]], root_nominal_mm, bevel_nominal)) for k in range(keys.size)]
+    chains, lengths, cut = _chains(x, z, keep, keys, rises_with_column(x, keep, keys))
+    return keys, [
+        list(candidates(chains[k, : lengths[k]], cut[k], root_nominal_mm, bevel_nominal)) for k in range(keys.size)
+    ]
 
 
 def rises_with_column(x: Float32, keep: Bool, keys: Int) -> bool:
@@ -96,10 +103,14 @@ def rises_with_column(x: Float32, keep: Bool, keys: Int) -> bool:
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _chains(x: Float32, z: Float32, keep: Bool, keys: Int, rises: bool) -> tuple[Float, Int]:
-    """The straight faces (k, MAX_LINES, 7) of each key frame, in order of rising x, and how many."""
+def _chains(x: Float32, z: Float32, keep: Bool, keys: Int, rises: bool) -> tuple[Float, Int, Bool]:
+    """The straight faces (k, MAX_LINES, 7) of each key frame, in order of rising x, how many, and cut (k, 2).
+
+    `cut`: the frame's first (last) column returns, so that the field of view ends its first (last) face.
+    """
     chains = np.zeros((keys.size, MAX_LINES, 7))
     lengths = np.zeros(keys.size, np.int64)
+    cut = np.zeros((keys.size, 2), np.bool_)
     for k in prange(keys.size):
         i = keys[k]
         count = 0
@@ -112,10 +123,13 @@ def _chains(x: Float32, z: Float32, keep: Bool, keys: Int, rises: bool) -> tuple
             if keep[i, j]:
                 xs[at], zs[at] = x[i, j], z[i, j]
                 at += 1
+        last = x.shape[1] - 1
+        low, high = keep[i, 0] or keep[i, 1], keep[i, last] or keep[i, last - 1]
+        cut[k, 0], cut[k, 1] = (low, high) if rises else (high, low)
         lines = straight_faces(xs, zs)
         lengths[k] = min(len(lines), MAX_LINES)
         chains[k, : lengths[k]] = lines[: lengths[k]]
-    return chains, lengths
+    return chains, lengths, cut
 
 
 def _agreed(keys: Int, readings: list[list[Candidate]]) -> tuple[Int, Float, int] | None:

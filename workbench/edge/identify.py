@@ -10,18 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
-from workbench.units import DEG, Float
+from workbench.units import DEG, Bool, Float
 
 JOIN_MM = 0.6  # faces whose lines cross within this distance of both their ends meet in a corner
 ANGLE_SIGMA = 8.0 * DEG  # how far a bevel may be from nominal, with the laser plane oblique
 WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
-WORST_SCORE = 10.0
+WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
+CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +73,11 @@ def _off(angle: float, expected: float) -> float:
     return 0.5 * ((angle - expected) / ANGLE_SIGMA) ** 2
 
 
-def candidates(chain: Float, root_nominal_mm: float, bevel_nominal: float) -> Iterator[Candidate]:
-    """All readings of a profile's chain of faces that score better than WORST_SCORE. bevel_nominal in rad."""
+def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: float) -> Iterator[Candidate]:
+    """All readings of a profile's chain of faces that score better than WORST_SCORE. bevel_nominal in rad.
+
+    cut (2,): whether the field of view ends the chain's first and its last face.
+    """
     corners = _corners(chain)
     after = dict(corners)
     before = {j: i for i, j in corners}
@@ -87,8 +91,9 @@ def candidates(chain: Float, root_nominal_mm: float, bevel_nominal: float) -> It
                 backward = before if side > 0 else after
                 reading = _read(chain, sense, side, bevel, root, backward.get(bevel), onward.get(root),
                                 root_nominal_mm, bevel_nominal)  # fmt: skip
-                if reading.score < WORST_SCORE:
-                    yield reading
+                first, last = bool(cut[0]) and root == 0, bool(cut[1]) and root == len(chain) - 1
+                if reading.score + CUT_OFF * (first or last) < WORST_SCORE:
+                    yield replace(reading, score=reading.score + CUT_OFF * (first or last))
 
 
 def _read(chain: Float, sense: int, side: int, bevel: int, root: int, upper: int | None, lower: int | None,

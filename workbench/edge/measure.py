@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud, EdgeFrames
 from workbench.edge.faces import TrackedFaces
+from workbench.errors import InputError
 from workbench.geometry.curves import Curve, arrange, fit_curve
 from workbench.geometry.ends import Ends, fit_end, settled
 from workbench.geometry.faces import FaceLines
@@ -16,6 +17,7 @@ from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Float, Int
 
 MIXED = 0.5
+LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 SMOOTHING_MM = 10.0  # half width of the local regressions that give drift along the edge
 
 
@@ -35,7 +37,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     lower edge that this gives.
     """
     corners, forward = _corners(cloud, tracked)
-    seen = tracked.seen
+    seen = tracked.seen & np.isfinite(corners).all(axis=1)
+    _check_advance(cloud, corners[seen])
     s = np.full(seen.size, np.nan)
     s[seen] = arrange(corners[seen], cloud.pass_index[seen], forward[seen])
     curve = fit_curve(corners[seen], s[seen])
@@ -48,6 +51,15 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
         s[~good] = np.nan
     frames, lower_edge = _measure(cloud, tracked, curve, s)
     return _from_zero(frames, curve)
+
+
+def _check_advance(cloud: Cloud, corners: Float) -> None:
+    """Refuse frames that do not run along an edge: angles and lengths need its direction."""
+    travelled = np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
+    if len(corners) < LEAST_FRAMES or np.linalg.norm(travelled) < LEAST_LENGTH_MM:
+        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
+                         f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
+                         f"{np.linalg.norm(travelled):.2f} mm")  # fmt: skip
 
 
 def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, np.ndarray]:
@@ -92,10 +104,10 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         drift = bevel.run * (size_slope * np.sin(beta) - beta_slope * lever)
         beta, beta_slope = _along(bevel.s, apparent + drift, 1.0 / bevel.angle_variance, cloud.pass_index)
         low, step, low_sigma = _root_size(cloud, tracked, curve, root, bevel, tilt, beta, up, slope[LOWER_SURFACE])
-        low, low_sigma = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
+        low, low_sigma, counts = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
         s_up = root.s + root.run * up
         missing = _missing_share(tracked, cloud.pass_index)
-        size, size_slope = _smooth_size(s_up, low, step, low_sigma, missing)
+        size, size_slope = _smooth_size(s_up, low, step, low_sigma, missing, counts)
     t, a, b = curve.frame(np.where(np.isfinite(s_up), s_up, 0.0))
     spot = _on(root.place, tilt, up - size)
     lower_edge = curve.position(np.where(np.isfinite(s_up), s_up, 0.0)) + spot[:, :1] * a + spot[:, 1:] * b
@@ -105,7 +117,8 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         root_angle=root.angle, root_angle_variance=root.angle_variance, bevel_arc_length_mm=bevel.s,
         bevel_angle=tilt - apparent - drift, bevel_angle_variance=bevel.angle_variance, bevel_lever_mm=lever,
         root_low_mm=low, root_step_mm=step, root_sigma_mm=low_sigma,
-        missing=missing, obliquity=bevel.run,
+        root_weight=counts, missing=missing,
+        tangent_leverage=np.sqrt(root.run**2 + bevel.run**2 - 2.0 * root.run * bevel.run * np.cos(beta)),
     )  # fmt: skip
     return frames, lower_edge
 
@@ -174,12 +187,13 @@ def _along(s: Float, value: Float, weight: Float, pass_index: Int) -> tuple[Floa
     return smooth, slope
 
 
-def _smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float) -> tuple[Float, Float]:
+def _smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float,
+                 counts: Float) -> tuple[Float, Float]:  # fmt: skip
     """Root size and its slope along the edge at each frame (N,), all passes together."""
     size, slope = np.full(s.shape, np.nan), np.full(s.shape, np.nan)
     mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
     mine = mine[np.argsort(s[mine], kind="stable")]
-    end = fit_end(Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine]))
+    end = fit_end(Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine], counts[mine]))
     size[mine], slope[mine] = end.spline(s[mine]), end.spline(s[mine], 1)
     return size, slope
 
@@ -207,6 +221,7 @@ def _root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionL
     slide = ((root.place - place) * n).sum(axis=1) / ray_n  # along the ray onto the line of all the face's points
     down = ((place - root.place) * m).sum(axis=1) + slide * ray_m
     step = end[:, 2] / np.hypot(1.0, root.run)
+    down[tracked.end_is_cut] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
         corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, lower_slope)

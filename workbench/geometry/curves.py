@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from scipy.spatial import cKDTree
 
 from workbench.units import Bool, Float, Int
 
-MOST_BINS = 600
+BIN_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
+LEAST_BINS, MOST_BINS = 20, 600
 GCV_BINS = 120
-BIN_MM = 1.0
+SMALL_WAVE_MM = 0.2  # waves of the edge below this rms may as well be the robot's path as the part's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +32,7 @@ class Curve:
     stations_mm: Float  # (k,) where the frame was computed
     references: Float  # (k, 3) a at the stations
     stiffness: float  # penalty on the squared second derivative, mm^3
+    tangent_u: float  # standard uncertainty of the tangent's direction across itself, each way, rad
 
     def position(self, s: Float) -> Float:
         """c(s), (n, 3) mm."""
@@ -57,7 +60,7 @@ class Curve:
     def shifted(self, s0: float) -> Curve:
         """The same curve with its arc length counted from s0."""
         spline = BSpline(self.spline.t - s0, self.spline.c, self.spline.k)
-        return Curve(spline, self.stations_mm - s0, self.references, self.stiffness)
+        return Curve(spline, self.stations_mm - s0, self.references, self.stiffness, self.tangent_u)
 
     def project(self, points_mm: Float, s: Float) -> Float:
         """Arc length (n,) of the feet of points (n, 3) mm, by Newton steps from the guess s."""
@@ -106,24 +109,25 @@ def _along(course: Float, points: Float) -> Float:
 def fit_curve(points_mm: Float, s: Float, stiffness: float | None = None) -> Curve:
     """The smooth curve through points (n, 3) mm at rough arc lengths s (n,); s of the result is arc length from 0.
 
-    Points are averaged over bins of about 1 mm. The curve is a cubic polynomial plus a cubic smoothing spline of what
+    Points are averaged over bins of a few mm. The curve is a cubic polynomial plus a cubic smoothing spline of what
     that leaves; how smooth follows from generalised cross-validation (Craven and Wahba, 1979) unless `stiffness`, of
     an earlier curve through points of the same noise, says so.
     """
     for _ in range(2):  # the spline's own parameter becomes its arc length
         at, mean, weight = _bin_means(points_mm, s)
-        spline, stiffness = _smoothing_spline(at, mean, weight, stiffness)
+        spline, stiffness, _ = _smoothing_spline(at, mean, weight, stiffness)
         dense = np.linspace(at[0], at[-1], 4 * at.size)
         speed = np.linalg.norm(spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
-    spline, stiffness = _smoothing_spline(*_bin_means(points_mm, s), stiffness)
-    return _with_frame(spline, s, stiffness)
+    spline, stiffness, tangent_u = _smoothing_spline(*_bin_means(points_mm, s), stiffness)
+    return _with_frame(spline, s, stiffness, tangent_u)
 
 
 def _bin_means(points: Float, s: Float) -> tuple[Float, Float, Float]:
     """Mean s, mean point and count of each bin along s that holds points; the points beyond 5 sigma left out."""
-    width = max(BIN_MM, (s.max() - s.min()) / MOST_BINS)
+    length = s.max() - s.min()
+    width = max(min(BIN_MM, length / LEAST_BINS), length / MOST_BINS)
     number = np.floor((s - s.min()) / width).astype(np.int64)
     _, bin_of = np.unique(number, return_inverse=True)
     count = np.bincount(bin_of)
@@ -144,20 +148,41 @@ def _bin_means(points: Float, s: Float) -> tuple[Float, Float, Float]:
     return means(s, keep)[good], mean[good], weight[good]
 
 
-def _smoothing_spline(at: Float, values: Float, weight: Float, stiffness: float | None) -> tuple[BSpline, float]:
-    """Cubic polynomial plus smoothing spline through values (n, 3) at `at` (n,), and its penalty in mm^3."""
+def _smoothing_spline(at: Float, values: Float, weight: Float,
+                      stiffness: float | None) -> tuple[BSpline, float, float]:  # fmt: skip
+    """Cubic polynomial plus smoothing spline through values (n, 3) at `at` (n,), its penalty in mm^3, its tangent's u."""
     degree = min(3, at.size - 1)
     trend = [np.polynomial.Polynomial.fit(at, values[:, k], degree, w=np.sqrt(weight)) for k in range(3)]
     knots = np.r_[[at[0]] * 3, at if at.size > 4 else [at[0], at[-1]], [at[-1]] * 3]
     sites = np.linspace(at[0], at[-1], 4 * knots.size)
     smooth = make_lsq_spline(sites, np.stack([p(sites) for p in trend], axis=1), knots)
     if at.size < 8:
-        return smooth, np.inf
+        return smooth, np.inf, _tangent_u(at, values - smooth(at), np.inf, np.zeros((2, 3)), np.zeros((2, 3)))
     rest = values - smooth(at)
     if stiffness is None:
         stiffness = _cross_validated(at, rest)
     wiggle = [make_smoothing_spline(at, rest[:, k], w=weight / weight.mean(), lam=stiffness) for k in range(3)]
-    return BSpline(knots, smooth.c + np.stack([w.c for w in wiggle], axis=-1), 3), stiffness
+    wave = BSpline(knots, np.stack([w.c for w in wiggle], axis=-1), 3)
+    tangent_u = _tangent_u(at, rest - wave(at), stiffness, wave(at), wave(at, 1))
+    return BSpline(knots, smooth.c + wave.c, 3), stiffness, tangent_u
+
+
+def _tangent_u(at: Float, residuals: Float, stiffness: float, wave: Float, wave_slope: Float) -> float:
+    """Standard uncertainty (rad) of the direction of a smoothing spline through points (n, 3) with these residuals.
+
+    A smoothing spline is a kernel estimate of width h = (penalty * spacing)^(1/4) whose slope has the variance
+    noise^2 spacing / (8 sqrt(2) h^3) (Silverman, Ann. Stat. 12, 1984); the cubic polynomial adds its own. Waves too
+    small to tell whether part or robot made them count with their whole slope.
+    """
+    n, length = at.size, float(at[-1] - at[0])
+    spacing = length / (n - 1)
+    h = min((stiffness * spacing) ** 0.25, length)
+    freedom = max(n - 4.0 - length / (2.0 * math.sqrt(2.0) * h), 0.3 * n)
+    noise2 = float((residuals**2).sum()) / (2.0 * freedom)
+    variance = noise2 * spacing / (8.0 * math.sqrt(2.0) * h**3) + 48.0 * noise2 / (n * length**2)
+    if math.sqrt(float((wave**2).sum(axis=1).mean())) < SMALL_WAVE_MM:
+        variance += 0.5 * float((wave_slope**2).sum(axis=1).mean())
+    return math.sqrt(variance)
 
 
 def _cross_validated(at: Float, values: Float) -> float:
@@ -187,8 +212,8 @@ def _cross_validated(at: Float, values: Float) -> float:
     return float(np.exp(refined.x))
 
 
-def _with_frame(spline: BSpline, s: Float, stiffness: float) -> Curve:
-    stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int((s.max() - s.min()) / BIN_MM) + 10))
+def _with_frame(spline: BSpline, s: Float, stiffness: float, tangent_u: float) -> Curve:
+    stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int(s.max() - s.min()) + 10))
     if stations.size > 2 * MOST_BINS:
         stations = np.linspace(stations[0], stations[-1], 2 * MOST_BINS)
     t = np.asarray(spline(stations, 1))
@@ -206,4 +231,4 @@ def _with_frame(spline: BSpline, s: Float, stiffness: float) -> Curve:
         v2 = t[i + 1] - tan
         c2 = v2 @ v2
         a[i + 1] = ref - (2.0 / c2) * (v2 @ ref) * v2 if c2 > 0 else ref
-    return Curve(spline, stations, a, stiffness)
+    return Curve(spline, stations, a, stiffness, tangent_u)

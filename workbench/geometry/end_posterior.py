@@ -34,7 +34,7 @@ def end_at(ends: Ends, course: SmoothEnd, at_mm: Float) -> tuple[Float, Float]:
     grid = np.linspace(-reach, reach, GRID)
     number = np.floor((ends.s - ends.s[0]) / BIN_MM).astype(np.int64)
     _, bin_of = np.unique(number, return_inverse=True)
-    tables = _tables(ends.low - expected, ends.step, ends.sigma, ends.missing, grid, bin_of)
+    tables = _tables(ends.low - expected, ends.step, ends.sigma, ends.missing, ends.weight, grid, bin_of)
     count = np.bincount(bin_of)
     place = np.bincount(bin_of, ends.s) / count
     half_width = WINDOW * course.knots_mm
@@ -43,7 +43,8 @@ def end_at(ends: Ends, course: SmoothEnd, at_mm: Float) -> tuple[Float, Float]:
 
 
 @njit(cache=True, nogil=True)
-def _tables(low: Float, step: Float, sigma: Float, missing: Float, grid: Float, bin_of: Int) -> Float:
+def _tables(low: Float, step: Float, sigma: Float, missing: Float, weight: Float, grid: Float,
+            bin_of: Int) -> Float:  # fmt: skip
     """Log-likelihood of the end on the offsets `grid`, summed over the frames of each bin: (bins, GRID)."""
     out = np.zeros((bin_of[-1] + 1, grid.size))
     for i in range(low.size):
@@ -51,7 +52,7 @@ def _tables(low: Float, step: Float, sigma: Float, missing: Float, grid: Float, 
         row = out[bin_of[i]]
         for g in range(grid.size):
             if step[i] <= 0.0:
-                row[g] += math.log(math.exp(-0.5 * ((grid[g] - low[i]) / blur) ** 2) + STRAY)
+                row[g] += weight[i] * math.log(math.exp(-0.5 * ((grid[g] - low[i]) / blur) ** 2) + STRAY)
                 continue
             mass = 0.0
             for k in range(MISSES):
@@ -59,7 +60,7 @@ def _tables(low: Float, step: Float, sigma: Float, missing: Float, grid: Float, 
                 if a < -6.0:
                     break
                 mass += (1.0 - missing[i]) * missing[i] ** k * (cdf(a) - cdf(a - step[i] / blur))
-            row[g] += math.log(mass + STRAY)
+            row[g] += weight[i] * math.log(mass + STRAY)
     return out
 
 

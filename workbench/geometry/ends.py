@@ -24,9 +24,13 @@ KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter tha
 SHARP = 0.9  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
+SETTLE_FRAMES = 31
+SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
 BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
 PRICE = 3.0  # of a parameter, between the criteria of Akaike (2) and Schwarz (log n): intervals are easily overfitted
 OVER_RELAX = 1.7
+NEWTON_STEPS, NEWTON_DAMPING = 25, 0.6
+BEND_PER_MM = 0.0005  # second derivative (1/mm) that a root size drifting by tenths of a mm over 100 mm may have
 CHOICE_FRAMES = 4000  # the knot distance is chosen on this many neighbouring frames
 ROOT_HALF = math.sqrt(0.5)
 
@@ -40,9 +44,11 @@ class Ends:
     step: Float  # (n,) the next column lies this much further; 0: `low` is a measured corner
     sigma: Float  # (n,) noise of low
     missing: Float  # (n,) probability that a column of the face is without return
+    weight: Float  # (n,) what the frame counts: less than 1 where its neighbours share its noise and its phase
 
     def part(self, chosen: slice) -> Ends:
-        return Ends(self.s[chosen], self.low[chosen], self.step[chosen], self.sigma[chosen], self.missing[chosen])
+        return Ends(self.s[chosen], self.low[chosen], self.step[chosen], self.sigma[chosen], self.missing[chosen],
+                    self.weight[chosen])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +68,7 @@ def fit_end(ends: Ends) -> SmoothEnd:
     middle = max(0, (ends.s.size - CHOICE_FRAMES) // 2)
     sample = ends.part(slice(middle, middle + CHOICE_FRAMES))
     silhouette = sample.step > 0
-    slack = BOUNDARY_LOSS * float((sample.sigma[silhouette] / sample.step[silhouette]).sum())
+    slack = BOUNDARY_LOSS * float((sample.weight * sample.sigma / np.maximum(sample.step, 1e-9))[silhouette].sum())
     fits = [(_most_likely(sample, distance), distance) for distance in KNOTS_MM]
     best = max(found for (_, found), _ in fits)
     price = [PRICE * len(spline.c) - 2.0 * min(found, best - slack) for (spline, found), _ in fits]
@@ -80,18 +86,92 @@ def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:
     pieces = max(1, round(length / distance))
     grid = np.linspace(ends.s[0], ends.s[-1], pieces + 1)
     piece, basis = _basis(ends.s, grid)
-    weight = 1.0 / (ends.sigma**2 + ends.step**2 / 12.0 + 1e-8)
+    weight = ends.weight / (ends.sigma**2 + ends.step**2 / 12.0 + 1e-8)
     coefficients = _solve(piece, basis, ends.low + 0.5 * ends.step, weight, pieces)
     for part in SCATTER_PARTS:
         scatter = np.hypot(SHARP * ends.sigma, ends.step * part) + 1e-6
         for _ in range(EM_STEPS):
             now = _value(piece, basis, coefficients)
-            target, weight, found = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)
+            target, weight = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)
             relaxed = now + OVER_RELAX * (target - now)
-            coefficients = _solve(piece, basis, relaxed, weight / scatter**2, pieces)
+            coefficients = _solve(piece, basis, relaxed, ends.weight * weight / scatter**2, pieces)
+    coefficients = _straightened(piece, basis, coefficients, ends, scatter, length / pieces)
     now = _value(piece, basis, coefficients)
-    found = _expected_ends(now, ends.low, ends.step, scatter, ends.missing)[2]
+    found = _likelihood_slopes(now, ends.low, ends.step, scatter, ends.missing, ends.weight)[2]
     return BSpline(np.r_[[grid[0]] * 3, grid, [grid[-1]] * 3], coefficients, 3), found
+
+
+def _straightened(piece: Int, basis: Float, coefficients: Float, ends: Ends, scatter: Float, knots_mm: float) -> Float:
+    """The least bent of the about equally likely splines: Newton steps on likelihood and bending together.
+
+    Inside the column steps the likelihood is flat, and the spline would keep to their middle, saw tooth by saw tooth.
+    """
+    size = coefficients.size
+    bending = _bending(size) / (BEND_PER_MM * knots_mm**2) ** 2
+    best, best_score = coefficients, -math.inf
+    for _ in range(NEWTON_STEPS):
+        now = _value(piece, basis, coefficients)
+        pull, stiffness, found = _likelihood_slopes(now, ends.low, ends.step, scatter, ends.missing, ends.weight)
+        score = found - 0.5 * float(coefficients @ _band_product(bending, coefficients))
+        if score < best_score - 1.0:
+            break
+        if score > best_score:
+            best, best_score = coefficients, score
+        band, right = _normal_equations(piece, basis, pull / stiffness, stiffness, size)
+        right -= _band_product(bending, coefficients)
+        coefficients = coefficients + NEWTON_DAMPING * solveh_banded(band + bending, right)
+    return best
+
+
+def _bending(size: int) -> Float:
+    """Sum of squared second differences of spline coefficients as a banded matrix (4, size), upper form."""
+    band = np.zeros((4, size))
+    for k in range(size - 2):
+        for p, cp in ((0, 1.0), (1, -2.0), (2, 1.0)):
+            for q, cq in ((0, 1.0), (1, -2.0), (2, 1.0)):
+                if q >= p:
+                    band[3 - (q - p), k + q] += cp * cq
+    return band
+
+
+def _band_product(band: Float, x: Float) -> Float:
+    """Product of a symmetric banded matrix (4, n), upper form, with x (n,)."""
+    out = band[3] * x
+    for d in (1, 2, 3):
+        out[:-d] += band[3 - d, d:] * x[d:]
+        out[d:] += band[3 - d, d:] * x[:-d]
+    return np.asarray(out)
+
+
+@njit(cache=True, nogil=True)
+def _likelihood_slopes(now: Float, low: Float, step: Float, scatter: Float, missing: Float,
+                       counts: Float) -> tuple[Float, Float, float]:  # fmt: skip
+    """First and (at least a little) negative second derivative of each frame's log-likelihood by `now`, and its sum."""
+    pull, stiffness = np.empty(now.size), np.empty(now.size)
+    total = 0.0
+    for i in range(now.size):
+        s = scatter[i]
+        if step[i] <= 0.0:
+            z = (low[i] - now[i]) / s
+            p = math.exp(-0.5 * z * z)
+            weight = p / (p + STRAY)
+            pull[i], stiffness[i] = counts[i] * weight * z / s, counts[i] * max(weight, 1e-3) / (s * s)
+            total += counts[i] * math.log(p + STRAY)
+            continue
+        mass, first, second = 0.0, 0.0, 0.0
+        for k in range(MISSES):
+            a = (low[i] + k * step[i] - now[i]) / s
+            b = a + step[i] / s
+            share = (1.0 - missing[i]) * missing[i] ** k
+            da, db = 0.3989422804014327 * math.exp(-0.5 * a * a), 0.3989422804014327 * math.exp(-0.5 * b * b)
+            mass += share * (cdf(b) - cdf(a))
+            first += share * (da - db) / s
+            second += share * (a * da - b * db) / (s * s)
+        slope = first / (mass + STRAY)
+        pull[i] = counts[i] * slope
+        stiffness[i] = counts[i] * max(slope * slope - second / (mass + STRAY), 1e-4 / (s * s))
+        total += counts[i] * math.log(mass + STRAY)
+    return pull, stiffness, total
 
 
 def _basis(s: Float, grid: Float) -> tuple[Int, Float]:
@@ -145,11 +225,7 @@ def _solve(piece: Int, basis: Float, target: Float, weight: Float, pieces: int) 
     size = pieces + 3
     band, right = _normal_equations(piece, basis, target, weight, size)
     pull = 1e-4 * float(band[3].mean()) + 1e-12
-    for k in range(size - 2):
-        for (p, cp) in ((0, 1.0), (1, -2.0), (2, 1.0)):
-            for (q, cq) in ((0, 1.0), (1, -2.0), (2, 1.0)):
-                if q >= p:
-                    band[3 - (q - p), k + q] += pull * cp * cq
+    band += pull * _bending(size)
     band[3] += 1e-9 * pull
     return np.asarray(solveh_banded(band, right))
 
@@ -161,20 +237,18 @@ def cdf(z: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing: Float) -> tuple[Float, Float, float]:
-    """Expected end of each frame given the smooth one `now` (n,), the weight it deserves, and the log-likelihood.
+def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing: Float) -> tuple[Float, Float]:
+    """Expected end of each frame given the smooth one `now` (n,), and the weight it deserves.
 
     Ends scatter about the smooth one with standard deviation `scatter`; the frame says that its own lies in
     [low, low + step], or k steps further with probability missing^k.
     """
     target, weight = np.empty(now.size), np.empty(now.size)
-    total = 0.0
     for i in range(now.size):
         if step[i] <= 0.0:
             z = (low[i] - now[i]) / scatter[i]
             p = math.exp(-0.5 * z * z)
             target[i], weight[i] = low[i], p / (p + STRAY)
-            total += math.log(p + STRAY)
             continue
         mass, first = 0.0, 0.0
         for k in range(MISSES):
@@ -188,40 +262,39 @@ def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing:
         else:
             target[i] = now[i]
         weight[i] = mass / (mass + STRAY)
-        total += math.log(mass + STRAY)
-    return target, weight, total
+    return target, weight
 
 
-def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float]:
-    """`low` (n,) freed of the noise that frames next to each other do not share, and the noise that remains, mm.
+def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float, Float]:
+    """`low` (n,) freed of noise that frames next to each other do not share; the noise that remains, mm; and weights.
 
     Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
     where between two columns the end lies. Frames in order of time, column (n,) of the last return counted outwards:
     low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter is taken off.
+    What remains is shared by neighbours: while the end passes one limit of a column slowly, they say one thing.
     """
-    low, sigma = low.copy(), sigma.copy()
+    low, sigma, weight = low.copy(), sigma.copy(), np.ones(low.size)
     for g in np.unique(group):
         mine = np.flatnonzero((group == g) & np.isfinite(low) & (step > 0))
         if mine.size < 2 * SETTLE_FRAMES:
             continue
         course = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
-        rough = course - _running_line(course, SETTLE_FRAMES)
+        smooth, drift = _running_line(course, SETTLE_FRAMES)
+        rough = course - smooth
         spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
         noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
         share = min(1.0, noise / max(spread, 1e-12))
         low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
         sigma[mine] *= math.sqrt(max(1.0 - share, SHARED_NOISE))
-    return low, sigma
-
-
-SETTLE_FRAMES = 31
-SHARED_NOISE = 0.2  # of the variance: little is left, but neighbouring frames share it, and the likelihood knows no sharing
+        alike = np.clip(2.0 * sigma[mine] / np.maximum(np.abs(drift), 1e-9), 1.0, 0.5 * SETTLE_FRAMES)
+        weight[mine] = 1.0 / (1.0 + share**2 * (alike - 1.0))
+    return low, sigma, weight
 
 
 @njit(cache=True, nogil=True)
-def _running_line(y: Float, window: int) -> Float:
-    """Value at each place of the line through the `window` places around it (shifted inwards at the ends)."""
-    out = np.empty(y.size)
+def _running_line(y: Float, window: int) -> tuple[Float, Float]:
+    """Value and slope at each place of the line through the `window` places around it (shifted inwards at the ends)."""
+    out, slopes = np.empty(y.size), np.empty(y.size)
     half = window // 2
     for i in range(y.size):
         first = min(max(i - half, 0), y.size - window)
@@ -230,6 +303,6 @@ def _running_line(y: Float, window: int) -> Float:
         sxy = 0.0
         for k in range(window):
             sxy += (k - mx) * (y[first + k] - my)
-        slope = sxy / (window * (window * window - 1.0) / 12.0)
-        out[i] = my + slope * (i - first - mx)
-    return out
+        slopes[i] = sxy / (window * (window * window - 1.0) / 12.0)
+        out[i] = my + slopes[i] * (i - first - mx)
+    return out, slopes

@@ -24,6 +24,8 @@ CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray p
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
 FINAL_SIGMAS = 4.5
 MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
+CLEAR, MIXED, CUT = range(3)  # how the root face's end was seen
+NEARER_MM = 0.3  # a return this much nearer than the face stands in front of it
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
@@ -147,11 +149,29 @@ def _stands_alone(z: Float32, j: int, direction: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
-    """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, mixed.
+def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float) -> bool:
+    """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?"""
+    nearer = 0
+    for d in range(1, MAX_GAP_COLUMNS + 1):
+        k = j + d * direction
+        if k < 0 or k >= z.size:
+            return d <= 2 or nearer > 0
+        if np.isfinite(z[k]):
+            if sense * (z[k] - on_line) > -NEARER_MM:
+                return False
+            nearer += 1
+            if nearer > 2:
+                return True
+    return nearer > 0
 
-    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line. `mixed` is 1 where
-    the next column returned a range of its own, neither the face's nor that of what lies behind: a pixel that saw both.
+
+@njit(cache=True, nogil=True)
+def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
+    """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, flag.
+
+    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line. The flag is
+    MIXED where the next column returned a range of its own, neither the face's nor that of what lies behind: a pixel
+    that saw both; CUT where the face ends in the field of view's limit or behind something; else CLEAR.
     """
     first, last = int(sums[ROOT, FIRST]), int(sums[ROOT, LAST])
     rising = side * (np.float64(x[last]) - np.float64(x[first])) > 0
@@ -171,8 +191,14 @@ def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sum
     k = state[ROOT, SLOPE]
     dx = abs(np.float64(x[end]) - np.float64(x[far])) / max(abs(end - far), 1)
     xe = np.float64(x[end])
-    mixed = _stands_alone(z, end + direction, direction)
-    return np.array([xe, k * xe + state[ROOT, OFFSET], dx * np.sqrt(1.0 + k * k), float(end), 1.0 if mixed else 0.0])
+    ze = k * xe + state[ROOT, OFFSET]
+    sense = np.sign(side * (np.arctan(state[ROOT, SLOPE]) - np.arctan(state[BEVEL, SLOPE])))  # convex: +1, z away
+    flag = CLEAR
+    if _cut_short(z, end, direction, ze, sense):
+        flag = CUT
+    elif _stands_alone(z, end + direction, direction):
+        flag = MIXED
+    return np.array([xe, ze, dx * np.sqrt(1.0 + k * k), float(end), float(flag)])
 
 
 @njit(cache=True, nogil=True)

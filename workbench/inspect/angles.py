@@ -61,7 +61,8 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     excess = scatter(s, value, kept, half_width_mm, stations)
     local_u = np.sqrt(fit[:, 2]) * excess
     tilt_u = np.full(at_mm.shape, tilt_uncertainty(f, frames))
-    return BevelAngles(fit[:, 0], np.hypot(local_u, tilt_u), local_u, tilt_u)
+    tangent_u = edge.tangent_u * np.interp(at_mm, s, f.tangent_leverage[frames])
+    return BevelAngles(fit[:, 0], np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2), local_u, tilt_u)
 
 
 def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: Float) -> float:

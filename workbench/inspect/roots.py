@@ -31,7 +31,7 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     frames = np.flatnonzero(np.isfinite(f.root_low_mm) & np.isfinite(f.arc_length_mm) & np.isfinite(f.root_sigma_mm))
     frames = frames[np.argsort(f.arc_length_mm[frames], kind="stable")]
     s, step, sigma = f.arc_length_mm[frames], f.root_step_mm[frames], f.root_sigma_mm[frames]
-    ends = Ends(s, f.root_low_mm[frames], step, sigma, f.missing[frames])
+    ends = Ends(s, f.root_low_mm[frames], step, sigma, f.missing[frames], f.root_weight[frames])
     root, end_u = end_at(ends, fit_end(ends), at_mm)
     lever = np.interp(at_mm, s, f.bevel_lever_mm[frames])
     cot = 1.0 / np.tan(angles.bevel)

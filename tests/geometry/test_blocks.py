@@ -12,13 +12,20 @@ from workbench.geometry import blocks
 
 
 @pytest.mark.parametrize("cores", [1, 3])
-@pytest.mark.parametrize("frames", [0, 1, 5, 64, 65])
+@pytest.mark.parametrize("frames", [0, 1, 5, 63, 64])
 def test_every_frame_once_and_in_order(monkeypatch: pytest.MonkeyPatch, frames: int, cores: int) -> None:
     monkeypatch.setattr(blocks, "cores", lambda: cores)
     monkeypatch.setattr(blocks, "BLOCK_POINTS", 1000)
     spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125))
     assert [i for first, last in spans for i in range(first, last)] == list(range(frames))
     assert all(last - first <= 8 for first, last in spans)
+
+
+def test_many_frames_make_no_more_blocks_than_keep_the_cores_busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "cores", lambda: 3)
+    spans = blocks.over_blocks(lambda first, last: (first, last), (1000_003, 10**6))
+    assert len(spans) == 3 * blocks.BLOCKS_A_CORE
+    assert spans[-1][1] == 1000_003
 
 
 def test_a_frame_wider_than_a_block_is_a_block(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 from workbench.units import AnyArray
 
 T = TypeVar("T")
-BLOCK_POINTS = 2**17  # 0.5 MB of float32, which the cache holds, and long enough to make a call cheap
+BLOCK_POINTS = 2**17  # the least in a block: long enough to make a call cheap
+BLOCKS_A_CORE = 8  # at most: short enough that no core waits long for another's last one
 
 
 def over_blocks(kernel: Callable[[int, int], T], shape: tuple[int, ...]) -> list[T]:
@@ -29,7 +30,7 @@ def over_blocks(kernel: Callable[[int, int], T], shape: tuple[int, ...]) -> list
         What the kernel raises, once; blocks not begun by then are left out.
     """
     frames, columns = shape
-    step = max(1, BLOCK_POINTS // max(columns, 1))
+    step = max(1, BLOCK_POINTS // max(columns, 1), -(-frames // (BLOCKS_A_CORE * cores())))
     return list(in_order(kernel, frames, step))
 
 

@@ -39,20 +39,17 @@ def fuse(
     points = np.empty((frames, 3, columns), np.float32).transpose(0, 2, 1) if out is None else out
     if points.shape != (frames, columns, 3) or points.dtype != np.float32:
         raise ValueError("out is (N, M, 3), float32")
-    # x and z axes and the offset of each frame's plane, in (N, 3, 3); the subtraction happens in float64
-    planes = base_from_profiler[:, :3, [0, 2, 3]] - np.outer(origin_mm, (0.0, 0.0, 1.0))
-    kernel = partial(
-        _fuse, as_input(x_mm), as_input(z_mm), as_input(planes.astype(np.float32)), points.transpose(0, 2, 1)
-    )
+    grid, poses = (as_input(x_mm), as_input(z_mm)), (as_input(base_from_profiler), as_input(origin_mm))
+    kernel = partial(_fuse, *grid, *poses, points.transpose(0, 2, 1))
     over_blocks(kernel, x_mm.shape)
     return points
 
 
 @njit(nogil=True, cache=True)
-def _fuse(x: Float32, z: Float32, planes: Float32, out: Float32, first: int, last: int) -> None:
+def _fuse(x: Float32, z: Float32, poses: Float, origin: Float, out: Float32, first: int, last: int) -> None:
     for i in range(first, last):
-        for k in range(3):
-            a, b, c = planes[i, k, 0], planes[i, k, 1], planes[i, k, 2]
+        for k in range(3):  # the subtraction happens in float64
+            a, b, c = np.float32(poses[i, k, 0]), np.float32(poses[i, k, 2]), np.float32(poses[i, k, 3] - origin[k])
             u, w, row = x[i], z[i], out[i, k]
             for j in range(u.size):
                 row[j] = a * u[j] + b * w[j] + c

@@ -22,7 +22,9 @@ STATION_MM = 1.0
 def segment(
     cloud: Cloud,
     *,
-    root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="expected root size, tells the faces apart")] = 1.5,
+    root_nominal_mm: Annotated[
+        float, Field(gt=0, le=50, description="expected root size, tells the faces apart")
+    ] = 1.5,
     bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
 ) -> Edge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).

@@ -136,7 +136,9 @@ def straight_faces(x: Float, z: Float) -> Float:
     for k in range(len(spans)):
         i, j = int(spans[k, 0]), int(spans[k, 1])
         slope, offset, _ = _line(sums, i, j)
-        row = np.array([x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, float(j - i), float(i), float(j - 1)])
+        row = np.array(
+            [x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, float(j - i), float(i), float(j - 1)]
+        )
         if count and _collinear(chain[count - 1], row, 0.05 + 4.0 * sigma):
             row = _joined(chain[count - 1], row)
             count -= 1

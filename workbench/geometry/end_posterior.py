@@ -17,7 +17,7 @@ from workbench.units import Float, Int
 
 GRID = 161  # offsets from the fitted course at which likelihoods are kept
 BIN_MM = 1.0  # frames this near to each other share one likelihood
-NODES = (25, 9, 7)  # of a, b, c in each round
+NODES = (21, 7, 5)  # of a, b, c in each round
 ROUNDS = 6
 REACH_SIGMAS = 4.0  # half width of the next round's box, in posterior standard deviations
 WINDOW = 0.7  # half width of the window over the distance of the course's knots

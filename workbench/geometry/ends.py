@@ -25,11 +25,12 @@ SHARP = 0.9  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
 SETTLE_FRAMES = 31
+LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
 SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
 BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
 PRICE = 3.0  # of a parameter, between the criteria of Akaike (2) and Schwarz (log n): intervals are easily overfitted
 OVER_RELAX = 1.7
-NEWTON_STEPS, NEWTON_DAMPING = 25, 0.6
+NEWTON_STEPS, NEWTON_DAMPING, NEWTON_GAIN = 25, 0.6, 0.01
 BEND_PER_MM = 0.0005  # second derivative (1/mm) that a root size drifting by tenths of a mm over 100 mm may have
 CHOICE_FRAMES = 4000  # the knot distance is chosen on this many neighbouring frames
 ROOT_HALF = math.sqrt(0.5)
@@ -72,8 +73,9 @@ def fit_end(ends: Ends) -> SmoothEnd:
     fits = [(_most_likely(sample, distance), distance) for distance in KNOTS_MM]
     best = max(found for (_, found), _ in fits)
     price = [PRICE * len(spline.c) - 2.0 * min(found, best - slack) for (spline, found), _ in fits]
-    distance = KNOTS_MM[int(np.argmin(price))]
-    return SmoothEnd(_most_likely(ends, distance)[0], distance)
+    chosen = int(np.argmin(price))
+    spline = fits[chosen][0][0] if sample.s.size == ends.s.size else _most_likely(ends, KNOTS_MM[chosen])[0]
+    return SmoothEnd(spline, KNOTS_MM[chosen])
 
 
 def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:
@@ -113,7 +115,7 @@ def _straightened(piece: Int, basis: Float, coefficients: Float, ends: Ends, sca
         now = _value(piece, basis, coefficients)
         pull, stiffness, found = _likelihood_slopes(now, ends.low, ends.step, scatter, ends.missing, ends.weight)
         score = found - 0.5 * float(coefficients @ _band_product(bending, coefficients))
-        if score < best_score - 1.0:
+        if abs(score - best_score) < NEWTON_GAIN or score < best_score - 1.0:
             break
         if score > best_score:
             best, best_score = coefficients, score
@@ -265,15 +267,17 @@ def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing:
     return target, weight
 
 
-def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float, Float]:
-    """`low` (n,) freed of noise that frames next to each other do not share; the noise that remains, mm; and weights.
+def settled(low: Float, step: Float, sigma: Float, column: Int,
+            group: Int) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+    """`low` and `step` (n,) freed of noise that neighbouring frames do not share; what remains of it, mm; and weights.
 
     Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
     where between two columns the end lies. Frames in order of time, column (n,) of the last return counted outwards:
     low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter is taken off.
-    What remains is shared by neighbours: while the end passes one limit of a column slowly, they say one thing.
+    What remains is shared by neighbours: while the end passes one limit of a column slowly, they say one thing, and it
+    may lie on the limit in all of them; `low` and `step` then leave room for the noise.
     """
-    low, sigma, weight = low.copy(), sigma.copy(), np.ones(low.size)
+    low, step, sigma, weight = low.copy(), step.copy(), sigma.copy(), np.ones(low.size)
     for g in np.unique(group):
         mine = np.flatnonzero((group == g) & np.isfinite(low) & (step > 0))
         if mine.size < 2 * SETTLE_FRAMES:
@@ -288,7 +292,10 @@ def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> t
         sigma[mine] *= math.sqrt(max(1.0 - share, SHARED_NOISE))
         alike = np.clip(2.0 * sigma[mine] / np.maximum(np.abs(drift), 1e-9), 1.0, 0.5 * SETTLE_FRAMES)
         weight[mine] = 1.0 / (1.0 + share**2 * (alike - 1.0))
-    return low, sigma, weight
+        room = LIMIT_SIGMAS * sigma[mine] * (1.0 - weight[mine])
+        low[mine] -= room
+        step[mine] += 2.0 * room
+    return low, step, sigma, weight
 
 
 @njit(cache=True, nogil=True)

@@ -87,5 +87,10 @@ def crossing(place_a: Float, angle_a: Float, place_b: Float, angle_b: Float) -> 
     return (d[:, 0] * sb - d[:, 1] * cb) / (ca * sb - sa * cb)
 
 
+def on_line(place: Float, angle: Float, distance: Float) -> Float:
+    """Points (N, 2) at a distance along lines through `place` in direction `angle`."""
+    return place + distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
 def _dot(p: Float, q: Float) -> Float:
     return (p * q).sum(axis=-1)

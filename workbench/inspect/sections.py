@@ -24,7 +24,10 @@ def sections(
     edge: Edge,
     *,
     root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="required root size")] = 1.5,
-    root_tolerance_mm: Annotated[Tolerance, Field(description="allowed deviations from it, lower and upper")] = (-0.5, 0.5),
+    root_tolerance_mm: Annotated[Tolerance, Field(description="allowed deviations from it, lower and upper")] = (
+        -0.5,
+        0.5,
+    ),
     bevel_nominal_deg: Annotated[float, Field(gt=0, lt=90, description="required bevel angle")] = 40.0,
     bevel_tolerance_deg: Annotated[Tolerance, Field(description="allowed deviations from it")] = (-1.0, 1.0),
     sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the edge")] = 9,
@@ -51,16 +54,16 @@ def sections(
         guard_factor: guard band in standard uncertainties.
     """
     required = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
-    length = float(edge.arc_length_mm[-1])
-    at = (np.arange(sections) + 0.5) / sections * length
-    angles, roots, seen = measure_at(edge, at, half_width_mm)
+    at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])
+    angles, roots, seen = measure_at(edge, np.concatenate([at, edge.arc_length_mm]), half_width_mm)
     inspected = tuple(
         _section(edge, i, float(at[i]), angles, roots, bool(seen[i]), half_width_mm, required, guard_factor)
         for i in range(sections)
     )
     verdict = worst(s.verdict for s in inspected)
-    return Inspection(inspected, edge_profile(edge, half_width_mm), required, guard_factor, verdict,
-                      _reason(inspected), "whole edge", edge.warnings)  # fmt: skip
+    profile = _profile(edge, angles, roots, seen, slice(sections, None))
+    return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge",
+                      edge.warnings)  # fmt: skip
 
 
 def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAngles, RootSizes, Bool]:
@@ -73,12 +76,11 @@ def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAng
     return angles, roots, seen & np.isfinite(angles.bevel) & np.isfinite(roots.root_mm)
 
 
-def edge_profile(edge: Edge, half_width_mm: float) -> EdgeProfile:
-    """Root size and bevel angle at every station of the edge."""
-    angles, roots, seen = measure_at(edge, edge.arc_length_mm, half_width_mm)
+def _profile(edge: Edge, angles: BevelAngles, roots: RootSizes, seen: Bool, stations: slice) -> EdgeProfile:
+    """Root size and bevel angle at every station of the edge; NaN where it was not seen."""
 
     def where(value: Float) -> Float:
-        return np.where(seen, value, np.nan)
+        return np.where(seen, value, np.nan)[stations]
 
     return EdgeProfile(edge.arc_length_mm, edge.position_mm, where(roots.root_mm), where(roots.u_mm),
                        where(angles.bevel / DEG), where(angles.u / DEG))  # fmt: skip

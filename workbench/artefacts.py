@@ -95,12 +95,14 @@ class EdgeFrames:
     root_sigma_mm: Float  # (N,) standard deviation of root_low_mm from range noise
     root_weight: Float  # (N,) what the frame counts for the root size: less than 1 where neighbours say the same
     missing: Float  # (N,) probability that a column at the end of the root face has no return on it
-    tangent_leverage: Float  # (N,) error of the bevel angle per error of the edge's tangent; 0: the laser plane is square
+    tangent_leverage: (
+        Float  # (N,) error of the bevel angle per error of the edge's tangent; 0: the laser plane is square
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """The workpiece's edge as measured: faces a frame, the lower edge as a curve in the base, arc length rising along t.
+    """The workpiece's edge as measured: faces a frame, the lower edge as a curve in the base.
 
     t = m x n (docs/conventions.md). Curve arrays have one row a *station*, about 1 mm apart, from arc length 0 at the
     first measured point of the lower edge to its last.

@@ -121,14 +121,12 @@ def _read(chain: Float, sense: int, side: int, bevel: int, root: int, upper: int
             score += CONTEXT
     width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
     score += 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2
-    return Candidate(score, side, sense, _line(upper_row, -side), _line(b, -side), _line(r, side, root_end),
-                     _line(lower_row, side))  # fmt: skip
+    return Candidate(score, side, sense, None if upper_row is None else _line(upper_row, -side), _line(b, -side),
+                     _line(r, side, root_end), None if lower_row is None else _line(lower_row, side))  # fmt: skip
 
 
-def _line(row: Float | None, end: int, at: float | None = None) -> Float | None:  # type: ignore[return]
+def _line(row: Float, end: int, at: float | None = None) -> Float:
     """(slope, offset, x of the end that lies towards rising (end = 1) or falling x) of a chain's row."""
-    if row is None:
-        return None
     x = at if at is not None else (row[X1] if end > 0 else row[X0])
     return np.array([row[SLOPE], row[OFFSET], x])
 

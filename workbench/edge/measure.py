@@ -61,7 +61,7 @@ def _check_advance(cloud: Cloud, corners: Float) -> None:
 
 
 def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Bool]:
-    """Corner of root face and bevel face in the base (N, 3), each frame by itself; and whether time runs along t (N,)."""
+    """Corner of root face and bevel face in the base (N, 3), frame by frame; does time run along t (N,)?"""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
     kr, kb = root.sxz / root.sxx, bevel.sxz / bevel.sxx
     cr, cb = root.z_mean - kr * root.x_mean, bevel.z_mean - kb * bevel.x_mean
@@ -110,7 +110,7 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         else:
             rough = 1.0 / (low_sigma**2 + step**2 / 12.0 + 1e-8)
             size, size_slope = smooth_along(s_up, low + 0.5 * step, rough, cloud.pass_index)
-    t, a, b = curve.frame(np.where(np.isfinite(s_up), s_up, 0.0))
+    _, a, b = curve.frame(np.where(np.isfinite(s_up), s_up, 0.0))
     spot = on_line(root.place, tilt, up - size)
     lower_edge = curve.position(np.where(np.isfinite(s_up), s_up, 0.0)) + spot[:, :1] * a + spot[:, 1:] * b
     lower_edge[~np.isfinite(s_up)] = np.nan

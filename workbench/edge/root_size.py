@@ -12,6 +12,7 @@ from workbench.geometry.ends import Ends, fit_end
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.units import Float, Int
 
+SLOPE_MM = 15.0  # the root size's drift is taken over this much edge on each side: nearer, it is the columns' steps
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 
 
@@ -77,5 +78,7 @@ def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float,
     mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
     mine = mine[np.argsort(s[mine], kind="stable")]
     end = fit_end(Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine], counts[mine]))
-    size[mine], slope[mine] = end.spline(s[mine]), end.spline(s[mine], 1)
+    size[mine] = end.spline(s[mine])
+    ahead, behind = np.minimum(s[mine] + SLOPE_MM, s[mine[-1]]), np.maximum(s[mine] - SLOPE_MM, s[mine[0]])
+    slope[mine] = (end.spline(ahead) - end.spline(behind)) / np.maximum(ahead - behind, 1e-6)
     return size, slope

@@ -59,7 +59,8 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured) -> Edge:
     frame_tangent[here] = measured.curve.tangent(s_low[here])
     return Edge(
         kind="milled", faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
-        frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames, tangent_u=measured.curve.tangent_u, arc_length_mm=at,
+        frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames,
+        tangent_u=measured.curve.tangent_u, arc_length_mm=at,
         position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
         burr_stations=burr_stations(cloud, tracked, measured, at),
     )  # fmt: skip

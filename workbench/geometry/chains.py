@@ -26,7 +26,7 @@ X0, X1, SLOPE, OFFSET, COUNT, FIRST, LAST = range(7)
 def noise_sigma(z: Float) -> float:
     """Standard deviation of the range noise of a profile (mm), from second differences over 1, 2 and 4 columns.
 
-    The largest of the three: correlated noise hides from neighbours. Robust (median), so corners and jumps count little.
+    The largest of the three: correlated noise hides from neighbours. Medians: corners and jumps count little.
     """
     sigma = MIN_SIGMA_MM
     for step in (1, 2, 4):
@@ -104,7 +104,7 @@ def _collinear(a: Float, b: Float, tolerance_mm: float) -> bool:
         return False
     middle = 0.5 * (a[X1] + b[X0])
     gap = abs(a[SLOPE] * middle + a[OFFSET] - b[SLOPE] * middle - b[OFFSET])
-    return gap / np.sqrt(1.0 + a[SLOPE] * a[SLOPE]) < tolerance_mm
+    return bool(gap / np.sqrt(1.0 + a[SLOPE] * a[SLOPE]) < tolerance_mm)
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ from workbench.units import Bool, Float, Int
 BIN_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 LEAST_BINS, MOST_BINS = 20, 600
 GCV_BINS = 120
-SMALL_WAVE_MM = 0.2  # waves of the edge below this rms may as well be the robot's path as the part's
+SMALL_WAVE_MM = 0.1  # waves of the edge below this rms may as well be the robot's path as the part's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,13 +41,13 @@ class Curve:
     def tangent(self, s: Float) -> Float:
         """Unit tangent t, (n, 3)."""
         d = np.asarray(self.spline(s, 1))
-        return d / np.linalg.norm(d, axis=-1, keepdims=True)
+        return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
 
     def curvature(self, s: Float) -> Float:
         """Curvature vector dt/ds, (n, 3) 1/mm."""
         d1, d2 = np.asarray(self.spline(s, 1)), np.asarray(self.spline(s, 2))
         speed2 = (d1 * d1).sum(-1, keepdims=True)
-        return (d2 - d1 * (d1 * d2).sum(-1, keepdims=True) / speed2) / speed2
+        return np.asarray((d2 - d1 * (d1 * d2).sum(-1, keepdims=True) / speed2) / speed2)
 
     def frame(self, s: Float) -> tuple[Float, Float, Float]:
         """(t, a, b), each (n, 3) unit, right-handed and not twisting along the curve."""
@@ -103,7 +103,7 @@ def _along(course: Float, points: Float) -> Float:
     direction = np.gradient(course, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     nearest = cKDTree(course).query(points)[1]
-    return s[nearest] + ((points - course[nearest]) * direction[nearest]).sum(axis=1)
+    return np.asarray(s[nearest] + ((points - course[nearest]) * direction[nearest]).sum(axis=1))
 
 
 def fit_curve(points_mm: Float, s: Float, stiffness: float | None = None) -> Curve:
@@ -143,14 +143,14 @@ def _bin_means(points: Float, s: Float) -> tuple[Float, Float, Float]:
             size = np.linalg.norm(off, axis=1)
             keep = (size < max(5.0 * float(np.median(size)), 0.6 * width)).astype(np.float64)
     mean = np.stack([means(points[:, k], keep) for k in range(3)], axis=1)
-    weight = np.bincount(bin_of, keep)
+    weight: Float = np.bincount(bin_of, keep).astype(np.float64)
     good = weight > 0
     return means(s, keep)[good], mean[good], weight[good]
 
 
 def _smoothing_spline(at: Float, values: Float, weight: Float,
                       stiffness: float | None) -> tuple[BSpline, float, float]:  # fmt: skip
-    """Cubic polynomial plus smoothing spline through values (n, 3) at `at` (n,), its penalty in mm^3, its tangent's u."""
+    """Cubic polynomial plus smoothing spline through (n, 3) values at `at` (n,), its penalty (mm^3), tangent's u."""
     degree = min(3, at.size - 1)
     trend = [np.polynomial.Polynomial.fit(at, values[:, k], degree, w=np.sqrt(weight)) for k in range(3)]
     knots = np.r_[[at[0]] * 3, at if at.size > 4 else [at[0], at[-1]], [at[-1]] * 3]

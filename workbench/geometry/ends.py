@@ -63,8 +63,8 @@ class SmoothEnd:
 def fit_end(ends: Ends) -> SmoothEnd:
     """The most likely smooth end, with knots as far apart as the frames allow.
 
-    A curve that keeps to the middle of the column steps seems likelier than the true one, which must touch their limits:
-    by `slack` in all, for noise blurs the limits. Only what a finer curve gains beyond that speaks for it.
+    A curve that keeps to the middle of the column steps seems likelier than the true one, which must touch their
+    limits: by `slack` in all, for noise blurs the limits. Only what a finer curve gains beyond that speaks for it.
     """
     middle = max(0, (ends.s.size - CHOICE_FRAMES) // 2)
     sample = ends.part(slice(middle, middle + CHOICE_FRAMES))

@@ -11,7 +11,7 @@ GAP_PITCHES = 4.0  # nor do frames within this many of their usual distances
 
 
 def covered(s_frames: Float, pass_index: Int, at: Float) -> Bool:
-    """Was the edge measured at the places `at` (m,), by any pass? s_frames (N,) mm, NaN where a frame does not see it."""
+    """Was the edge measured at the places `at` (m,), by any pass? s_frames (N,) mm, NaN where not seen."""
     out = np.zeros(at.shape, bool)
     for p in np.unique(pass_index):
         s = np.sort(s_frames[(pass_index == p) & np.isfinite(s_frames)])

@@ -73,7 +73,7 @@ def section_lines(face: FaceLines, slope: Float, base_from_profiler: Float, side
 
 
 def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, Float]:
-    """Arc length (n,) and place (n, 2) along (a, b), mm, of points (n, 3) in the base, each in its own section plane."""
+    """Arc length (n,) and place (n, 2) along (a, b), mm, of base points (n, 3), each in its own section plane."""
     s = curve.project(points_mm, s_guess)
     _, a, b = curve.frame(s)
     off = points_mm - curve.position(s)
@@ -84,13 +84,13 @@ def crossing(place_a: Float, angle_a: Float, place_b: Float, angle_b: Float) -> 
     """Where lines a and b meet, as distance (n,) along line a from place_a (n, 2), mm."""
     ca, sa, cb, sb = np.cos(angle_a), np.sin(angle_a), np.cos(angle_b), np.sin(angle_b)
     d = place_b - place_a
-    return (d[:, 0] * sb - d[:, 1] * cb) / (ca * sb - sa * cb)
+    return np.asarray((d[:, 0] * sb - d[:, 1] * cb) / (ca * sb - sa * cb))
 
 
 def on_line(place: Float, angle: Float, distance: Float) -> Float:
     """Points (N, 2) at a distance along lines through `place` in direction `angle`."""
-    return place + distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.asarray(place + distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def _dot(p: Float, q: Float) -> Float:
-    return (p * q).sum(axis=-1)
+    return np.asarray((p * q).sum(axis=-1))

@@ -37,7 +37,7 @@ def _crossing(state: Float, a: int, b: int) -> float:
     dk = state[a, SLOPE] - state[b, SLOPE]
     if abs(dk) < 1e-6:
         return np.nan
-    return (state[b, OFFSET] - state[a, OFFSET]) / dk
+    return float((state[b, OFFSET] - state[a, OFFSET]) / dk)
 
 
 @njit(cache=True, nogil=True)
@@ -66,7 +66,7 @@ def _corner_sigma(state: Float, count: float, sigma: float) -> float:
     """Standard deviation (mm) along the faces of a frame's corner of root face and bevel face, from the root line."""
     turn = abs(np.arctan(state[ROOT, SLOPE]) - np.arctan(state[BEVEL, SLOPE]))
     across = sigma / np.sqrt(1.0 + state[ROOT, SLOPE] ** 2)
-    return 2.0 * across / np.sqrt(max(count, 4.0)) / max(np.tan(turn), 0.2)
+    return float(2.0 * across / np.sqrt(max(count, 4.0)) / max(np.tan(turn), 0.2))
 
 
 @njit(cache=True, nogil=True)
@@ -204,13 +204,13 @@ def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sum
 @njit(cache=True, nogil=True)
 def _enough(sums: Float, face: int, least: int) -> bool:
     span = abs(sums[face, LAST] - sums[face, FIRST]) + 1.0
-    return sums[face, COUNT] >= least and sums[face, COUNT] >= MIN_SHARE * span
+    return bool(sums[face, COUNT] >= least and sums[face, COUNT] >= MIN_SHARE * span)
 
 
 @njit(cache=True, nogil=True)
 def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float,
                   sums: Float, end: Float) -> bool:  # fmt: skip
-    """Settle `state` on one frame in place; write its sums and the root face's end. False where the edge is not seen."""
+    """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
     low, high = _reach(state, side)
@@ -282,8 +282,9 @@ def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma:
 
 
 @njit(cache=True, nogil=True)
-def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float,
-                    names: Int, sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
+def _follow_stretch(c: np.int64, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
+                    sigma: Float, names: Int, sums: Float, end: Float, seen: Bool,
+                    labels: AnyArray) -> None:  # fmt: skip
     """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
     first = 0 if c == 0 else keys[c - 1]
     last = x.shape[0] if c == keys.size else keys[c]

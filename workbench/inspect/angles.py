@@ -36,7 +36,7 @@ def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
         share = weight / total
 
         def pooled(name: str) -> Float:
-            return np.sqrt(np.nansum((share * np.array([getattr(p, name) for p in parts])) ** 2, axis=0))
+            return np.asarray(np.sqrt(np.nansum((share * np.array([getattr(p, name) for p in parts])) ** 2, axis=0)))
 
         bevel = np.where(total > 0, np.nansum(share * values, axis=0), np.nan)
     hidden = ~np.isfinite(bevel)

@@ -14,9 +14,9 @@ from workbench.stage import stage
 def gate(
     inspection: Inspection,
     *,
-    reject: Annotated[list[Literal["fail", "undecided"]], Field(description="verdicts that reject the part")] = [
-        "fail"
-    ],
+    reject: Annotated[tuple[Literal["fail", "undecided"], ...], Field(description="verdicts that reject the part")] = (
+        "fail",
+    ),
 ) -> Gate:
     """Reject the part if its verdict is one of `reject`: the exit status of the run is then 1.
 

@@ -93,9 +93,10 @@ def _section(edge: Edge, i: int, at: float, angles: BevelAngles, roots: RootSize
     verdict, reason = judge(root, root_u, bevel, bevel_u, required, guard_factor)
     near = np.abs(edge.frame_arc_length_mm - at) <= half_width_mm
     return Section(
-        index=i + 1, arc_length_mm=at, origin_mm=_along(edge, edge.position_mm, at), tangent=_unit(edge, edge.tangent, at),
-        normal=_unit(edge, edge.normal, at), across=_unit(edge, edge.across, at), root_mm=root, root_u_mm=root_u,
-        bevel_deg=bevel, bevel_u_deg=bevel_u, verdict=verdict, reason=reason, frames=np.flatnonzero(near),
+        index=i + 1, arc_length_mm=at, origin_mm=_along(edge, edge.position_mm, at),
+        tangent=_unit(edge, edge.tangent, at), normal=_unit(edge, edge.normal, at), across=_unit(edge, edge.across, at),
+        root_mm=root, root_u_mm=root_u, bevel_deg=bevel, bevel_u_deg=bevel_u, verdict=verdict, reason=reason,
+        frames=np.flatnonzero(near & seen),
     )  # fmt: skip
 
 

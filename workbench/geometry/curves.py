@@ -159,7 +159,7 @@ def _smoothing_spline(at: Float, values: Float, weight: Float,
     if at.size < 8:
         return smooth, np.inf, _tangent_u(at, values - smooth(at), np.inf, np.zeros((2, 3)), np.zeros((2, 3)))
     rest = values - smooth(at)
-    if stiffness is None:
+    if stiffness is None or not math.isfinite(stiffness):
         stiffness = _cross_validated(at, rest)
     wiggle = [make_smoothing_spline(at, rest[:, k], w=weight / weight.mean(), lam=stiffness) for k in range(3)]
     wave = BSpline(knots, np.stack([w.c for w in wiggle], axis=-1), 3)

@@ -1,0 +1,173 @@
+"""Curves through measured points against lines, circles and helices, whose every property is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from workbench.geometry.curves import BIN_MM, Curve, arrange, fit_curve
+from workbench.units import Float
+
+Course = Callable[[Float], Float]
+RADIUS_MM, PITCH_MM = 400.0, 150.0  # of the helix: its height a turn
+
+
+def line(s: Float) -> Float:
+    return np.outer(s, [0.6, 0.0, 0.8])
+
+
+def circle(s: Float) -> Float:
+    u = s / RADIUS_MM
+    return RADIUS_MM * np.stack([np.sin(u), 1 - np.cos(u), 0 * u], axis=1)
+
+
+def helix(s: Float) -> Float:
+    turn = 2 * np.pi * s / np.hypot(2 * np.pi * RADIUS_MM, PITCH_MM)
+    return np.stack([RADIUS_MM * np.cos(turn), RADIUS_MM * np.sin(turn), PITCH_MM * turn / (2 * np.pi)], axis=1)
+
+
+def fitted(course: Course, noise_mm: float = 0.0, length_mm: float = 120.0, seed: int = 0) -> Curve:
+    """Through points every 0.2 mm, at rough arc lengths."""
+    rng = np.random.default_rng(seed)
+    s = np.arange(0, length_mm + 0.1, 0.2)
+    return fit_curve(course(s) + rng.normal(0, noise_mm, (s.size, 3)), s + rng.normal(0, 0.05, s.size))
+
+
+@pytest.mark.parametrize("course", [line, circle, helix])
+def test_position_and_arc_length(course: Course) -> None:
+    curve = fitted(course)
+    s = np.linspace(3, 117, 200)
+    feet = curve.project(course(s), s)
+    off = course(s) - curve.position(feet)
+    sagitta = BIN_MM**2 / (8 * RADIUS_MM)  # means over bins lie inside a bend by up to this much
+    assert np.abs(off).max() < (1e-9 if course is line else sagitta)
+    assert np.abs((off * curve.tangent(feet)).sum(axis=1)).max() < 1e-9
+    np.testing.assert_allclose(np.diff(feet), np.diff(s), rtol=1e-4)
+    walked = np.linalg.norm(np.diff(curve.position(np.linspace(5, 110, 5000)), axis=0), axis=1).sum()
+    assert walked == pytest.approx(105, abs=1e-3)
+
+
+@pytest.mark.parametrize("course", [circle, helix])
+def test_curvature(course: Course) -> None:
+    """Of the helix: r / (r^2 + (pitch / 2 pi)^2), towards its axis."""
+    curve = fitted(course)
+    s = np.linspace(20, 100, 9)
+    rise = 0.0 if course is circle else PITCH_MM / (2 * np.pi)
+    centre = np.array([0.0, RADIUS_MM, 0.0]) if course is circle else np.zeros(3)
+    inwards = (centre - curve.position(s)) * (1, 1, 0)
+    expected = inwards / RADIUS_MM * RADIUS_MM / (RADIUS_MM**2 + rise**2)
+    np.testing.assert_allclose(curve.curvature(s), expected, rtol=0, atol=0.02 / RADIUS_MM)
+    np.testing.assert_allclose((curve.curvature(s) * curve.tangent(s)).sum(axis=1), 0, atol=1e-12)
+    assert not np.allclose(fitted(line).curvature(s), expected, atol=0.1 / RADIUS_MM)
+
+
+@pytest.mark.parametrize("course", [line, circle, helix])
+def test_the_frame_is_orthonormal_and_right_handed(course: Course) -> None:
+    curve = fitted(course)
+    axes = np.stack(curve.frame(np.linspace(-2, 125, 300)), axis=1)
+    np.testing.assert_allclose(axes @ np.swapaxes(axes, 1, 2), np.broadcast_to(np.eye(3), axes.shape), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(axes), 1, atol=1e-9)
+
+
+def test_the_frame_does_not_twist_on_a_plane_curve() -> None:
+    """Its angle to the plane's normal stays: what the same tilt means along an arc."""
+    _, a, b = fitted(circle, 0.01).frame(np.linspace(0, 120, 200))
+    assert np.ptp(a[:, 2]) < 2e-3
+    assert np.ptp(b[:, 2]) < 2e-3
+
+
+def test_on_a_helix_the_frame_turns_back_by_the_torsion() -> None:
+    """Against the curve's own normal (towards the axis): by -c / (r^2 + c^2) a mm, c = pitch / 2 pi."""
+    curve = fitted(helix, length_mm=400)
+    s = np.linspace(10, 390, 50)
+    _, a, _ = curve.frame(s)
+    inwards = -curve.position(s) * (1, 1, 0) / RADIUS_MM
+    turned = np.unwrap(np.arctan2((a * np.cross(curve.tangent(s), inwards)).sum(axis=1), (a * inwards).sum(axis=1)))
+    c = PITCH_MM / (2 * np.pi)
+    np.testing.assert_allclose(turned - turned[0], -c / (RADIUS_MM**2 + c**2) * (s - s[0]), rtol=0, atol=1e-3)
+
+
+def test_noise_averages_out() -> None:
+    curve = fitted(circle, 0.05)
+    s = np.linspace(2, 118, 100)
+    off = circle(s) - curve.position(curve.project(circle(s), s))
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.012
+
+
+def test_stray_points_are_left_out() -> None:
+    rng = np.random.default_rng(2)
+    s = np.arange(0, 120, 0.2)
+    points = circle(s) + rng.normal(0, 0.02, (s.size, 3))
+    wild = rng.random(s.size) < 0.03
+    points[wild] += rng.normal(0, 20, (wild.sum(), 3))
+    curve = fit_curve(points, s)
+    at = np.linspace(2, 118, 100)
+    off = circle(at) - curve.position(curve.project(circle(at), at))
+    assert np.linalg.norm(off, axis=1).max() < 0.03
+
+
+def test_the_tangent_is_as_uncertain_as_it_says() -> None:
+    """On straight edges: within 2u in about 95 of 100 cases, in both directions across, anywhere along the edge."""
+    inside, ratios = [], []
+    rng = np.random.default_rng(3)
+    true = np.array([0.6, 0.0, 0.8])
+    across = np.array([[0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
+    for seed in range(150):
+        curve = fitted(line, 0.03, length_mm=float(rng.uniform(50, 160)), seed=seed)
+        for place in rng.uniform(0, curve.stations_mm[-1] - 5, 2):
+            error = across @ (curve.tangent(np.array([place]))[0] - true)
+            inside += list(np.abs(error) <= 2 * curve.tangent_u)
+            ratios += list(error / curve.tangent_u)
+    assert 0.85 < np.mean(inside) < 0.99
+    assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def test_small_waves_may_be_the_robots_and_large_ones_are_the_parts() -> None:
+    """A wave of 0.1 mm makes the tangent as uncertain as its slope; one of 3 mm is the edge's own."""
+    s = np.arange(0, 200, 0.2)
+    for amplitude, least, most in ((0.1, 0.7, 1.4), (3.0, 0.0, 0.1)):
+        wave = amplitude * np.sin(2 * np.pi * s / 60)
+        noise = np.random.default_rng(4).normal(0, 0.01, (s.size, 3))
+        curve = fit_curve(line(s) + wave[:, None] * (0.0, 1.0, 0.0) + noise, s)
+        slope = amplitude * 2 * np.pi / 60 / np.sqrt(2)  # rms
+        assert least * slope / np.sqrt(2) <= curve.tangent_u < most * slope / np.sqrt(2)
+
+
+def test_the_stiffness_of_an_earlier_curve_is_kept() -> None:
+    first = fitted(circle, 0.05)
+    s = np.arange(0, 120.1, 0.2)
+    again = fit_curve(circle(s), s, first.stiffness)
+    assert again.stiffness == first.stiffness
+    assert fit_curve(circle(s), s).stiffness != first.stiffness
+
+
+def test_shifted_counts_from_another_place() -> None:
+    curve = fitted(helix)
+    moved = curve.shifted(12.5)
+    s = np.linspace(20, 100, 11)
+    for name in ("position", "tangent", "curvature"):
+        np.testing.assert_allclose(getattr(moved, name)(s - 12.5), getattr(curve, name)(s), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(moved.frame(s - 12.5), curve.frame(s), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 5, 9])
+def test_few_frames(count: int) -> None:
+    s = np.linspace(0, 12, count)
+    curve = fit_curve(line(s), s)
+    np.testing.assert_allclose(curve.tangent(s), np.broadcast_to([0.6, 0, 0.8], (count, 3)), atol=1e-6)
+    np.testing.assert_allclose(curve.position(curve.project(line(s), s)), line(s), atol=1e-6)
+
+
+def test_passes_in_both_directions_are_arranged_along_one_course() -> None:
+    """Where arc length begins is free; that it rises along the edge, and is one for all passes, is not."""
+    rng = np.random.default_rng(5)
+    there, back = np.arange(0, 120, 0.3), np.arange(90, 40, -0.3)
+    true = np.concatenate([there, back])
+    points = circle(true) + rng.normal(0, 0.05, (true.size, 3))
+    group = np.repeat([7, 2], [there.size, back.size])
+    s = arrange(points, group, np.repeat([True, False], [there.size, back.size]))
+    assert np.ptp(s - true) < 1.0
+    backwards = arrange(points, group, np.repeat([False, True], [there.size, back.size]))
+    assert np.ptp(backwards + true) < 1.0

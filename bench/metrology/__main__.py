@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m bench.metrology", description=__doc__)
     parser.add_argument("--parts", type=int, default=200, help="parts a condition (200)")
-    parser.add_argument("--open3d", type=int, default=40, help="parts a condition that Open3D measures too (40)")
+    parser.add_argument("--others", type=int, default=40, help="parts a condition with bound and other methods (40)")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of each condition's first part (1000000)")
     parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=list(CONDITIONS), metavar="NAME")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
@@ -48,10 +48,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
-    """Every part to measure, all conditions in turn. Open3D is slow: it gets the first few of each condition."""
-    peers = (("per_profile", "open3d"), ("per_profile",))
+    """Every part to measure, all conditions in turn. The other methods are slow: they get the first few of each."""
     return [
-        (name, options.seed + k, peers[int(k >= options.open3d)])
+        (name, options.seed + k, ("per_profile", "open3d") if k < options.others else ())
         for k in range(options.parts)
         for name in options.conditions
     ]
@@ -59,7 +58,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
 
 def command(options: argparse.Namespace) -> str:
     """What was run, as it can be typed again."""
-    words = f"python -m bench.metrology --parts {options.parts} --open3d {options.open3d} --seed {options.seed}"
+    words = f"python -m bench.metrology --parts {options.parts} --others {options.others} --seed {options.seed}"
     chosen = "" if options.conditions == list(CONDITIONS) else f" --conditions {' '.join(options.conditions)}"
     return words + chosen
 

@@ -25,7 +25,10 @@ FIXED = ("paper", "limit")  # conditions drawn about the default requirements
 
 
 def measure_part(condition: str, seed: int, peers: tuple[str, ...] = ()) -> PartResult:
-    """Simulate part `seed` of a condition, inspect it and compare. `peers`: of 'per_profile', 'open3d'."""
+    """Simulate part `seed` of a condition, inspect it and compare with its truth.
+
+    peers, of 'per_profile' and 'open3d', measure the part too; with any of them comes the bound that noise allows.
+    """
     result = PartResult(condition, seed)
     clock = Clock(result.seconds)
     recipe = random_recipe(condition, seed)
@@ -42,6 +45,9 @@ def measure_part(condition: str, seed: int, peers: tuple[str, ...] = ()) -> Part
         return result
     clock.lap("inspection")
     compare(result, inspection, truth)
+    if not peers:
+        result.root_bound_mm = result.bevel_bound_deg = [None] * len(inspection.sections)
+        return result
     rays = exact_rays(recipe)
     frames = frame_information(recipe, rays, informative(recipe, rays, recording), recording.pass_index)
     origins = np.array([s.origin_mm for s in inspection.sections])

@@ -1,7 +1,8 @@
 """The bevel angle along the edge, with its uncertainty.
 
 The bevel face's direction is taken near each place; the root face is too narrow for that, so its direction is one for
-the whole edge (of each pass), unless the frames contradict it. All places share its error, and each carries it.
+the whole edge (of each pass). All places share its error, and each carries it; where the frames show that it varies
+along the edge, each carries that variation too, and the inspection says so.
 """
 
 from __future__ import annotations
@@ -9,10 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from workbench.artefacts import Edge, EdgeFrames
 from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Bool, Float, Int
+
+TILT_STRETCH_MM = 20.0
+TILT_PROOF = 0.9999  # level of the test that the root face's direction varies
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,6 +28,7 @@ class BevelAngles:
     u: Float  # (m,) standard uncertainty, all of it
     local_u: Float  # (m,) the part that each place has for itself
     tilt_u: Float  # (m,) the part of the root face's direction, which all places share
+    tilt_variation: float  # standard deviation of that direction along the edge beyond its noise, rad; 0: none proven
 
 
 def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
@@ -41,7 +47,7 @@ def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
         bevel = np.where(total > 0, np.nansum(share * values, axis=0), np.nan)
     hidden = ~np.isfinite(bevel)
     u, local_u, tilt_u = (np.where(hidden, np.nan, pooled(name)) for name in ("u", "local_u", "tilt_u"))
-    return BevelAngles(bevel, u, local_u, tilt_u)
+    return BevelAngles(bevel, u, local_u, tilt_u, max(p.tilt_variation for p in parts))
 
 
 def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> BevelAngles:
@@ -49,7 +55,7 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     frames = np.flatnonzero(mine & np.isfinite(f.bevel_arc_length_mm) & np.isfinite(f.bevel_angle))
     if frames.size < 3:
         nothing = np.full(at_mm.shape, np.nan)
-        return BevelAngles(nothing, nothing, nothing, nothing)
+        return BevelAngles(nothing, nothing, nothing, nothing, 0.0)
     frames = frames[np.argsort(f.bevel_arc_length_mm[frames], kind="stable")]
     s = f.bevel_arc_length_mm[frames]
     value = (f.tilt - f.bevel_angle)[frames]
@@ -60,9 +66,10 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     fit = local_polynomial(s, value, kept, at_mm, half_width_mm)
     excess = scatter(s, value, kept, half_width_mm, stations)
     local_u = np.sqrt(fit[:, 2]) * excess
-    tilt_u = np.full(at_mm.shape, tilt_uncertainty(f, frames))
+    noise, variation = tilt_uncertainty(f, frames)
+    tilt_u = np.full(at_mm.shape, np.hypot(noise, variation))
     tangent_u = edge.tangent_u * np.interp(at_mm, s, f.tangent_leverage[frames])
-    return BevelAngles(fit[:, 0], np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2), local_u, tilt_u)
+    return BevelAngles(fit[:, 0], np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2), local_u, tilt_u, variation)
 
 
 def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: Float) -> float:
@@ -76,11 +83,26 @@ def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: 
     return float(np.sqrt(np.mean(off**2) / freedom))
 
 
-def tilt_uncertainty(f: EdgeFrames, frames: Int) -> float:
-    """Standard uncertainty of the root face's direction (rad), from the scatter of the frames about it."""
+def tilt_uncertainty(f: EdgeFrames, frames: Int) -> tuple[float, float]:
+    """Standard uncertainty of the root face's direction from the scatter of its frames, and its variation, both rad.
+
+    The variation is what the directions of stretches of TILT_STRETCH_MM show beyond their own scatter (DerSimonian and
+    Laird's moment estimate), if a chi-square test proves any; else 0.
+    """
     off = np.angle(np.exp(1j * (f.root_angle - f.tilt)[frames]))
     weight = 1.0 / f.root_angle_variance[frames]
     z = off * np.sqrt(weight)
     inlier = np.abs(z) < 5.0 * np.median(np.abs(z)) / 0.6745 + 1e-9
-    excess = np.mean(z[inlier] ** 2)
-    return float(np.sqrt(excess / weight[inlier].sum()))
+    excess = float(np.mean(z[inlier] ** 2))
+    off, weight = off[inlier], weight[inlier] / excess
+    stretch = np.floor(f.arc_length_mm[frames][inlier] / TILT_STRETCH_MM)
+    _, number = np.unique(stretch[np.isfinite(stretch)], return_inverse=True)
+    good = np.isfinite(stretch)
+    sums = np.bincount(number, weight[good])
+    means = np.bincount(number, weight[good] * off[good]) / sums
+    misfit = float((sums * (means - np.average(means, weights=sums)) ** 2).sum())
+    freedom = means.size - 1
+    variation2 = 0.0
+    if freedom > 0 and misfit > chi2.ppf(TILT_PROOF, freedom):
+        variation2 = (misfit - freedom) / float(sums.sum() - (sums**2).sum() / sums.sum())
+    return float(np.sqrt(1.0 / weight.sum())), float(np.sqrt(max(variation2, 0.0)))

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Edge, EdgeProfile, Inspection, Requirements, Section
+from workbench.artefacts import Edge, EdgeProfile, Inspection, Requirements, Section, Verdict
 from workbench.errors import InputError
 from workbench.geometry.gaps import covered
 from workbench.inspect.angles import BevelAngles, bevel_angles
@@ -63,7 +63,25 @@ def sections(
     verdict = worst(s.verdict for s in inspected)
     profile = _profile(edge, angles, roots, seen, slice(sections, None))
     return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge",
-                      edge.warnings)  # fmt: skip
+                      (*edge.warnings, *_warnings(profile, angles, required, guard_factor, verdict)))  # fmt: skip
+
+
+def _warnings(profile: EdgeProfile, angles: BevelAngles, required: Requirements, guard_factor: float,
+              verdict: Verdict) -> list[str]:  # fmt: skip
+    """What the sections alone do not say: failures between them, and a root face that does not keep its direction."""
+    warnings = []
+    if angles.tilt_variation > 0:
+        warnings.append(f"the root face's direction varies along the edge by {angles.tilt_variation / DEG:.2f} deg: "
+                        "every bevel angle carries that in its uncertainty")  # fmt: skip
+    failing = []
+    for s, root, root_u, bevel, bevel_u in zip(profile.arc_length_mm, profile.root_mm, profile.root_u_mm,
+                                               profile.bevel_deg, profile.bevel_u_deg, strict=True):  # fmt: skip
+        if np.isfinite(root) and judge(root, root_u, bevel, bevel_u, required, guard_factor)[0] == "fail":
+            failing.append(s)
+    if failing and verdict != "fail":
+        warnings.append(f"out of tolerance between sections, at {len(failing)} places of the profile from arc length "
+                        f"{failing[0]:.1f} to {failing[-1]:.1f} mm; the verdict rests on the sections")  # fmt: skip
+    return warnings
 
 
 def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAngles, RootSizes, Bool]:

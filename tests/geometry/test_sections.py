@@ -91,7 +91,7 @@ def test_the_line_points_from_the_lower_to_the_upper_side() -> None:
 
 
 def cone_lines(pose: Float, half_angle: float, centre_mm: float) -> tuple[FaceLines, Float]:
-    """Least-squares lines through frames of a cone round z: radius RADIUS_MM + w sin, height w cos, w about centre_mm."""
+    """Least-squares lines in frames of a cone round z: radius RADIUS_MM + w sin, height w cos, w about centre_mm."""
     rows = np.empty((len(pose), 5))
     for i, p in enumerate(pose):
         lengths = centre_mm + np.linspace(-6, 6, 61)

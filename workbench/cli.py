@@ -11,7 +11,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TextIO
 
 from workbench.arguments import assignments, build_parser, parse
 
@@ -191,6 +191,23 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command; returns the exit status."""
     argv = sys.argv[1:] if argv is None else argv
     prepare_streams()
+    try:
+        return answered(argv)
+    finally:
+        abandon_if_full(sys.stderr)
+
+
+def abandon_if_full(stream: TextIO) -> None:
+    """Let a stream that cannot be written lead nowhere: else the interpreter's last flush decides the exit status."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        stream.flush()
+
+
+def answered(argv: list[str]) -> int:
+    """Run the command, every error told in one line; returns the exit status."""
     try:
         options = parse(argv, COMMANDS)
         return interruptibly(COMMANDS[options.command], options) if options.command else without_command(options)

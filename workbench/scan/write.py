@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.errors import OutputError
+from workbench.storage import require_space
 
 CHUNK_BYTES = 2**18  # of one data set: large enough to compress well, small enough for the cache
 
@@ -36,6 +37,8 @@ def write(
     """
     import h5py
 
+    grids = [g for g in (recording.x_mm, recording.z_mm, recording.intensity) if g is not None]
+    require_space(path, sum(g.nbytes for g in grids))
     partial = path.with_name(f"{path.name}.partial-{os.getpid()}")
     try:
         try:

@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.errors import OutputError
+from workbench.storage import require_space
 from workbench.synthetic.motion import PassMotion, recorded_hand_eye
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import read_recipe
@@ -97,6 +98,7 @@ def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> T
     motions, scanner = plan_motion(recipe), recipe.scanner
     total, done = sum(len(m.time_s) for m in motions), 0
     seen: list[list[Float]] = []
+    require_space(path, total * scanner.columns * (10 if scanner.intensity else 8))
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
         file.attrs.update({"sensor": "synthetic", "robot": "synthetic"})

@@ -23,7 +23,7 @@ def course(rng: np.random.Generator) -> Float:
 
 
 def ends_of(end: Float, phase: Float, noise_mm: float, rng: np.random.Generator) -> Ends:
-    """The last column before `end`, columns at `phase` plus multiples of the step; noise as an edge's frames have it."""
+    """The last column before `end`, of columns at `phase` plus multiples of the step; noise as in an edge's frames."""
     column = np.floor((end - phase) / STEP_MM)
     low = phase + STEP_MM * column + rng.normal(0, noise_mm, S.size)
     same, none = np.ones(S.size), np.zeros(S.size, np.int64)

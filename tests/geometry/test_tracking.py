@@ -185,7 +185,7 @@ def test_the_fields_limit_cuts_the_root_face(side: int) -> None:
     assert made.end is not None
     assert made.seen is not None
     assert on_root.sum() > 10
-    assert beyond.sum() > 10
+    assert beyond.sum() > 5
     assert made.seen.all()
     assert (made.end[on_root, 4] == CUT).all()
     assert (made.end[beyond, 4] == CLEAR).all()

@@ -12,12 +12,12 @@ RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
 def verdict(value: float, u: float, nominal: float, tolerance: tuple[float, float], guard_factor: float) -> Verdict:
     """Does `value` with standard uncertainty u lie within nominal + tolerance? All in one unit.
 
-    'pass' inside the limits by at least guard_factor * u, 'fail' outside by more than that, else 'undecided'.
+    'pass' inside the limits by at least guard_factor * u, 'fail' outside by at least that, else 'undecided'.
     """
     low, high, guard = nominal + tolerance[0], nominal + tolerance[1], guard_factor * u
     if low + guard <= value <= high - guard:
         return "pass"
-    if value < low - guard or value > high + guard:
+    if value <= low - guard or value >= high + guard:
         return "fail"
     return "undecided"
 

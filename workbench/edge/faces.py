@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.identify import Candidate, candidates, vote
 from workbench.errors import InputError
 from workbench.geometry import tracking
+from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import straight_faces
 from workbench.geometry.faces import FaceLines
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
@@ -89,10 +89,9 @@ def _key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     count = max(2, min(KEY_FRAMES, x.shape[0] // KEY_SPACING))
     keys = np.unique(np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64))
-    chains, lengths, cut = _chains(x, z, keep, keys, rises_with_column(x, keep, keys))
-    return keys, [
-        list(candidates(chains[k, : lengths[k]], cut[k], root_nominal_mm, bevel_nominal)) for k in range(keys.size)
-    ]
+    rises = rises_with_column(x, keep, keys)
+    chains = in_order(lambda k, _: _chain(x[keys[k]], z[keys[k]], keep[keys[k]], rises), keys.size, 1)
+    return keys, [list(candidates(chain, cut, root_nominal_mm, bevel_nominal)) for chain, cut in chains]
 
 
 def rises_with_column(x: Float32, keep: Bool, keys: Int) -> bool:
@@ -102,34 +101,15 @@ def rises_with_column(x: Float32, keep: Bool, keys: Int) -> bool:
     return bool(np.nansum(np.sign(steps)) >= 0)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def _chains(x: Float32, z: Float32, keep: Bool, keys: Int, rises: bool) -> tuple[Float, Int, Bool]:
-    """The straight faces (k, MAX_LINES, 7) of each key frame, in order of rising x, how many, and cut (k, 2).
+def _chain(x: Float32, z: Float32, keep: Bool, rises: bool) -> tuple[Float, Bool]:
+    """The straight faces (k, 7) of a frame, in order of rising x, and cut (2,).
 
     `cut`: the frame's first (last) column returns, so that the field of view ends its first (last) face.
     """
-    chains = np.zeros((keys.size, MAX_LINES, 7))
-    lengths = np.zeros(keys.size, np.int64)
-    cut = np.zeros((keys.size, 2), np.bool_)
-    for k in prange(keys.size):
-        i = keys[k]
-        count = 0
-        for j in range(x.shape[1]):
-            count += keep[i, j]
-        xs, zs = np.empty(count), np.empty(count)
-        at = 0
-        for step in range(x.shape[1]):
-            j = step if rises else x.shape[1] - 1 - step
-            if keep[i, j]:
-                xs[at], zs[at] = x[i, j], z[i, j]
-                at += 1
-        last = x.shape[1] - 1
-        low, high = keep[i, 0] or keep[i, 1], keep[i, last] or keep[i, last - 1]
-        cut[k, 0], cut[k, 1] = (low, high) if rises else (high, low)
-        lines = straight_faces(xs, zs)
-        lengths[k] = min(len(lines), MAX_LINES)
-        chains[k, : lengths[k]] = lines[: lengths[k]]
-    return chains, lengths, cut
+    if not rises:
+        x, z, keep = x[::-1], z[::-1], keep[::-1]
+    cut = np.array([keep[:2].any(), keep[-2:].any()])
+    return straight_faces(x[keep].astype(np.float64), z[keep].astype(np.float64))[:MAX_LINES], cut
 
 
 def _agreed(keys: Int, readings: list[list[Candidate]]) -> tuple[Int, Float, int] | None:

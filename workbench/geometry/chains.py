@@ -7,10 +7,13 @@ programming over all breakpoints; Jackson et al., "An algorithm for optimal part
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
-from workbench.units import Float
+from workbench.geometry.blocks import as_input
+from workbench.units import Float, Int
 
 LINE_PRICE = 40.0  # squared sigmas that a further line must save
 POINT_PRICE = 14.0  # squared sigmas above which a point is better left out
@@ -22,7 +25,6 @@ MAX_BREAKS = 700  # candidate breakpoints a profile; more points share one
 X0, X1, SLOPE, OFFSET, COUNT, FIRST, LAST = range(7)
 
 
-@njit(cache=True, nogil=True)
 def noise_sigma(z: Float) -> float:
     """Standard deviation of the range noise of a profile (mm), from second differences over 1, 2 and 4 columns.
 
@@ -34,19 +36,14 @@ def noise_sigma(z: Float) -> float:
         if n < 8:
             break
         second = np.abs(z[:n] - 2.0 * z[step : step + n] + z[2 * step :])
-        sigma = max(sigma, np.median(second) / 0.6745 / np.sqrt(6.0))
+        sigma = max(sigma, float(np.median(second)) / 0.6745 / math.sqrt(6.0))
     return sigma
 
 
-@njit(cache=True, nogil=True)
 def _prefix_sums(x: Float, z: Float) -> Float:
+    """Sums of x, z, xx, xz and zz over the first 0 to n points: (n + 1, 5)."""
     sums = np.zeros((x.size + 1, 5))
-    for i in range(x.size):
-        sums[i + 1, 0] = sums[i, 0] + x[i]
-        sums[i + 1, 1] = sums[i, 1] + z[i]
-        sums[i + 1, 2] = sums[i, 2] + x[i] * x[i]
-        sums[i + 1, 3] = sums[i, 3] + x[i] * z[i]
-        sums[i + 1, 4] = sums[i, 4] + z[i] * z[i]
+    np.cumsum(np.stack([x, z, x * x, x * z, z * z], axis=1), axis=0, out=sums[1:])
     return sums
 
 
@@ -64,7 +61,7 @@ def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Float:
+def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
     breaks = (x.size + step - 1) // step
@@ -86,7 +83,7 @@ def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Float:
             trial = cost[a] + LINE_PRICE + rss / (sigma * sigma)
             if trial < cost[b]:
                 cost[b], came_from[b], skipped[b] = trial, a, False
-    spans = np.empty((breaks, 2))
+    spans = np.empty((breaks, 2), np.int64)
     count = 0
     b = breaks
     while b > 0:
@@ -97,17 +94,15 @@ def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Float:
     return spans[:count][::-1]
 
 
-@njit(cache=True, nogil=True)
 def _collinear(a: Float, b: Float, tolerance_mm: float) -> bool:
     """Do lines a and b (a before b) continue each other: under 4 deg of turn, and meeting within the tolerance?"""
-    if abs(np.arctan(a[SLOPE]) - np.arctan(b[SLOPE])) > 0.07:
+    if abs(math.atan(a[SLOPE]) - math.atan(b[SLOPE])) > 0.07:
         return False
     middle = 0.5 * (a[X1] + b[X0])
     gap = abs(a[SLOPE] * middle + a[OFFSET] - b[SLOPE] * middle - b[OFFSET])
-    return bool(gap / np.sqrt(1.0 + a[SLOPE] * a[SLOPE]) < tolerance_mm)
+    return bool(gap / math.sqrt(1.0 + a[SLOPE] * a[SLOPE]) < tolerance_mm)
 
 
-@njit(cache=True, nogil=True)
 def _joined(a: Float, b: Float) -> Float:
     """Collinear lines a and b (a before b) as one: their mean, weighted by points."""
     w = a[COUNT] / (a[COUNT] + b[COUNT])
@@ -117,31 +112,22 @@ def _joined(a: Float, b: Float) -> Float:
     return np.array([a[X0], b[X1], slope, z - slope * at, a[COUNT] + b[COUNT], a[FIRST], b[LAST]])
 
 
-@njit(cache=True, nogil=True)
 def straight_faces(x: Float, z: Float) -> Float:
     """The straight faces of one profile, in order of its points: rows (x0, x1, slope, offset, count, first, last).
 
     x, z: (n,) mm, n points in column order with x rising, no NaN. `first`, `last` index the points. Lines that continue
     each other, such as the pieces of a face that an outlier cut in two or of a slightly bent one, come as one.
     """
-    chain = np.empty((0, 7))
     if x.size < 2 * MIN_POINTS:
-        return chain
+        return np.empty((0, 7))
     shift_x, shift_z = x.mean(), z.mean()  # sums of squares near the origin lose no digits
     sigma = noise_sigma(z)
-    sums = _prefix_sums(x - shift_x, z - shift_z)
-    spans = _partition(x, z, sums, sigma)
-    chain = np.empty((len(spans), 7))
-    count = 0
-    for k in range(len(spans)):
-        i, j = int(spans[k, 0]), int(spans[k, 1])
+    sums = as_input(_prefix_sums(x - shift_x, z - shift_z))
+    chain: list[Float] = []
+    for i, j in _partition(as_input(x), as_input(z), sums, sigma):
         slope, offset, _ = _line(sums, i, j)
-        row = np.array(
-            [x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, float(j - i), float(i), float(j - 1)]
-        )
-        if count and _collinear(chain[count - 1], row, 0.05 + 4.0 * sigma):
-            row = _joined(chain[count - 1], row)
-            count -= 1
-        chain[count] = row
-        count += 1
-    return chain[:count]
+        line = np.array([x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, j - i, i, j - 1])
+        if chain and _collinear(chain[-1], line, 0.05 + 4.0 * sigma):
+            line = _joined(chain.pop(), line)
+        chain.append(line)
+    return np.array(chain).reshape(-1, 7)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from workbench.geometry.blocks import as_input, in_order
 from workbench.geometry.ends import MISSES, STRAY, Ends, SmoothEnd, cdf
 from workbench.units import Float, Int
 
@@ -20,6 +21,8 @@ BIN_MM = 1.0  # frames this near to each other share one likelihood
 NODES = (21, 7, 5)  # of a, b, c in each round
 ROUNDS = 6
 REACH_SIGMAS = 4.0  # half width of the next round's box, in posterior standard deviations
+NEGLIGIBLE = 40.0  # of log-likelihood below the best
+PLACES = 32  # in a block
 WINDOW = 0.7  # half width of the window over the distance of the course's knots
 
 
@@ -54,70 +57,117 @@ def _tables(low: Float, step: Float, sigma: Float, missing: Float, weight: Float
             if step[i] <= 0.0:
                 row[g] += weight[i] * math.log(math.exp(-0.5 * ((grid[g] - low[i]) / blur) ** 2) + STRAY)
                 continue
-            mass = 0.0
-            for k in range(MISSES):
-                a = (grid[g] - low[i] - k * step[i]) / blur
+            mass, share = 0.0, 1.0 - missing[i]
+            a = (grid[g] - low[i]) / blur
+            above = cdf(a)
+            for k in range(1, MISSES + 1):
                 if a < -6.0:
                     break
-                mass += (1.0 - missing[i]) * missing[i] ** k * (cdf(a) - cdf(a - step[i] / blur))
+                a = (grid[g] - low[i] - k * step[i]) / blur
+                below = cdf(a)
+                mass += share * (above - below)
+                above, share = below, share * missing[i]
             row[g] += weight[i] * math.log(mass + STRAY)
     return out
 
 
-@njit(cache=True, nogil=True, parallel=True)
 def _posteriors(place: Float, tables: Float, at: Float, half_width: float, reach: float) -> Float:
     """Mean and uncertainty of a at each of `at` (m,): (m, 2); NaN where no frame is near."""
     out = np.full((at.size, 2), np.nan)
-    for i in prange(at.size):
-        first = np.searchsorted(place, at[i] - half_width)
-        last = np.searchsorted(place, at[i] + half_width)
-        if last > first:
-            x = (place[first:last] - at[i]) / half_width
-            out[i, 0], out[i, 1] = _posterior(x, tables[first:last], reach)
+    near = np.stack([np.searchsorted(place, at - half_width), np.searchsorted(place, at + half_width)], axis=1)
+    most = np.concatenate([[0.0], np.cumsum(tables.max(axis=1))])
+    known = as_input(place), as_input(tables), as_input(most), as_input(at), as_input(near)
+    for _ in in_order(lambda i, j: _fill(*known, half_width, reach, out, i, j), at.size, PLACES):
+        pass
     return out
 
 
 @njit(cache=True, nogil=True)
-def _total(x: Float, tables: Float, a: float, b: float, c: float, reach: float) -> float:
+def _fill(place: Float, tables: Float, most: Float, at: Float, near: Int, half_width: float, reach: float, out: Float,
+          start: int, stop: int) -> None:  # fmt: skip
+    """Rows start to stop - 1 of `_posteriors`; most (bins + 1,): sum of the bins' greatest log-likelihoods so far."""
+    for i in range(start, stop):
+        first, last = near[i, 0], near[i, 1]
+        if last > first:
+            x = (place[first:last] - at[i]) / half_width
+            out[i, 0], out[i, 1] = _posterior(x, tables, most, first, reach)
+
+
+@njit(cache=True, nogil=True)
+def _total(x: Float, tables: Float, most: Float, first: int, a: float, b: float, c: float, reach: float,
+           least: float) -> float:  # fmt: skip
+    """Log-likelihood of a, b, c; -inf as soon as it cannot reach `least` any more."""
     scale = (tables.shape[1] - 1) / (2.0 * reach)
-    total = 0.0
+    total, last = 0.0, first + x.size
     for j in range(x.size):
         g = (a + b * x[j] + c * x[j] * x[j] + reach) * scale
         k = min(max(int(g), 0), tables.shape[1] - 2)
         f = min(max(g - k, 0.0), 1.0)
-        total += (1.0 - f) * tables[j, k] + f * tables[j, k + 1]
+        total += (1.0 - f) * tables[first + j, k] + f * tables[first + j, k + 1]
+        if total + most[last] - most[first + j + 1] < least:
+            return -math.inf
     return total
 
 
 @njit(cache=True, nogil=True)
-def _posterior(x: Float, tables: Float, reach: float) -> tuple[float, float]:
+def _posterior(x: Float, tables: Float, most: Float, first: int, reach: float) -> tuple[float, float]:
     """Mean of a and a quarter of its 95.45 % interval, by grids that close in on the posterior."""
     centre, half = np.zeros(3), np.full(3, reach)
-    size = np.array(NODES)
-    marginal, nodes = np.zeros(1), np.zeros(1)
+    nodes, along = np.zeros((3, max(NODES))), np.zeros((3, max(NODES)))
     for _ in range(ROUNDS):
-        a = np.linspace(centre[0] - half[0], centre[0] + half[0], size[0])
-        b = np.linspace(centre[1] - half[1], centre[1] + half[1], size[1])
-        c = np.linspace(centre[2] - half[2], centre[2] + half[2], size[2])
-        p = np.empty((size[0], size[1], size[2]))
-        for i in range(size[0]):
-            for j in range(size[1]):
-                for k in range(size[2]):
-                    p[i, j, k] = _total(x, tables, a[i], b[j], c[k], reach)
-        p = np.exp(p - p.max())
-        p /= p.sum()
-        marginal, nodes = p.sum(axis=2).sum(axis=1), a
+        for d in range(3):
+            for n in range(NODES[d]):
+                nodes[d, n] = centre[d] + half[d] * (2.0 * n / (NODES[d] - 1) - 1.0)
+        _marginals(x, tables, most, first, reach, nodes, along)
         close = True
         for d in range(3):
-            axis = a if d == 0 else (b if d == 1 else c)
-            along = marginal if d == 0 else (p.sum(axis=2).sum(axis=0) if d == 1 else p.sum(axis=0).sum(axis=0))
-            mean = (along * axis).sum()
-            spread = math.sqrt(max((along * (axis - mean) ** 2).sum(), 0.0))
-            wanted = min(max(REACH_SIGMAS * spread, 2.0 * half[d] / (size[d] - 1)), 1.5 * half[d])
+            mean, square = 0.0, 0.0
+            for n in range(NODES[d]):
+                mean += along[d, n] * nodes[d, n]
+            for n in range(NODES[d]):
+                square += along[d, n] * (nodes[d, n] - mean) ** 2
+            wanted = min(max(REACH_SIGMAS * math.sqrt(square), 2.0 * half[d] / (NODES[d] - 1)), 1.5 * half[d])
             close = close and abs(wanted / half[d] - 1.0) < 0.3
             centre[d], half[d] = mean, wanted
         if close:
             break
-    cumulative = np.cumsum(marginal) - 0.5 * marginal
-    lower, upper = np.interp(0.02275, cumulative, nodes), np.interp(0.97725, cumulative, nodes)
-    return (marginal * nodes).sum(), 0.25 * (upper - lower)
+    return centre[0], 0.25 * (_quantile(nodes[0], along[0], 0.97725) - _quantile(nodes[0], along[0], 0.02275))
+
+
+@njit(cache=True, nogil=True)
+def _marginals(x: Float, tables: Float, most: Float, first: int, reach: float, nodes: Float, along: Float) -> None:
+    """Fill `along` (3, n): shares of the posterior at the `nodes` (3, n) of a, b and c."""
+    p = np.empty(NODES)
+    highest = -math.inf
+    for n in range(-1, p.size):  # the middle first: what lies far below it need not be summed to its end
+        i, j, k = n // (NODES[1] * NODES[2]), n // NODES[2] % NODES[1], n % NODES[2]
+        if n < 0:
+            i, j, k = NODES[0] // 2, NODES[1] // 2, NODES[2] // 2
+        p[i, j, k] = _total(x, tables, most, first, nodes[0, i], nodes[1, j], nodes[2, k], reach, highest - NEGLIGIBLE)
+        highest = max(highest, p[i, j, k])
+    along[:] = 0.0
+    total = 0.0
+    for i in range(NODES[0]):
+        for j in range(NODES[1]):
+            for k in range(NODES[2]):
+                mass = math.exp(p[i, j, k] - highest)
+                total += mass
+                along[0, i] += mass
+                along[1, j] += mass
+                along[2, k] += mass
+    for d in range(3):
+        for n in range(NODES[d]):
+            along[d, n] /= total
+
+
+@njit(cache=True, nogil=True)
+def _quantile(nodes: Float, mass: Float, share: float) -> float:
+    """Where the cumulated mass, half of each node's own before it, reaches `share`; linear between nodes."""
+    before, at = 0.0, 0.5 * mass[0]
+    if share <= at:
+        return float(nodes[0])
+    for n in range(1, nodes.size):
+        before, at = at, at + 0.5 * (mass[n - 1] + mass[n])
+        if share <= at:
+            return float(nodes[n - 1] + (share - before) / (at - before) * (nodes[n] - nodes[n - 1]))
+    return float(nodes[-1])

@@ -33,7 +33,8 @@ OVER_RELAX = 1.7
 NEWTON_STEPS, NEWTON_DAMPING, NEWTON_GAIN = 25, 0.6, 0.01
 BEND_PER_MM = 0.0005  # second derivative (1/mm) that a root size drifting by tenths of a mm over 100 mm may have
 CHOICE_FRAMES = 4000  # the knot distance is chosen on this many neighbouring frames
-ROOT_HALF = math.sqrt(0.5)
+ROOT_HALF, DENSITY = math.sqrt(0.5), 1.0 / math.sqrt(2.0 * math.pi)  # of the standard normal distribution
+FAR_SIGMAS = 7.0  # beyond this much of its noise nothing is left of a column's probability
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,11 +129,10 @@ def _straightened(piece: Int, basis: Float, coefficients: Float, ends: Ends, sca
 def _bending(size: int) -> Float:
     """Sum of squared second differences of spline coefficients as a banded matrix (4, size), upper form."""
     band = np.zeros((4, size))
-    for k in range(size - 2):
-        for p, cp in ((0, 1.0), (1, -2.0), (2, 1.0)):
-            for q, cq in ((0, 1.0), (1, -2.0), (2, 1.0)):
-                if q >= p:
-                    band[3 - (q - p), k + q] += cp * cq
+    for shift, own, by_one in ((0, 1.0, 0.0), (1, 4.0, -2.0), (2, 1.0, -2.0)):  # of the differences 1, -2, 1
+        band[3, shift : size - 2 + shift] += own
+        band[2, shift : size - 2 + shift] += by_one
+    band[1, 2:] = 1.0
     return band
 
 
@@ -161,14 +161,17 @@ def _likelihood_slopes(now: Float, low: Float, step: Float, scatter: Float, miss
             total += counts[i] * math.log(p + STRAY)
             continue
         mass, first, second = 0.0, 0.0, 0.0
+        a, share = (low[i] - now[i]) / s, 1.0 - missing[i]
+        below, da = cdf(a), DENSITY * math.exp(-0.5 * a * a)
         for k in range(MISSES):
-            a = (low[i] + k * step[i] - now[i]) / s
-            b = a + step[i] / s
-            share = (1.0 - missing[i]) * missing[i] ** k
-            da, db = 0.3989422804014327 * math.exp(-0.5 * a * a), 0.3989422804014327 * math.exp(-0.5 * b * b)
-            mass += share * (cdf(b) - cdf(a))
+            b = (low[i] + (k + 1) * step[i] - now[i]) / s
+            above, db = cdf(b), DENSITY * math.exp(-0.5 * b * b)
+            mass += share * (above - below)
             first += share * (da - db) / s
             second += share * (a * da - b * db) / (s * s)
+            if b > FAR_SIGMAS:
+                break
+            a, below, da, share = b, above, db, share * missing[i]
         slope = first / (mass + STRAY)
         pull[i] = counts[i] * slope
         stiffness[i] = counts[i] * max(slope * slope - second / (mass + STRAY), 1e-4 / (s * s))
@@ -185,10 +188,9 @@ def _basis(s: Float, grid: Float) -> tuple[Int, Float]:
 
 @njit(cache=True, nogil=True)
 def _de_boor(s: Float, knots: Float, span: Int) -> Float:
-    out = np.zeros((s.size, 4))
+    out, left, right = np.zeros((s.size, 4)), np.empty(4), np.empty(4)
     for i in range(s.size):
         j = span[i]
-        left, right = np.empty(4), np.empty(4)
         out[i, 0] = 1.0
         for d in range(1, 4):
             left[d], right[d] = s[i] - knots[j + 1 - d], knots[j + d] - s[i]
@@ -215,10 +217,12 @@ def _normal_equations(piece: Int, basis: Float, target: Float, weight: Float, si
 
 @njit(cache=True, nogil=True)
 def _value(piece: Int, basis: Float, coefficients: Float) -> Float:
-    out = np.zeros(piece.size)
+    out = np.empty(piece.size)
     for i in range(piece.size):
+        value = 0.0
         for p in range(4):
-            out[i] += basis[i, p] * coefficients[piece[i] + p]
+            value += basis[i, p] * coefficients[piece[i] + p]
+        out[i] = value
     return out
 
 
@@ -253,12 +257,16 @@ def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing:
             target[i], weight[i] = low[i], p / (p + STRAY)
             continue
         mass, first = 0.0, 0.0
+        a, share = (low[i] - now[i]) / scatter[i], 1.0 - missing[i]
+        below, da = cdf(a), DENSITY * math.exp(-0.5 * a * a)
         for k in range(MISSES):
-            a = (low[i] + k * step[i] - now[i]) / scatter[i]
-            b = a + step[i] / scatter[i]
-            share = (1.0 - missing[i]) * missing[i] ** k
-            mass += share * (cdf(b) - cdf(a))
-            first += share * 0.3989422804014327 * (math.exp(-0.5 * a * a) - math.exp(-0.5 * b * b))
+            b = (low[i] + (k + 1) * step[i] - now[i]) / scatter[i]
+            above, db = cdf(b), DENSITY * math.exp(-0.5 * b * b)
+            mass += share * (above - below)
+            first += share * (da - db)
+            if b > FAR_SIGMAS:
+                break
+            below, da, share = above, db, share * missing[i]
         if mass > 1e-12:
             target[i] = now[i] + scatter[i] * first / mass
         else:

@@ -5,37 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from workbench.units import Float
+from workbench.geometry.blocks import as_input
+from workbench.units import Float, Int
 
 OUTLIER_SIGMAS = 5.0
+RIDGE = 1.0 + 1e-10  # keeps the normal equations regular where all points share one place
 
 
-@njit(cache=True, nogil=True)
-def _solve3(a: Float, b: Float) -> Float:
-    """Solve a 3 x 3 positive system (small matrices: Cramer's rule beats a library call)."""
-    det = (a[0, 0] * (a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]) - a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0])
-           + a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]))  # fmt: skip
-    out = np.empty(3)
-    for k in range(3):
-        m = a.copy()
-        m[:, k] = b
-        out[k] = (m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]) - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
-                  + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])) / det  # fmt: skip
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _design(u: float, degree: int) -> Float:
-    row = np.zeros(3)
-    row[0] = 1.0
-    if degree > 0:
-        row[1] = u
-    if degree > 1:
-        row[2] = u * u
-    return row
-
-
-@njit(cache=True, nogil=True)
 def local_polynomial(s: Float, y: Float, weight: Float, at: Float, half_width: float) -> Float:
     """Local regression of y on s at the points `at`: columns value, slope, variance factor, points used.
 
@@ -44,43 +20,51 @@ def local_polynomial(s: Float, y: Float, weight: Float, at: Float, half_width: f
     constant. The variance of a value is its variance factor if the weights are true. NaN where no point is near.
     """
     out = np.full((at.size, 4), np.nan)
+    first, last = np.searchsorted(s, at - half_width), np.searchsorted(s, at + half_width)
+    s, y, weight, at = (as_input(v.astype(np.float64, copy=False)) for v in (s, y, weight, at))
+    _regress(s, y, weight, at, as_input(first), as_input(last), half_width, out)
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _regress(s: Float, y: Float, weight: Float, at: Float, first: Int, last: Int, half_width: float,
+             out: Float) -> None:  # fmt: skip
+    """Fill each row i of `out` as `local_polynomial` returns it, from the points first[i] to last[i] - 1."""
     for i in range(at.size):
-        first = np.searchsorted(s, at[i] - half_width)
-        last = np.searchsorted(s, at[i] + half_width)
-        normal, right, spread = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
         count, before, after = 0, 0, 0
-        for j in range(first, last):
-            if not weight[j] > 0:
-                continue
-            count += 1
-            if s[j] < at[i] - 0.1 * half_width:
-                before += 1
-            if s[j] > at[i] + 0.1 * half_width:
-                after += 1
+        m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0  # weighted sums of the powers of u
+        v0, v1, v2, v3, v4 = 0.0, 0.0, 0.0, 0.0, 0.0  # the same with the tricube weight squared
+        b0, b1, b2 = 0.0, 0.0, 0.0  # weighted sums of the powers of u times y
+        for j in range(first[i], last[i]):
+            used = weight[j] > 0
+            u = (s[j] - at[i]) / half_width
+            count += used
+            before += used and u < -0.1
+            after += used and u > 0.1
+            near = 1.0 - abs(u) * u * u
+            near = near * near * near
+            w = near * weight[j] if used else 0.0
+            v, wy = near * w, w * y[j] if used else 0.0
+            wu, vu = w * u * u, v * u * u
+            m0, m1, m2, m3, m4 = m0 + w, m1 + w * u, m2 + wu, m3 + wu * u, m4 + wu * u * u
+            v0, v1, v2, v3, v4 = v0 + v, v1 + v * u, v2 + vu, v3 + vu * u, v4 + vu * u * u
+            b0, b1, b2 = b0 + wy, b1 + wy * u, b2 + wy * u * u
         if count < 1:
             continue
-        degree = 2 if count >= 7 and before >= 2 and after >= 2 else (1 if count >= 4 else 0)
-        for j in range(first, last):
-            if not weight[j] > 0:
-                continue
-            u = (s[j] - at[i]) / half_width
-            near = (1.0 - abs(u) ** 3) ** 3
-            row = _design(u, degree)
-            for p in range(3):
-                right[p] += near * weight[j] * row[p] * y[j]
-                for q in range(3):
-                    normal[p, q] += near * weight[j] * row[p] * row[q]
-                    spread[p, q] += near * near * weight[j] * row[p] * row[q]
-        for p in range(degree + 1, 3):
-            normal[p, p] = 1.0
-        for p in range(degree + 1):
-            normal[p, p] *= 1.0 + 1e-10
-        value = _solve3(normal, right)
-        lever = _solve3(normal, np.array([1.0, 0.0, 0.0]))
-        out[i, 0], out[i, 1] = value[0], value[1] / half_width
-        out[i, 2] = max(lever @ spread @ lever, 0.0)
+        n00, n01, n11, n02, n12, n22 = m0 * RIDGE, m1, m2 * RIDGE, m2, m3, m4 * RIDGE  # the normal equations' matrix
+        if not (count >= 7 and before >= 2 and after >= 2):
+            n02, n12, n22 = 0.0, 0.0, 1.0  # linear
+        if count < 4:
+            n01, n11, b1 = 0.0, 1.0, 0.0  # constant
+        c00, c01, c02 = n11 * n22 - n12 * n12, n12 * n02 - n01 * n22, n01 * n12 - n11 * n02  # cofactors
+        c11, c12 = n00 * n22 - n02 * n02, n01 * n02 - n00 * n12
+        det = n00 * c00 + n01 * c01 + n02 * c02
+        out[i, 0] = (c00 * b0 + c01 * b1 + c02 * b2) / det
+        out[i, 1] = (c01 * b0 + c11 * b1 + c12 * b2) / det / half_width
+        l0, l1, l2 = c00 / det, c01 / det, c02 / det  # the value by (b0, b1, b2)
+        spread = l0 * l0 * v0 + 2.0 * l0 * l1 * v1 + (2.0 * l0 * l2 + l1 * l1) * v2 + 2.0 * l1 * l2 * v3 + l2 * l2 * v4
+        out[i, 2] = max(spread, 0.0)
         out[i, 3] = count
-    return out
 
 
 def robust_weights(s: Float, y: Float, weight: Float, half_width: float, stations: Float) -> Float:

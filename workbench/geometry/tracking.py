@@ -8,8 +8,9 @@ A frame's edge is a chain of faces in the order upper surface, bevel face, root 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from workbench.geometry.blocks import as_input, in_order
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 # Faces in chain order, and what a state row holds for each: slope, offset, seen (0 or 1), free end x.
@@ -38,6 +39,13 @@ def _crossing(state: Float, a: int, b: int) -> float:
     if abs(dk) < 1e-6:
         return np.nan
     return float((state[b, OFFSET] - state[a, OFFSET]) / dk)
+
+
+@njit(cache=True, nogil=True)
+def _copy(a: Float, b: Float) -> None:
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            b[i, k] = a[i, k]
 
 
 @njit(cache=True, nogil=True)
@@ -74,8 +82,8 @@ def _sums(x: Float32, z: Float32, keep: Bool, lo: int, hi: int, side: float, sta
           gates: Float) -> Float:  # fmt: skip
     """Sums of each face (rows as COUNT to LAST) over the points within its limits and its gate (mm along z)."""
     out = np.zeros((4, 8))
-    out[:, FIRST] = -1.0
-    out[:, LAST] = -1.0
+    for f in range(4):
+        out[f, FIRST] = out[f, LAST] = -1.0
     for j in range(lo, hi):
         if not keep[j]:
             continue
@@ -230,10 +238,11 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, found[ROOT, COUNT], sigma[ROOT])
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
-    sums[:] = _sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates)
+    _copy(_sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates), sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
-    end[:] = _root_end(x, z, keep, side, state, sums, gates[ROOT])
+    for k, value in enumerate(_root_end(x, z, keep, side, state, sums, gates[ROOT])):
+        end[k] = value
     corner = _crossing(state, BEVEL, ROOT)
     width = abs(end[0] - corner)
     if not 0.4 * width0 < width < 2.5 * width0:
@@ -282,7 +291,7 @@ def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma:
 
 
 @njit(cache=True, nogil=True)
-def _follow_stretch(c: np.int64, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
+def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
                     sigma: Float, names: Int, sums: Float, end: Float, seen: Bool,
                     labels: AnyArray) -> None:  # fmt: skip
     """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
@@ -295,44 +304,42 @@ def _follow_stretch(c: np.int64, x: Float32, z: Float32, keep: Bool, side: float
         frame = last - 1 - i if c == 0 else first + i
         if lost > LOST_AFTER or not np.isfinite(state).all():
             w = 0.0 if a == b else (frame - first) / (last - first)
-            state[:] = (1.0 - w) * states[a] + w * states[b]
+            for f in range(4):
+                for k in range(4):
+                    state[f, k] = (1.0 - w) * states[a, f, k] + w * states[b, f, k]
         trial = state.copy()
         seen[frame] = _follow_frame(x[frame], z[frame], keep[frame], side, trial, sigma, sums[frame], end[frame])
         if seen[frame]:
-            state[:] = trial
+            _copy(trial, state)
             lost = 0
             _label(x[frame], z[frame], keep[frame], side, state, sigma, names, labels[frame])
         else:
-            sums[frame, :, :] = 0.0
+            for f in range(4):
+                for k in range(8):
+                    sums[frame, f, k] = 0.0
             lost += 1
 
 
-@njit(cache=True, nogil=True, parallel=True)
 def follow(x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float, names: Int,
            sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
-    """Follow the faces through the frames between the key frames, in both cores.
+    """Follow the faces through the frames between the key frames, on all cores.
 
     x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
     same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face. Filled in: sums (n, 4, 8), end
     (n, 5) as `_root_end`, seen (n,), labels (n, M).
     """
-    for c in prange(keys.size + 1):
-        _follow_stretch(np.int64(c), x, z, keep, side, keys, states, sigma, names, sums, end, seen, labels)
+    grid = as_input(x), as_input(z), as_input(keep)
+    known = as_input(keys), as_input(states), as_input(sigma), as_input(names)
+    for _ in in_order(lambda c, _: _follow_stretch(c, *grid, side, *known, sums, end, seen, labels), keys.size + 1, 1):
+        pass
 
 
-@njit(cache=True, nogil=True)
 def face_sigmas(sums: Float, seen: Bool) -> Float:
     """Range noise of each face (4,), mm: median over frames of the rms residual about its own line."""
     sigma = np.full(4, 0.02)
     for f in range(4):
-        values = np.empty(sums.shape[0])
-        count = 0
-        for i in range(sums.shape[0]):
-            n = sums[i, f, COUNT]
-            if seen[i] and n >= 5:
-                rss = sums[i, f, SZZ] - sums[i, f, SXZ] ** 2 / max(sums[i, f, SXX], 1e-12)
-                values[count] = np.sqrt(max(rss, 0.0) / (n - 2.0))
-                count += 1
-        if count:
-            sigma[f] = max(np.median(values[:count]), 0.002)
+        face = sums[seen & (sums[:, f, COUNT] >= 5), f]
+        if len(face):
+            rss = face[:, SZZ] - face[:, SXZ] ** 2 / np.maximum(face[:, SXX], 1e-12)
+            sigma[f] = max(float(np.median(np.sqrt(np.maximum(rss, 0.0) / (face[:, COUNT] - 2.0)))), 0.002)
     return sigma

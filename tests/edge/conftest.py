@@ -1,0 +1,66 @@
+"""Simulated scans of edges, as clouds, with the truth they were made from."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from workbench.artefacts import Cloud, Edge
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.edge.faces import TrackedFaces, find_faces
+from workbench.edge.measure import Measured, measure_edge
+from workbench.scan import fuse
+from workbench.synthetic import Recipe, Truth, parse_recipe, random_recipe, simulate_recording
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A scanned part; what the stages make of it is made once, when it is asked for."""
+
+    recipe: Recipe
+    cloud: Cloud
+    truth: Truth
+
+    @functools.cached_property
+    def tracked(self) -> TrackedFaces:
+        return find_faces(self.cloud, 1.5, 40.0)
+
+    @functools.cached_property
+    def measured(self) -> Measured:
+        return measure_edge(self.cloud, self.tracked)
+
+    @functools.cached_property
+    def edge(self) -> Edge:
+        return segment(self.cloud)
+
+
+def scan_of(recipe: Recipe) -> Scan:
+    recording, truth = simulate_recording(recipe)
+    return Scan(recipe, denoise(fuse(recording)), truth)
+
+
+@pytest.fixture(scope="session")
+def drawn() -> Callable[[str, int], Scan]:
+    """`drawn(condition, seed)`: a part drawn at random under a named condition."""
+    return functools.cache(lambda condition, seed: scan_of(random_recipe(condition, seed)))
+
+
+@pytest.fixture(scope="session")
+def scanned() -> Callable[..., Scan]:
+    """`scanned(part=..., scanner=..., ...)`: 50 mm of a straight edge of 1.5 mm and 40 deg, unless told otherwise."""
+
+    @functools.cache
+    def make(changes: str) -> Scan:
+        document: dict[str, Any] = {"format": "bevel-recipe", "version": 1, "seed": 5, "scanner": {"columns": 500}}
+        document |= {"part": {"length_mm": 60.0}, "passes": [{"from_mm": 5.0, "to_mm": 55.0}]}
+        for key, value in json.loads(changes).items():
+            document[key] = {**document.get(key, {}), **value} if isinstance(value, dict) else value
+        return scan_of(parse_recipe(document))
+
+    return lambda **changes: make(json.dumps(changes))

@@ -1,0 +1,114 @@
+"""What every frame says about the edge, against the truth of simulated parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.edge import segment
+from workbench.errors import InputError
+from workbench.synthetic import Truth
+from workbench.units import DEG, Float
+
+Scans = Callable[..., Any]
+WAVES = {"length_mm": 60.0, "root_mm": {"start": 1.3, "end": 1.6}, "bevel_deg": {"start": 39.0, "end": 41.0}}
+
+
+def truth_at(scan: Any, s: Float) -> tuple[Truth, Float]:
+    """The truth, and base positions of the measured lower edge at arc lengths s."""
+    return scan.truth, scan.measured.curve.position(s)
+
+
+@pytest.mark.parametrize("oblique_deg", [0.0, 12.0])
+@pytest.mark.parametrize("elevation_deg", [40.0, -25.0])
+def test_frames_bracket_the_root_size(scanned: Scans, elevation_deg: float, oblique_deg: float) -> None:
+    """It lies between the last return on the root face and the next column, or, from below, at the measured corner."""
+    scan = scanned(part=WAVES, passes=[{"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": elevation_deg,
+                                        "oblique_deg": oblique_deg, "skew_mm": [-1.0, 1.0]}])  # fmt: skip
+    f = scan.measured.frames
+    assert np.isfinite(f.root_low_mm).mean() > 0.95
+    seen = np.flatnonzero(np.isfinite(f.root_low_mm))
+    truth, position = truth_at(scan, f.arc_length_mm[seen])
+    size = truth.root_mm_at(position)
+    low, high = f.root_low_mm[seen], f.root_low_mm[seen] + f.root_step_mm[seen]
+    room = 3 * f.root_sigma_mm[seen] + 0.002
+    assert ((low - room < size) & (size < high + room)).mean() > 0.97
+    if elevation_deg < 0:
+        assert (f.root_step_mm[seen] == 0).all()
+        assert np.std((low - size) / f.root_sigma_mm[seen]) == pytest.approx(1, abs=0.35)
+    else:
+        assert (f.root_step_mm[seen] > 0.05).all()
+        assert np.ptp(low - size) > 0.7 * 0.05  # all phases of the columns' step
+
+
+@pytest.mark.parametrize("oblique_deg", [0.0, 12.0, -12.0])
+def test_angles_of_the_frames_scatter_about_the_truth(scanned: Scans, oblique_deg: float) -> None:
+    """On average without bias, and as much as their variances say; obliqueness does not show."""
+    scan = scanned(part=WAVES, passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg}])
+    f = scan.measured.frames
+    truth, position = truth_at(scan, f.bevel_arc_length_mm)
+    error = f.tilt - f.bevel_angle - truth.bevel_deg_at(position) * DEG
+    sigma = np.sqrt(f.bevel_angle_variance)
+    tilt_u = 1 / np.sqrt((1 / f.root_angle_variance).sum())
+    assert abs(error.mean()) < 3 * np.hypot(tilt_u, np.mean(sigma) / np.sqrt(error.size)) + 0.01 * DEG
+    z = (error - error.mean()) / sigma
+    assert 0.8 < np.std(z) < 1.3
+    root = (f.root_angle - f.tilt) / np.sqrt(f.root_angle_variance)
+    assert 0.8 < np.std(root) < 1.2
+    assert (f.tangent_leverage.mean() > 0.05) == (oblique_deg != 0)
+
+
+@pytest.mark.parametrize("curve", [{"shape": "straight"}, {"shape": "arc", "radius_mm": 300.0},
+                                   {"shape": "arc", "radius_mm": 300.0, "sense": "concave"}])  # fmt: skip
+def test_the_lower_edge_is_where_it_was_built(scanned: Scans, curve: dict[str, Any]) -> None:
+    """Poses are exact here: the measured curve lies within some hundredths of a mm of the true edge."""
+    scan = scanned(part={"length_mm": 60.0, "curve": curve})
+    at = np.linspace(1, np.nanmax(scan.measured.s_low) - 1, 40)
+    position, tangent = scan.measured.curve.position(at), scan.measured.curve.tangent(at)
+    s = scan.truth.arc_length_mm_at(position)
+    true = np.stack([np.interp(s, scan.truth.arc_length_mm, scan.truth.position_mm[:, k]) for k in range(3)], axis=1)
+    assert np.linalg.norm(position - true, axis=1).max() < 0.02
+    straight = np.stack([np.interp(s, scan.truth.arc_length_mm, scan.truth.tangent[:, k]) for k in range(3)], axis=1)
+    assert np.linalg.norm(tangent - straight, axis=1).max() < 0.005
+    np.testing.assert_allclose(np.diff(s), np.diff(at), rtol=0.01)
+
+
+def test_arc_length_counts_from_the_first_point_of_the_lower_edge(scanned: Scans) -> None:
+    for ends in ((5.0, 55.0), (55.0, 5.0)):
+        scan = scanned(passes=[{"from_mm": ends[0], "to_mm": ends[1]}])
+        s = scan.measured.s_low
+        assert np.nanmin(s) == 0
+        assert np.nanmax(s) == pytest.approx(50, abs=0.2)
+        assert (np.sign(np.nanmedian(np.diff(s))) > 0) == (ends[0] < ends[1])  # t is the part's, not the robot's
+        first = scan.measured.curve.position(np.zeros(1))
+        assert scan.truth.arc_length_mm_at(first)[0] == pytest.approx(5, abs=0.1)
+
+
+def test_vibration_moves_no_size(scanned: Scans) -> None:
+    """Each frame measures from its own corner."""
+    quiet, shaken = (scanned(part=WAVES, robot={"vibration_mm": v}).measured.frames for v in (0.0, 0.05))
+    assert np.std(shaken.root_low_mm + 0.5 * shaken.root_step_mm) < 0.13  # the sizes' own drift is 0.09
+    np.testing.assert_allclose(np.nanmean(shaken.bevel_angle - shaken.tilt), np.nanmean(quiet.bevel_angle - quiet.tilt),
+                               atol=0.05 * DEG)  # fmt: skip
+
+
+def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:
+    cloud = scanned().cloud
+    still = replace(cloud, base_from_profiler=np.tile(cloud.base_from_profiler[100], (len(cloud.keep), 1, 1)))
+    with pytest.raises(InputError, match=r"expected at least 3 frames that see the edge along at least 1 mm of it"):
+        segment(still)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_few_frames_are_refused(scanned: Scans, count: int) -> None:
+    cloud = scanned().cloud
+    chosen = slice(0, 100 * count, 100)
+    few = replace(cloud, x_mm=cloud.x_mm[chosen], z_mm=cloud.z_mm[chosen], keep=cloud.keep[chosen],
+                  base_from_profiler=cloud.base_from_profiler[chosen], time_s=cloud.time_s[chosen],
+                  pass_index=cloud.pass_index[chosen])  # fmt: skip
+    with pytest.raises(InputError, match="expected"):
+        segment(few)

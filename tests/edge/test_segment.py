@@ -1,0 +1,124 @@
+"""The edge as a whole, on random parts under named conditions, against their truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE
+from workbench.edge import segment
+from workbench.errors import InputError
+from workbench.units import DEG, Float
+
+Scans = Callable[..., Any]
+PARTS = [("paper", 1), ("arc", 1), ("wavy", 1), ("oblique", 1), ("reversed", 1), ("two_pass", 1), ("partial_view", 1),
+         ("partial_view", 2), ("clamps", 1), ("clamps", 2), ("outliers_5", 3), ("robot_error", 1)]  # fmt: skip
+
+
+def angle_between(a: Float, b: Float) -> Float:
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
+
+
+def at_stations(scan: Any, name: str) -> Float:
+    """The truth's vectors at the stations of the edge that were seen."""
+    s = scan.truth.arc_length_mm_at(scan.edge.position_mm[scan.edge.seen])
+    return np.stack([np.interp(s, scan.truth.arc_length_mm, getattr(scan.truth, name)[:, k]) for k in range(3)], axis=1)
+
+
+@pytest.mark.parametrize(("condition", "seed"), PARTS)
+def test_axes_and_positions(drawn: Scans, condition: str, seed: int) -> None:
+    """Positions within what robot, calibration and sensor err; directions far better; t rises, m points up."""
+    scan = drawn(condition, seed)
+    edge = scan.edge
+    robot = scan.recipe.robot
+    slack = 0.1 + robot.hand_eye_error_mm + 300 * robot.hand_eye_error_deg * DEG + 3 * robot.smooth_error_mm
+    offset = np.linalg.norm(edge.position_mm[edge.seen] - at_stations(scan, "position_mm"), axis=1)
+    offset = offset[1:-1]  # an oblique frame may cross the lower edge's line a little beyond the plate
+    assert offset.max() < slack + 3 * robot.pose_noise_mm + 600 * robot.pose_noise_deg * DEG
+    off_tangent = angle_between(edge.tangent[edge.seen], at_stations(scan, "tangent"))
+    assert np.median(off_tangent) < 0.005 + 4 * robot.pose_noise_mm / 80 + 6 * robot.smooth_error_mm / 50
+    for name, limit in (("normal", 1.5), ("across", 1.5)):
+        assert np.median(angle_between(getattr(edge, name)[edge.seen], at_stations(scan, name))) < limit * DEG
+    np.testing.assert_allclose(np.cross(edge.across, edge.normal), edge.tangent, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(edge.normal, axis=1), 1, atol=1e-9)
+
+
+@pytest.mark.parametrize(("condition", "seed"), PARTS)
+def test_stations_and_what_was_seen(drawn: Scans, condition: str, seed: int) -> None:
+    scan = drawn(condition, seed)
+    edge, truth = scan.edge, scan.truth
+    assert edge.kind == "milled"
+    assert edge.arc_length_mm[0] == 0
+    np.testing.assert_allclose(np.diff(edge.arc_length_mm), 1.0, atol=0.05)
+    step = np.linalg.norm(np.diff(edge.position_mm, axis=0), axis=1)
+    np.testing.assert_allclose(step[np.isfinite(step)], np.diff(edge.arc_length_mm)[np.isfinite(step)], rtol=0.02)
+    np.testing.assert_array_equal(np.isfinite(edge.position_mm[:, 0]), edge.seen)
+    really = truth.seen_at(edge.position_mm[edge.seen])
+    assert really.mean() > 0.96  # within a station or so of the rims
+    length = np.count_nonzero(truth.seen) * np.median(np.diff(truth.arc_length_mm))
+    assert edge.seen.sum() > 0.93 * length - 4
+    assert edge.labels.shape == scan.cloud.keep.shape
+    assert not edge.labels[~scan.cloud.keep].any()
+    assert {ROOT_FACE, BEVEL_FACE} <= set(np.unique(edge.labels))
+
+
+def test_frames_lie_in_the_direction_of_the_tangent(drawn: Scans) -> None:
+    """Arc length rises along t = m x n, not along the robot's motion; its frames say so, pass by pass."""
+    for condition, seed in PARTS[:6]:
+        scan = drawn(condition, seed)
+        edge, pose = scan.edge, scan.cloud.base_from_profiler
+        for p in np.unique(edge.pass_index):
+            mine = (edge.pass_index == p) & np.isfinite(edge.frame_arc_length_mm)
+            moved = (np.diff(pose[mine, :3, 3], axis=0) * edge.frame_tangent[mine][1:]).sum(axis=1)
+            rises = np.diff(edge.frame_arc_length_mm[mine])
+            assert np.sign(np.median(moved)) == np.sign(np.median(rises))
+            assert np.median(np.abs(rises)) == pytest.approx(scan.recipe.robot.frame_pitch_mm, rel=0.25)
+
+
+def test_nothing_is_invented_under_a_clamp(drawn: Scans) -> None:
+    """Stations in the middle of a hidden stretch have no position; the tangent goes on through it."""
+    hidden_stations = 0
+    for seed in (1, 2):
+        edge, truth = drawn("clamps", seed).edge, drawn("clamps", seed).truth
+        start = truth.arc_length_mm_at(edge.position_mm[edge.seen][:1])[0]
+        at = start + edge.arc_length_mm
+        gap = np.interp(at, truth.arc_length_mm, ~truth.seen) == 1
+        deep = gap & np.roll(gap, 2) & np.roll(gap, -2)
+        inside = (at > at[edge.seen].min()) & (at < at[edge.seen].max())
+        assert not edge.seen[deep & inside].any()
+        hidden_stations += int((deep & inside).sum())
+        assert np.isfinite(edge.tangent).all()
+    assert hidden_stations > 5
+
+
+def test_sizes_and_angles_along_two_passes(drawn: Scans) -> None:
+    """Each pass by itself says the same, to its own accuracy: they see the edge from different sides."""
+    scan = drawn("two_pass", 1)
+    f, truth, edge = scan.edge.frames, scan.truth, scan.edge
+    for p in (0, 1):
+        mine = np.flatnonzero((edge.pass_index == p) & np.isfinite(f.root_low_mm) & np.isfinite(f.bevel_angle))
+        at = np.stack([np.interp(f.arc_length_mm[mine], edge.arc_length_mm, edge.position_mm[:, k]) for k in range(3)],
+                      axis=1)  # fmt: skip
+        good = np.isfinite(at[:, 0])
+        size = (f.root_low_mm + 0.5 * f.root_step_mm)[mine][good] - truth.root_mm_at(at[good])
+        angle = (f.tilt - f.bevel_angle)[mine][good] / DEG - truth.bevel_deg_at(at[good])
+        assert abs(np.median(size)) < 0.03
+        assert abs(np.median(angle)) < 0.15
+
+
+def test_expected_sizes_only_tell_the_faces_apart(drawn: Scans) -> None:
+    scan = drawn("paper", 1)
+    made = segment(scan.cloud, root_nominal_mm=1.3, bevel_nominal_deg=43.0)
+    np.testing.assert_array_equal(made.labels, scan.edge.labels)
+    np.testing.assert_array_equal(made.position_mm, scan.edge.position_mm)
+
+
+def test_no_edge_in_view(drawn: Scans) -> None:
+    cloud = drawn("paper", 1).cloud
+    blank = replace(cloud, keep=np.zeros_like(cloud.keep), source="scan-7.h5")
+    with pytest.raises(InputError, match=r"scan-7\.h5: no edge in view: expected a root face next to a bevel face"):
+        segment(blank)

@@ -64,7 +64,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
         sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
     if seen.sum() < 2:
         raise InputError(cloud.source, "no edge in view: expected a root face next to a bevel face of "
-                         f"{bevel_nominal_deg:g} deg in at least two frames")  # fmt: skip
+                         f"{bevel_nominal_deg:g} deg in at least two frames (a raw edge has none)")  # fmt: skip
     if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
         raise InputError(cloud.source, "lower edge not in view: the root face runs out of the field of view, or behind "
                          "something, in every frame")  # fmt: skip

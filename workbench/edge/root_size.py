@@ -8,7 +8,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.directions import smooth_along, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.curves import Curve
-from workbench.geometry.ends import Ends, fit_end
+from workbench.geometry.ends import Ends, contradicted, fit_end, local_end
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.units import Float, Int
 
@@ -77,8 +77,12 @@ def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float,
     size, slope = np.full(s.shape, np.nan), np.full(s.shape, np.nan)
     mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
     mine = mine[np.argsort(s[mine], kind="stable")]
-    end = fit_end(Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine], counts[mine]))
-    size[mine] = end.spline(s[mine])
+    ends = Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine], counts[mine])
+    end = fit_end(ends)
+    course = end.spline(s[mine])
+    off_course = contradicted(ends, course, s[mine])
+    course[off_course], _ = local_end(ends, s[mine][off_course])
+    size[mine] = course
     ahead, behind = np.minimum(s[mine] + SLOPE_MM, s[mine[-1]]), np.maximum(s[mine] - SLOPE_MM, s[mine[0]])
     slope[mine] = (end.spline(ahead) - end.spline(behind)) / np.maximum(ahead - behind, 1e-6)
     return size, slope

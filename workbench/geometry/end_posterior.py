@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order
-from workbench.geometry.ends import MISSES, STRAY, Ends, SmoothEnd, cdf
+from workbench.geometry.ends import MISSES, STRAY, Ends, SmoothEnd, cdf, contradicted, local_end
 from workbench.units import Float, Int
 
 GRID = 161  # offsets from the fitted course at which likelihoods are kept
@@ -42,7 +42,10 @@ def end_at(ends: Ends, course: SmoothEnd, at_mm: Float) -> tuple[Float, Float]:
     place = np.bincount(bin_of, ends.s) / count
     half_width = WINDOW * course.knots_mm
     found = _posteriors(place, tables, at_mm, half_width, reach)
-    return course.spline(np.clip(at_mm, ends.s[0], ends.s[-1])) + found[:, 0], found[:, 1]
+    value, u = course.spline(np.clip(at_mm, ends.s[0], ends.s[-1])) + found[:, 0], found[:, 1]
+    off_course = np.flatnonzero(contradicted(ends, expected, at_mm) & np.isfinite(value))
+    value[off_course], u[off_course] = local_end(ends, at_mm[off_course])
+    return value, u
 
 
 @njit(cache=True, nogil=True)

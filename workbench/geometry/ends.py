@@ -15,9 +15,11 @@ from numba import njit
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
+NEXT_MM = 3.0  # frames this near to a place may overrule the smooth course there
+CONTRADICTION_SIGMAS = 5.0
 MISSES = 6  # columns of the face that may have gone without return at its end
 KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter than this go unseen, longer ones may hide
 #                                in the column step of frames that all cut the face at one phase
@@ -177,6 +179,31 @@ def _likelihood_slopes(now: Float, low: Float, step: Float, scatter: Float, miss
         stiffness[i] = counts[i] * max(slope * slope - second / (mass + STRAY), 1e-4 / (s * s))
         total += counts[i] * math.log(mass + STRAY)
     return pull, stiffness, total
+
+
+def contradicted(ends: Ends, course: Float, at_mm: Float) -> Bool:
+    """Do most frames next to each place (m,) say something else than the course (n,) of the end has at those frames?
+
+    A smooth course through an edge that breaks off, or through a gouge, takes the frames there for strays: it must not
+    speak for them. A frame contradicts where the course lies before its last return, or columns beyond it.
+    """
+    beyond = course > ends.low + 1.5 * ends.step + CONTRADICTION_SIGMAS * ends.sigma
+    before = course < ends.low - 0.5 * ends.step - CONTRADICTION_SIGMAS * ends.sigma
+    count = np.concatenate([[0], np.cumsum(beyond | before)])
+    first, last = np.searchsorted(ends.s, at_mm - NEXT_MM), np.searchsorted(ends.s, at_mm + NEXT_MM)
+    return np.asarray(2 * (count[last] - count[first]) > np.maximum(last - first, 3))
+
+
+def local_end(ends: Ends, at_mm: Float) -> tuple[Float, Float]:
+    """The end by the frames next to each place alone, where they contradict the smooth course; u is their spread."""
+    value, u = np.empty(at_mm.size), np.empty(at_mm.size)
+    for i, at in enumerate(at_mm):
+        near = slice(*np.searchsorted(ends.s, [at - NEXT_MM, at + NEXT_MM]))
+        middle = ends.low[near] + 0.5 * ends.step[near]
+        value[i] = np.median(middle)
+        spread = np.median(np.abs(middle - value[i])) / 0.6745
+        u[i] = math.hypot(float(np.median(ends.step[near])) / math.sqrt(12.0), float(spread))
+    return value, u
 
 
 def _basis(s: Float, grid: Float) -> tuple[Int, Float]:

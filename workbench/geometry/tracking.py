@@ -163,14 +163,14 @@ def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float)
     for d in range(1, MAX_GAP_COLUMNS + 1):
         k = j + d * direction
         if k < 0 or k >= z.size:
-            return d <= 2 or nearer > 0
+            return d <= 2 or nearer > 1
         if np.isfinite(z[k]):
             if sense * (z[k] - on_line) > -NEARER_MM:
                 return False
             nearer += 1
             if nearer > 2:
                 return True
-    return nearer > 0
+    return nearer > 1
 
 
 @njit(cache=True, nogil=True)

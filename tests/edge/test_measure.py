@@ -62,6 +62,20 @@ def test_angles_of_the_frames_scatter_about_the_truth(scanned: Scans, oblique_de
     assert (f.tangent_leverage.mean() > 0.05) == (oblique_deg != 0)
 
 
+@pytest.mark.parametrize("oblique_deg", [15.0, -15.0])
+def test_drift_of_the_faces_does_not_bend_what_oblique_frames_see(scanned: Scans, oblique_deg: float) -> None:
+    """Root size and angle drift against each other: an oblique frame's bevel would turn by 0.1 deg."""
+    scan = scanned(part={"length_mm": 60.0, "root_mm": {"start": 1.2, "end": 1.8},
+                         "bevel_deg": {"start": 42.0, "end": 38.0}},
+                   scanner={"columns": 500, "noise": {"sd_mm": 0.002}},
+                   passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg,
+                            "skew_mm": [-1, 1]}])  # fmt: skip
+    f = scan.measured.frames
+    truth, position = truth_at(scan, f.bevel_arc_length_mm)
+    error = (f.tilt - f.bevel_angle) / DEG - truth.bevel_deg_at(position)
+    assert abs(np.nanmean(error)) < 0.03
+
+
 @pytest.mark.parametrize("curve", [{"shape": "straight"}, {"shape": "arc", "radius_mm": 300.0},
                                    {"shape": "arc", "radius_mm": 300.0, "sense": "concave"}])  # fmt: skip
 def test_the_lower_edge_is_where_it_was_built(scanned: Scans, curve: dict[str, Any]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -154,6 +156,24 @@ def test_variances_are_those_of_noisy_points() -> None:
     assert np.var(made.angle) == pytest.approx(made.angle_variance[0], rel=0.12)
     lean = np.array([-np.sin(made.angle.mean()), np.cos(made.angle.mean())])
     assert np.var(made.place @ lean) == pytest.approx(made.offset_variance[0], rel=0.12)
+
+
+def test_a_frames_own_slope_counts_by_its_difference() -> None:
+    """Given the slope that its neighbours say, a frame shows its own direction to first order."""
+    rng = np.random.default_rng(9)
+    curve, edge = straight(), np.outer(rng.uniform(5, 40, 30), [1.0, 0, 0])
+    pose = poses(rng, edge, np.tile([1.0, 0, 0], (30, 1)), 15)
+    face, slope = plane_lines(pose, edge, np.tile([0.0, -0.8, 0.6], (30, 1)), rng)
+    side = np.where(np.arange(30) % 2 == 0, 1.0, -1.0)
+    off = rng.choice([-1, 1], 30) * 0.01 * (1 + slope**2)
+
+    def angle(own: Float, neighbours: Float) -> Float:
+        lines = replace(face, sxz=own * face.sxx)
+        return section_lines(lines, neighbours, pose, side, np.full(30, 0.01), curve, edge[:, 0] + 10).angle
+
+    exact, about, neighbours = angle(slope, slope), angle(slope, slope + off), angle(slope + off, slope + off)
+    assert np.abs(np.sin(neighbours - exact)).min() > 0.005
+    assert np.abs(np.sin(about - exact)).max() < 0.2 * np.abs(np.sin(neighbours - exact)).min()
 
 
 def test_faces_not_seen_are_nan() -> None:

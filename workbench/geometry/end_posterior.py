@@ -21,7 +21,7 @@ BIN_MM = 1.0  # frames this near to each other share one likelihood
 NODES = (21, 7, 5)  # of a, b, c in each round
 ROUNDS = 6
 REACH_SIGMAS = 4.0  # half width of the next round's box, in posterior standard deviations
-NEGLIGIBLE = 40.0  # of log-likelihood below the best
+NEGLIGIBLE = 25.0  # of log-likelihood below the best
 PLACES = 32  # in a block
 WINDOW = 0.7  # half width of the window over the distance of the course's knots
 
@@ -48,30 +48,43 @@ def end_at(ends: Ends, course: SmoothEnd, at_mm: Float) -> tuple[Float, Float]:
     return value, u
 
 
-@njit(cache=True, nogil=True)
 def _tables(low: Float, step: Float, sigma: Float, missing: Float, weight: Float, grid: Float,
             bin_of: Int) -> Float:  # fmt: skip
     """Log-likelihood of the end on the offsets `grid`, summed over the frames of each bin: (bins, GRID)."""
     out = np.zeros((bin_of[-1] + 1, grid.size))
-    for i in range(low.size):
-        blur = max(sigma[i], 1e-5)
-        row = out[bin_of[i]]
-        for g in range(grid.size):
-            if step[i] <= 0.0:
-                row[g] += weight[i] * math.log(math.exp(-0.5 * ((grid[g] - low[i]) / blur) ** 2) + STRAY)
-                continue
-            mass, share = 0.0, 1.0 - missing[i]
-            a = (grid[g] - low[i]) / blur
-            above = cdf(a)
+    start = as_input(np.searchsorted(bin_of, np.arange(len(out) + 1)))
+    frames = as_input(low), as_input(step), as_input(sigma), as_input(missing), as_input(weight)
+    for _ in in_order(lambda i, j: _add_up(*frames, grid, start, i, j, out), len(out), PLACES):
+        pass
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _add_up(low: Float, step: Float, sigma: Float, missing: Float, weight: Float, grid: Float, start: Int, first: int,
+            last: int, out: Float) -> None:  # fmt: skip
+    """Rows first to last - 1 of `_tables`; start (bins + 1,): first frame of each bin."""
+    for b in range(first, last):
+        for i in range(start[b], start[b + 1]):
+            _add(low[i], step[i], max(sigma[i], 1e-5), missing[i], weight[i], grid, out[b])
+
+
+@njit(cache=True, nogil=True)
+def _add(low: float, step: float, blur: float, missing: float, weight: float, grid: Float, out: Float) -> None:
+    """Add one frame's log-likelihood on the offsets `grid` to `out`."""
+    for g in range(grid.size):
+        likelihood, a = STRAY, (grid[g] - low) / blur
+        if step <= 0.0:
+            likelihood += math.exp(-0.5 * a * a)
+        else:
+            share, above = 1.0 - missing, cdf(a)
             for k in range(1, MISSES + 1):
                 if a < -6.0:
                     break
-                a = (grid[g] - low[i] - k * step[i]) / blur
+                a = (grid[g] - low - k * step) / blur
                 below = cdf(a)
-                mass += share * (above - below)
-                above, share = below, share * missing[i]
-            row[g] += weight[i] * math.log(mass + STRAY)
-    return out
+                likelihood += share * (above - below)
+                above, share = below, share * missing
+        out[g] += weight * math.log(likelihood)
 
 
 def _posteriors(place: Float, tables: Float, at: Float, half_width: float, reach: float) -> Float:

@@ -56,7 +56,7 @@ def test_the_size_runs_smoothly_through_all_passes_and_skips_what_was_not_seen()
     low = phase + 0.05 * np.floor((true - phase) / 0.05)
     s[10] = low[20] = np.nan
     same = np.ones(s.size)
-    size, slope = smooth_size(s, low, 0.05 * same, 0.003 * same, 0.02 * same, same)
+    size, slope = smooth_size(s, low, 0.05 * same, 0.003 * same, 0.02 * same, same, np.zeros(s.size, bool))
     hidden = [10, 20]
     assert np.isnan(size[hidden]).all()
     assert np.isnan(slope[hidden]).all()

@@ -109,7 +109,7 @@ def test_stray_points_are_left_out() -> None:
 
 
 def coverage(height_mm: float) -> tuple[float, float]:
-    """Over many noisy edges that wave by `height_mm`: share of tangents within 2u, and 68.3 % of them within how many."""
+    """Over noisy edges that wave by `height_mm`: share of tangents within 2u, and within how many u 68.3 % are."""
     ratios: list[float] = []
     rng = np.random.default_rng(3)
     along, across, square = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0]), np.array([-0.8, 0.0, 0.6])

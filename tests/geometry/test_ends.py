@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from workbench.geometry.ends import KNOTS_MM, Ends, cdf, fit_end, settled
+from workbench.geometry.ends import KNOTS_MM, Ends, cdf, contradicted, fit_end, local_end, settled
 from workbench.units import Float
 
 STEP_MM, PITCH_MM, LENGTH_MM = 0.05, 0.2, 100.0
@@ -122,6 +122,24 @@ def test_frames_of_less_weight_count_less() -> None:
     for heavy in (even, ~even):
         ends = replace(every(low, 0.002, step_mm=0.0), weight=np.where(heavy, 1.0, 0.01))
         assert fit_end(ends).spline(S).mean() == pytest.approx(1.506 if heavy[0] else 1.5, abs=0.001)
+
+
+@pytest.mark.parametrize("change_mm", [-0.7, 0.3])
+@pytest.mark.parametrize("missing", [0.0, 0.2])
+def test_a_stretch_against_the_course_speaks_for_itself(change_mm: float, missing: float) -> None:
+    """A gouge of 6 mm, or material left standing; strays between good frames contradict nothing."""
+    rng = np.random.default_rng(11)
+    gouge = np.abs(S - 50) < 3
+    ends = silhouettes(rng, lambda s: 1.5 + np.where(gouge, change_mm, 0.0), uniform(rng), missing=missing)
+    stray = rng.random(S.size) < 0.1
+    ends.low[stray & ~gouge] += rng.choice([-1, 1], (stray & ~gouge).sum()) * 0.5
+    at = np.array([20.0, 45.0, 49.0, 50.0, 51.0, 55.0, 80.0])
+    found = contradicted(ends, np.full(S.size, 1.5), at)
+    np.testing.assert_array_equal(found, [False, False, True, True, True, False, False])
+    value, u = local_end(ends, at[found])
+    assert (np.abs(value - 1.5 - change_mm) < np.maximum(2 * u, STEP_MM)).all()
+    assert (u > 0.9 * STEP_MM / np.sqrt(12)).all()
+    assert (u < 2 * STEP_MM).all()
 
 
 def noisy_corner(rng: np.random.Generator, noise_mm: float) -> tuple[Float, Float, Float, Float]:

@@ -32,6 +32,7 @@ class TrackedFaces:
     end_column: Int  # (N,) that return's column, counted towards the lower side
     end_is_mixed: Bool  # (N,) the next column saw both the root face and what lies behind it
     end_is_cut: Bool  # (N,) the field of view, or something in front, ends the root face: its size is not seen
+    end_is_burred: Bool  # (N,) a burr stands on the root face's end and covers it
     end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
     labels: AnyArray  # (N, M) uint8
     range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
@@ -72,7 +73,8 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     return TrackedFaces(faces, seen, side_of, end[:, :3], outward, end[:, 4] == tracking.MIXED,
-                        (end[:, 4] == tracking.CUT) & ~lower, lower & seen, labels, sigma)  # fmt: skip
+                        (end[:, 4] == tracking.CUT) & ~lower, end[:, 4] == tracking.BURR, lower & seen, labels,
+                        sigma)  # fmt: skip
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:

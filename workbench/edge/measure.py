@@ -106,7 +106,7 @@ def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tup
         low, step, low_sigma, counts = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
         s_up = root.s + root.run * up
         if last:
-            size, size_slope = smooth_size(s_up, low, step, low_sigma, missing, counts)
+            size, size_slope = smooth_size(s_up, low, step, low_sigma, missing, counts, tracked.end_is_burred)
         else:
             rough = 1.0 / (low_sigma**2 + step**2 / 12.0 + 1e-8)
             size, size_slope = smooth_along(s_up, low + 0.5 * step, rough, cloud.pass_index)

@@ -10,7 +10,7 @@ from workbench.edge.faces import TrackedFaces
 from workbench.geometry.curves import Curve
 from workbench.geometry.ends import Ends, contradicted, fit_end, local_end
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 SLOPE_MM = 15.0  # the root size's drift is taken over this much edge on each side: nearer, it is the columns' steps
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -34,7 +34,7 @@ def root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLi
     slide = ((root.place - place) * n).sum(axis=1) / ray_n  # along the ray onto the line of all the face's points
     down = ((place - root.place) * m).sum(axis=1) + slide * ray_m
     step = end[:, 2] / np.hypot(1.0, root.run)
-    down[tracked.end_is_cut] = np.nan
+    down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
         corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, lower_slope)
@@ -71,9 +71,12 @@ def missing_share(tracked: TrackedFaces, pass_index: Int) -> Float:
     return np.where(tracked.end_is_mixed, MIXED, np.clip(share, 0.02, 0.6))
 
 
-def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float,
-                 counts: Float) -> tuple[Float, Float]:  # fmt: skip
-    """Root size and its slope along the edge at each frame (N,), all passes together."""
+def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float, counts: Float,
+                burred: Bool) -> tuple[Float, Float]:  # fmt: skip
+    """Root size and its slope along the edge at each frame (N,), all passes together.
+
+    Where a burr covers the root face's end (burred) the size is that of the course between its neighbours.
+    """
     size, slope = np.full(s.shape, np.nan), np.full(s.shape, np.nan)
     mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
     mine = mine[np.argsort(s[mine], kind="stable")]
@@ -83,6 +86,8 @@ def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float,
     off_course = contradicted(ends, course, s[mine])
     course[off_course], _ = local_end(ends, s[mine][off_course])
     size[mine] = course
+    bridged = np.flatnonzero(burred & (s > s[mine[0]]) & (s < s[mine[-1]]))
+    size[bridged], slope[bridged] = end.spline(s[bridged]), 0.0
     ahead, behind = np.minimum(s[mine] + SLOPE_MM, s[mine[-1]]), np.maximum(s[mine] - SLOPE_MM, s[mine[0]])
     slope[mine] = (end.spline(ahead) - end.spline(behind)) / np.maximum(ahead - behind, 1e-6)
     return size, slope

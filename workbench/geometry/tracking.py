@@ -25,7 +25,7 @@ CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray p
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
 FINAL_SIGMAS = 4.5
 MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
-CLEAR, MIXED, CUT = range(3)  # how the root face's end was seen
+CLEAR, MIXED, CUT, BURR = range(4)  # how the root face's end was seen
 NEARER_MM = 0.3  # a return this much nearer than the face stands in front of it
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
@@ -174,12 +174,31 @@ def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float)
 
 
 @njit(cache=True, nogil=True)
+def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Float, sense: float,
+            gate: float) -> bool:  # fmt: skip
+    """Does the surface rise out of the face's line beyond column j, without a jump: a burr on its end?"""
+    rising = 0
+    for d in range(1, 4):
+        k = j + d * direction
+        if k < 0 or k >= z.size:
+            return False
+        if not keep[k]:
+            continue
+        out = -sense * (z[k] - line[SLOPE] * np.float64(x[k]) - line[OFFSET])
+        if out < 0.5 * gate or (rising == 0 and out > NEARER_MM):
+            return False
+        rising += 1
+    return rising >= 2
+
+
+@njit(cache=True, nogil=True)
 def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
     """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, flag.
 
     Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line. The flag is
     MIXED where the next column returned a range of its own, neither the face's nor that of what lies behind: a pixel
-    that saw both; CUT where the face ends in the field of view's limit or behind something; else CLEAR.
+    that saw both; CUT where the face ends in the field of view's limit or behind something; BURR where the surface
+    rises out of it; else CLEAR.
     """
     first, last = int(sums[ROOT, FIRST]), int(sums[ROOT, LAST])
     rising = side * (np.float64(x[last]) - np.float64(x[first])) > 0
@@ -202,7 +221,9 @@ def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sum
     ze = k * xe + state[ROOT, OFFSET]
     sense = np.sign(side * (np.arctan(state[ROOT, SLOPE]) - np.arctan(state[BEVEL, SLOPE])))  # convex: +1, z away
     flag = CLEAR
-    if _cut_short(z, end, direction, ze, sense):
+    if _burred(x, z, keep, end, direction, state[ROOT], sense, gate):
+        flag = BURR
+    elif _cut_short(z, end, direction, ze, sense):
         flag = CUT
     elif _stands_alone(z, end + direction, direction):
         flag = MIXED

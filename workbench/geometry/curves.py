@@ -206,9 +206,10 @@ def _cross_validated(at: Float, values: Float) -> float:
         left = 1.0 - 1.0 / (1.0 + np.exp(log_stiffness) * bend)
         return float((left**2 * power).sum() / max(left.sum(), 1e-9) ** 2)
 
-    grid = np.linspace(-4.0, 26.0, 16)
+    finest = math.log(0.06 * float(np.median(h)) ** 3)  # below, the curve would run through every bin
+    grid = np.linspace(finest, finest + 30.0, 16)
     best = grid[np.argmin([score(g) for g in grid])]
-    refined = minimize_scalar(score, bounds=(best - 2.0, best + 2.0), method="bounded")
+    refined = minimize_scalar(score, bounds=(max(best - 2.0, finest), best + 2.0), method="bounded")
     return float(np.exp(refined.x))
 
 

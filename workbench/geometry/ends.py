@@ -27,6 +27,7 @@ SHARP = 0.9  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
 SETTLE_FRAMES = 31
+SETTLE_GAP = 4  # frames that may be missing between neighbours
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
 SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
 BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
@@ -318,7 +319,9 @@ def settled(low: Float, step: Float, sigma: Float, column: Int,
         if mine.size < 2 * SETTLE_FRAMES:
             continue
         course = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
-        smooth, drift = _running_line(course, SETTLE_FRAMES)
+        smooth, drift = np.empty(mine.size), np.empty(mine.size)
+        for part in np.split(np.arange(mine.size), np.flatnonzero(np.diff(mine) > SETTLE_GAP) + 1):
+            smooth[part], drift[part] = _running_line(course[part], min(SETTLE_FRAMES, part.size))
         rough = course - smooth
         spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
         noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
@@ -345,6 +348,6 @@ def _running_line(y: Float, window: int) -> tuple[Float, Float]:
         sxy = 0.0
         for k in range(window):
             sxy += (k - mx) * (y[first + k] - my)
-        slopes[i] = sxy / (window * (window * window - 1.0) / 12.0)
+        slopes[i] = sxy / max(window * (window * window - 1.0) / 12.0, 1.0)
         out[i] = my + slopes[i] * (i - first - mx)
     return out, slopes

@@ -40,7 +40,7 @@ def sections(
 
     Section i lies at (i - 1/2)/n of the measured stretch of the lower edge. Sizes and angles hold in the section plane,
     normal to the edge's tangent. The root face's tilt is one for the whole edge; each value carries all of its
-    uncertainty. Verdicts by ISO 14253-1: pass inside the limits by at least guard_factor * u, fail outside by more than
+    uncertainty. Verdicts by ISO 14253-1: pass inside the limits by at least guard_factor * u, fail outside by at least
     that, else undecided; a section where the edge is hidden stays, undecided.
 
     Args:

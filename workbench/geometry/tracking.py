@@ -19,6 +19,7 @@ SLOPE, OFFSET, SEEN, END = range(4)
 # What `follow` reports for each frame and face.
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 
+SLACK_MM = 2.0  # how far the ends of the faces may move while a frame's lines settle
 GATES_MM = np.array([0.6, 0.3, 0.15])  # how far off its line a point may lie while the frame's lines settle
 CORNER_MARGIN_MM = 0.03  # points this near to a corner are left out of both faces: corners are never quite sharp,
 CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray point of the bevel turns the root face
@@ -78,50 +79,57 @@ def _corner_sigma(state: Float, count: float, sigma: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _sums(x: Float32, z: Float32, keep: Bool, lo: int, hi: int, side: float, state: Float, limits: Float,
-          gates: Float) -> Float:  # fmt: skip
-    """Sums of each face (rows as COUNT to LAST) over the points within its limits and its gate (mm along z)."""
-    out = np.zeros((4, 8))
+def _spans(x: Float32, keep: Bool, side: float, limits: Float) -> Int:
+    """First and last + 1 column (4, 2) of each face, with SLACK_MM beyond its limits; empty if not seen."""
+    spans = np.zeros((4, 2), np.int64)
+    for f in range(4):
+        if np.isfinite(limits[f, 0]) and np.isfinite(limits[f, 1]):
+            spans[f, 0], spans[f, 1] = _window(x, keep, side, limits[f, 0] - SLACK_MM, limits[f, 1] + SLACK_MM)
+    return spans
+
+
+@njit(cache=True, nogil=True)
+def _sums(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
+          out: Float) -> None:  # fmt: skip
+    """Fill `out` (4, 8), rows COUNT to SZZ: each face's sums over the points within its limits and gate, mm along z."""
+    for f in range(4):
+        i, j = spans[f, 0], spans[f, 1]
+        start, stop, k, c = limits[f, 0], limits[f, 1], state[f, SLOPE], state[f, OFFSET]
+        n, mx, mr, sxx, sxr, srr = _moments(x[i:j], z[i:j], keep[i:j], side, start, stop, k, c, gates[f])
+        out[f, COUNT], out[f, SXX], out[f, SXZ] = n, sxx, sxr + k * sxx  # z no longer relative to the line
+        out[f, SZZ] = srr + 2.0 * k * sxr + k * k * sxx
+        out[f, X_MEAN] = mx + start * side if n > 0 else 0.0
+        out[f, Z_MEAN] = mr + k * out[f, X_MEAN] + c if n > 0 else 0.0
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop: float, slope: float, offset: float,
+             gate: float) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+    """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line."""
+    n, sx, sr, sxx, sxr, srr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(x.size):  # without branches, so that it runs on several columns at once
+        xj = np.float64(x[j])
+        r = np.float64(z[j]) - slope * xj - offset
+        here = keep[j] & (start <= side * xj) & (side * xj <= stop) & (abs(r) <= gate)
+        n += 1.0 if here else 0.0
+        u, v = xj - start * side if here else 0.0, r if here else 0.0
+        sx, sr, sxx, sxr, srr = sx + u, sr + v, sxx + u * u, sxr + u * v, srr + v * v
+    mx, mr = sx / max(n, 1.0), sr / max(n, 1.0)
+    return n, mx, mr, max(sxx - n * mx * mx, 0.0), sxr - n * mx * mr, max(srr - n * mr * mr, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _mark_ends(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
+               out: Float) -> None:  # fmt: skip
+    """Fill FIRST and LAST of `out` (4, 8): the first and the last column that `_sums` counts; -1 if there is none."""
     for f in range(4):
         out[f, FIRST] = out[f, LAST] = -1.0
-    for j in range(lo, hi):
-        if not keep[j]:
-            continue
-        xj = np.float64(x[j])
-        u = side * xj
-        for f in range(4):
-            if not (limits[f, 0] <= u <= limits[f, 1]):
-                continue
-            r = z[j] - state[f, SLOPE] * xj - state[f, OFFSET]
-            if abs(r) > gates[f]:
-                continue
-            ux = xj - limits[f, 0] * side  # a local origin
-            out[f, COUNT] += 1.0
-            out[f, X_MEAN] += ux
-            out[f, Z_MEAN] += r
-            out[f, SXX] += ux * ux
-            out[f, SXZ] += ux * r
-            out[f, SZZ] += r * r
-            if out[f, FIRST] < 0:
-                out[f, FIRST] = j
-            out[f, LAST] = j
-            break
-    for f in range(4):  # to means and centred sums; z relative to the line that gated it, put back below
-        n = out[f, COUNT]
-        if n < 1:
-            continue
-        mx, mr = out[f, X_MEAN] / n, out[f, Z_MEAN] / n
-        sxx = max(out[f, SXX] - n * mx * mx, 0.0)
-        sxr = out[f, SXZ] - n * mx * mr
-        srr = max(out[f, SZZ] - n * mr * mr, 0.0)
-        k = state[f, SLOPE]
-        x_mean = mx + limits[f, 0] * side
-        out[f, X_MEAN] = x_mean
-        out[f, Z_MEAN] = mr + k * x_mean + state[f, OFFSET]
-        out[f, SXX] = sxx
-        out[f, SXZ] = sxr + k * sxx
-        out[f, SZZ] = srr + 2.0 * k * sxr + k * k * sxx
-    return out
+        for j in range(spans[f, 0], spans[f, 1]):
+            r = z[j] - state[f, SLOPE] * np.float64(x[j]) - state[f, OFFSET]
+            if keep[j] and limits[f, 0] <= side * x[j] <= limits[f, 1] and abs(r) <= gates[f]:
+                out[f, LAST] = j
+                if out[f, FIRST] < 0:
+                    out[f, FIRST] = j
 
 
 @njit(cache=True, nogil=True)
@@ -139,12 +147,12 @@ def _refit(state: Float, sums: Float, free_slope: bool) -> None:
 @njit(cache=True, nogil=True)
 def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tuple[int, int]:
     """First and last + 1 column whose u = side * x lies in [low, high]."""
-    first, last = x.size, -1
-    for j in range(x.size):
-        if keep[j] and low <= side * x[j] <= high:
-            first = min(first, j)
-            last = j
-    return first, last + 1
+    first, last = 0, x.size
+    while first < last and not (keep[first] and low <= side * x[first] <= high):
+        first += 1
+    while first < last and not (keep[last - 1] and low <= side * x[last - 1] <= high):
+        last -= 1
+    return first, last
 
 
 @njit(cache=True, nogil=True)
@@ -242,8 +250,7 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
-    low, high = _reach(state, side)
-    lo, hi = _window(x, keep, side, low - 1.0, high + 1.0)
+    spans = _spans(x, keep, side, _limits(state, side, 0.0))
     gates, margin = np.empty(4), CORNER_MARGIN_MM
     for step in range(GATES_MM.size + 2):
         for f in range(4):
@@ -252,14 +259,16 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        found = _sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates)
-        if found[BEVEL, COUNT] < 5 or found[ROOT, COUNT] < 3:
+        _sums(x, z, keep, spans, side, state, _limits(state, side, margin), gates, sums)
+        if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
-        _refit(state, found, step > 0)
-        margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, found[ROOT, COUNT], sigma[ROOT])
+        _refit(state, sums, step > 0)
+        margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
-    _copy(_sums(x, z, keep, lo, hi, side, state, _limits(state, side, margin), gates), sums)
+    limits = _limits(state, side, margin)
+    _sums(x, z, keep, spans, side, state, limits, gates, sums)
+    _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
     for k, value in enumerate(_root_end(x, z, keep, side, state, sums, gates[ROOT])):
@@ -270,14 +279,6 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
         return False
     state[ROOT, END] = end[0]
     return True
-
-
-@njit(cache=True, nogil=True)
-def _reach(state: Float, side: float) -> tuple[float, float]:
-    """Lowest and highest u = side * x of the faces."""
-    low = side * state[BEVEL, END] if not state[UPPER, SEEN] else side * _crossing(state, UPPER, BEVEL) - SIDE_FACE_MM
-    high = side * state[ROOT, END] if not state[LOWER, SEEN] else side * _crossing(state, ROOT, LOWER) + SIDE_FACE_MM
-    return low, high
 
 
 @njit(cache=True, nogil=True)

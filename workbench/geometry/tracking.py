@@ -107,13 +107,12 @@ def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop
              gate: float) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line."""
     n, sx, sr, sxx, sxr, srr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(x.size):  # without branches, so that it runs on several columns at once
+    for j in range(x.size):
         xj = np.float64(x[j])
         r = np.float64(z[j]) - slope * xj - offset
-        here = keep[j] & (start <= side * xj) & (side * xj <= stop) & (abs(r) <= gate)
-        n += 1.0 if here else 0.0
-        u, v = xj - start * side if here else 0.0, r if here else 0.0
-        sx, sr, sxx, sxr, srr = sx + u, sr + v, sxx + u * u, sxr + u * v, srr + v * v
+        if keep[j] & (start <= side * xj) & (side * xj <= stop) & (abs(r) <= gate):
+            u = xj - start * side
+            n, sx, sr, sxx, sxr, srr = n + 1.0, sx + u, sr + r, sxx + u * u, sxr + u * r, srr + r * r
     mx, mr = sx / max(n, 1.0), sr / max(n, 1.0)
     return n, mx, mr, max(sxx - n * mx * mx, 0.0), sxr - n * mx * mr, max(srr - n * mr * mr, 0.0)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order
-from workbench.geometry.ends import MISSES, STRAY, Ends, SmoothEnd, cdf, contradicted, local_end
+from workbench.geometry.ends import FAR_SIGMAS, MISSES, STRAY, Ends, SmoothEnd, cdf, contradicted, local_end
 from workbench.units import Float, Int
 
 GRID = 161  # offsets from the fitted course at which likelihoods are kept
@@ -71,20 +71,23 @@ def _add_up(low: Float, step: Float, sigma: Float, missing: Float, weight: Float
 @njit(cache=True, nogil=True)
 def _add(low: float, step: float, blur: float, missing: float, weight: float, grid: Float, out: Float) -> None:
     """Add one frame's log-likelihood on the offsets `grid` to `out`."""
+    before, log = 1.0, 0.0
     for g in range(grid.size):
         likelihood, a = STRAY, (grid[g] - low) / blur
         if step <= 0.0:
             likelihood += math.exp(-0.5 * a * a)
         else:
             share, above = 1.0 - missing, cdf(a)
-            for k in range(1, MISSES + 1):
-                if a < -6.0:
+            for _ in range(MISSES):
+                if a < -FAR_SIGMAS:
                     break
-                a = (grid[g] - low - k * step) / blur
+                a -= step / blur
                 below = cdf(a)
                 likelihood += share * (above - below)
                 above, share = below, share * missing
-        out[g] += weight * math.log(likelihood)
+        if likelihood != before:  # far from the limits of columns it is the same at many offsets
+            before, log = likelihood, math.log(likelihood)
+        out[g] += weight * log
 
 
 def _posteriors(place: Float, tables: Float, at: Float, half_width: float, reach: float) -> Float:

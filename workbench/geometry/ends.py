@@ -165,10 +165,10 @@ def _likelihood_slopes(now: Float, low: Float, step: Float, scatter: Float, miss
             continue
         mass, first, second = 0.0, 0.0, 0.0
         a, share = (low[i] - now[i]) / s, 1.0 - missing[i]
-        below, da = cdf(a), DENSITY * math.exp(-0.5 * a * a)
+        below, da = cdf(a), _density(a)
         for k in range(MISSES):
             b = (low[i] + (k + 1) * step[i] - now[i]) / s
-            above, db = cdf(b), DENSITY * math.exp(-0.5 * b * b)
+            above, db = cdf(b), _density(b)
             mass += share * (above - below)
             first += share * (da - db) / s
             second += share * (a * da - b * db) / (s * s)
@@ -266,8 +266,16 @@ def _solve(piece: Int, basis: Float, target: Float, weight: Float, pieces: int) 
 
 @njit(cache=True, nogil=True)
 def cdf(z: float) -> float:
-    """Standard normal distribution function."""
+    """Standard normal distribution function; 0 or 1 beyond FAR_SIGMAS."""
+    if abs(z) > FAR_SIGMAS:
+        return 1.0 if z > 0.0 else 0.0
     return 0.5 * math.erfc(-z * ROOT_HALF)
+
+
+@njit(cache=True, nogil=True)
+def _density(z: float) -> float:
+    """Standard normal density; 0 beyond FAR_SIGMAS."""
+    return DENSITY * math.exp(-0.5 * z * z) if abs(z) < FAR_SIGMAS else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -286,10 +294,10 @@ def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing:
             continue
         mass, first = 0.0, 0.0
         a, share = (low[i] - now[i]) / scatter[i], 1.0 - missing[i]
-        below, da = cdf(a), DENSITY * math.exp(-0.5 * a * a)
+        below, da = cdf(a), _density(a)
         for k in range(MISSES):
             b = (low[i] + (k + 1) * step[i] - now[i]) / scatter[i]
-            above, db = cdf(b), DENSITY * math.exp(-0.5 * b * b)
+            above, db = cdf(b), _density(b)
             mass += share * (above - below)
             first += share * (da - db)
             if b > FAR_SIGMAS:

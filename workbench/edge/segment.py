@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -26,6 +27,9 @@ def segment(
         float, Field(gt=0, le=50, description="expected root size, tells the faces apart")
     ] = 1.5,
     bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
+    robot_noise_mm: Annotated[
+        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
+    ] = 0.07,
 ) -> Edge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
@@ -37,16 +41,18 @@ def segment(
         cloud: the organised cloud of one edge, in one or more passes.
         root_nominal_mm: expected root size; only tells the faces apart.
         bevel_nominal_deg: expected bevel angle; likewise.
+        robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
+            its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
 
     Raises:
         InputError: no root face next to a bevel face in view.
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     measured = measure_edge(cloud, tracked)
-    return _edge(cloud, tracked, measured)
+    return _edge(cloud, tracked, measured, robot_noise_mm)
 
 
-def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured) -> Edge:
+def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_mm: float) -> Edge:
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
@@ -60,7 +66,7 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured) -> Edge:
     return Edge(
         kind="milled", faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames,
-        tangent_u=measured.curve.tangent_u, arc_length_mm=at,
+        tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length), arc_length_mm=at,
         position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
         burr_stations=burr_stations(cloud, tracked, measured, at),
     )  # fmt: skip

@@ -15,6 +15,7 @@ from workbench.units import Bool, Float, Int
 
 BIN_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 LEAST_BINS, MOST_BINS = 20, 600
+LEAST_STEP = 0.25  # of a bin's width, between the means of neighbouring bins
 GCV_BINS = 120
 SMALL_WAVE_MM = 0.1  # waves of the edge below this rms may as well be the robot's path as the part's
 
@@ -144,8 +145,9 @@ def _bin_means(points: Float, s: Float) -> tuple[Float, Float, Float]:
             keep = (size < max(5.0 * float(np.median(size)), 0.6 * width)).astype(np.float64)
     mean = np.stack([means(points[:, k], keep) for k in range(3)], axis=1)
     weight: Float = np.bincount(bin_of, keep).astype(np.float64)
-    good = weight > 0
-    return means(s, keep)[good], mean[good], weight[good]
+    at = means(s, keep)
+    good = (weight > 0) & (np.diff(at, prepend=-np.inf) > LEAST_STEP * width)  # spline knots must not crowd
+    return at[good], mean[good], weight[good]
 
 
 def _smoothing_spline(at: Float, values: Float, weight: Float,

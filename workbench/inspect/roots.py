@@ -35,5 +35,6 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     root, end_u = end_at(ends, fit_end(ends), at_mm)
     lever = np.interp(at_mm, s, f.bevel_lever_mm[frames])
     cot = 1.0 / np.tan(angles.bevel)
+    apart = np.interp(at_mm, s, np.abs(f.arc_length_mm - f.lower_arc_length_mm)[frames])
     shared = np.hypot(lever / np.sin(angles.bevel) * angles.local_u, 0.5 * root * np.abs(cot) * angles.tilt_u)
-    return RootSizes(root, np.hypot(end_u, shared))
+    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + (edge.tangent_u * apart) ** 2))

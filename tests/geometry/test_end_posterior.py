@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from workbench.geometry.end_posterior import WINDOW, end_at
-from workbench.geometry.ends import Ends, fit_end, settled
+from workbench.geometry.ends import Ends, fit_end
+from workbench.geometry.settling import settled
 from workbench.units import Float
 
 STEP_MM, PITCH_MM, LENGTH_MM = 0.05, 0.2, 100.0

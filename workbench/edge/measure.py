@@ -12,8 +12,8 @@ from workbench.edge.faces import TrackedFaces
 from workbench.edge.root_size import missing_share, root_size, smooth_size
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, arrange, fit_curve
-from workbench.geometry.ends import settled
 from workbench.geometry.sections import crossing, on_line, section_lines
+from workbench.geometry.settling import settled
 from workbench.units import Bool, Float
 
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0

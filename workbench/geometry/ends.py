@@ -26,10 +26,6 @@ KNOTS_MM = (32.0, 16.0, 8.0)  # knot distances to choose from: waves shorter tha
 SHARP = 0.9  # what `settled` leaves of the noise, of what it reports
 SCATTER_PARTS = (0.25, 0.1, 0.04, 0.02)  # of a column step
 EM_STEPS = 8  # at each
-SETTLE_FRAMES = 31
-SETTLE_GAP = 4  # frames that may be missing between neighbours
-LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
-SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
 BOUNDARY_LOSS = 0.8  # of log-likelihood a frame, times noise over column step, that the truth is expected to lose
 PRICE = 3.0  # of a parameter, between the criteria of Akaike (2) and Schwarz (log n): intervals are easily overfitted
 OVER_RELAX = 1.7
@@ -309,53 +305,3 @@ def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing:
             target[i] = now[i]
         weight[i] = mass / (mass + STRAY)
     return target, weight
-
-
-def settled(low: Float, step: Float, sigma: Float, column: Int,
-            group: Int) -> tuple[Float, Float, Float, Float]:  # fmt: skip
-    """`low` and `step` (n,) freed of noise that neighbouring frames do not share; what remains of it, mm; and weights.
-
-    Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
-    where between two columns the end lies. Frames in order of time, column (n,) of the last return counted outwards:
-    low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter is taken off.
-    What remains is shared by neighbours: while the end passes one limit of a column slowly, they say one thing, and it
-    may lie on the limit in all of them; `low` and `step` then leave room for the noise.
-    """
-    low, step, sigma, weight = low.copy(), step.copy(), sigma.copy(), np.ones(low.size)
-    for g in np.unique(group):
-        mine = np.flatnonzero((group == g) & np.isfinite(low) & (step > 0))
-        if mine.size < 2 * SETTLE_FRAMES:
-            continue
-        course = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
-        smooth, drift = np.empty(mine.size), np.empty(mine.size)
-        for part in np.split(np.arange(mine.size), np.flatnonzero(np.diff(mine) > SETTLE_GAP) + 1):
-            smooth[part], drift[part] = _running_line(course[part], min(SETTLE_FRAMES, part.size))
-        rough = course - smooth
-        spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
-        noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
-        share = min(1.0, noise / max(spread, 1e-12))
-        low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
-        sigma[mine] *= math.sqrt(max(1.0 - share, SHARED_NOISE))
-        alike = np.clip(2.0 * sigma[mine] / np.maximum(np.abs(drift), 1e-9), 1.0, 0.5 * SETTLE_FRAMES)
-        weight[mine] = 1.0 / (1.0 + share**2 * (alike - 1.0))
-        room = LIMIT_SIGMAS * sigma[mine] * (1.0 - weight[mine])
-        low[mine] -= room
-        step[mine] += 2.0 * room
-    return low, step, sigma, weight
-
-
-@njit(cache=True, nogil=True)
-def _running_line(y: Float, window: int) -> tuple[Float, Float]:
-    """Value and slope at each place of the line through the `window` places around it (shifted inwards at the ends)."""
-    out, slopes = np.empty(y.size), np.empty(y.size)
-    half = window // 2
-    for i in range(y.size):
-        first = min(max(i - half, 0), y.size - window)
-        my = y[first : first + window].mean()
-        mx = 0.5 * (window - 1)
-        sxy = 0.0
-        for k in range(window):
-            sxy += (k - mx) * (y[first + k] - my)
-        slopes[i] = sxy / max(window * (window * window - 1.0) / 12.0, 1.0)
-        out[i] = my + slopes[i] * (i - first - mx)
-    return out, slopes

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-import workbench
 from workbench.report.flat import flat
 from workbench.report.scene import View
 
@@ -86,7 +85,7 @@ def explained(problem: str) -> str:
 
 def _start(folder: str) -> subprocess.Popen[bytes]:
     """This project's own copy is drawn with, from whatever directory; `folder` is the working directory."""
-    home = str(Path(workbench.__file__).resolve().parents[1])
+    home = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
     return subprocess.Popen(
         [sys.executable, "-m", "workbench.report.render", *NAMES],

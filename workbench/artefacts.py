@@ -114,7 +114,7 @@ class Edge:
     pass_index: Int  # (N,)
     frame_arc_length_mm: Float  # (N,) where each frame crosses the lower edge; NaN: edge not seen in that frame
     frame_tangent: Float  # (N, 3) t at each frame, NaN where not seen
-    frames: EdgeFrames
+    frames: EdgeFrames | None  # None: a raw edge
     tangent_u: float  # standard uncertainty of the tangent's direction, rad
     arc_length_mm: Float  # (n,)
     position_mm: Float  # (n, 3) lower edge in the base; NaN where hidden
@@ -123,6 +123,12 @@ class Edge:
     across: Float  # (n, 3) unit, m: from the lower to the upper side
     seen: Bool  # (n,) measured here; False under clamps and in other gaps
     burr_stations: Int  # (b,) stations where material stands out beyond the faces
+    upper_position_mm: Float | None = None  # (n, 3) raw edge: its upper edge; NaN where hidden
+    upper_inward: Float | None = (
+        None  # (n, 3) raw edge: unit, in the upper surface and the section plane, into the plate
+    )
+    position_u_mm: Float | None = None  # (n, 2) standard uncertainty of `position_mm` along `normal` and `across`
+    normal_u: float = 0.0  # standard uncertainty of the direction of `normal` about the tangent, rad
     warnings: tuple[str, ...] = ()
 
 
@@ -179,6 +185,132 @@ class Inspection:
     reason: str
     root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
     warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cutter:
+    """A cylindrical end mill that cuts with its flank (peripheral milling; the paper's section 6.2)."""
+
+    diameter_mm: float = 10.0
+    flutes: int = 4
+    flute_length_mm: float = 30.0  # cutting length, along the axis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """One layer of a milling path: k points in the order of feed, lead-in and lead-out included.
+
+    A point's frame (docs/conventions.md): origin at mid-width of the layer's bevel face, y along the feed, z along the
+    cutter's axis from shank to tip, x = y x z into the material. The cutter's axis runs a radius off, at x = -radius.
+    """
+
+    index: int  # from 1, in cutting order
+    height_mm: float  # of its bevel face above the finished one, along the bevel's outward normal; 0: the final layer
+    arc_length_mm: Float  # (k,) below 0 in the lead-in, beyond the edge's length in the lead-out
+    position_mm: Float  # (k, 3)
+    quaternion_wxyz: Float  # (k, 4)
+    feed_mm_s: Float  # (k,) towards the point
+    cutting: Bool  # (k,)
+    measured: Bool  # (k,) False: over a hidden stretch, where nothing is cut
+    width_mm: Float  # (k,) of the bevel face that is cut here; 0 in the air
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Travel:
+    """A move through the air between layers: k points with frames as in `Layer`."""
+
+    position_mm: Float  # (k, 3)
+    quaternion_wxyz: Float  # (k, 4)
+    feed_mm_s: Float  # (k,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Toolpath:
+    """A milling path: layers in cutting order, the last one final, and the moves through the air between them."""
+
+    cutter: Cutter
+    layers: tuple[Layer, ...]
+    travels: tuple[Travel, ...]  # one before each layer, and one after the last
+    root_mm: float  # required
+    bevel_deg: float  # required
+    depth_of_cut_mm: float
+    v_slow_mm_s: float  # feed while cutting
+    edge_length_mm: float
+    base_from_workobject: Float | None = None  # (4, 4): positions are in the work object's frame; None: in the base
+    part_id: str | None = None
+    source: str = ""
+    refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moves:
+    """A path as a robot's controller runs it: k straight or circular moves, each to its target.
+
+    The first target is where the robot starts.
+    """
+
+    position_mm: Float  # (k, 3) targets
+    quaternion_wxyz: Float  # (k, 4)
+    circular: Bool  # (k,) over `via`, else straight
+    via_position_mm: Float  # (k, 3) NaN for straight moves
+    via_quaternion_wxyz: Float  # (k, 4) NaN for straight moves
+    feed_mm_s: Float  # (k,)
+    cutting: Bool  # (k,)
+    layer: Int  # (k,) index of the layer; 0: through the air between layers
+    toolpath: Toolpath  # that it was made from
+    points_before: int  # of that path
+    chord_tolerance_mm: float
+    angle_tolerance_deg: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerEngagement:
+    """What the cutter meets in one layer, at the k points of that layer."""
+
+    index: int  # of the layer
+    arc_length_mm: Float  # (k,)
+    radial_depth_mm: Float  # (k,) greatest depth of material before the cutter, normal to the layer's bevel face
+    axial_depth_mm: Float  # (k,) length of the cutter's axis along which it cuts
+    chip_area_mm2: Float  # (k,) of the section that is removed, normal to the feed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Engagement:
+    """Engagement of the cutter along a milling path, as milled in simulation."""
+
+    layers: tuple[LayerEngagement, ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A stretch of the edge of which something is to be said."""
+
+    from_mm: float  # arc length
+    to_mm: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rework:
+    """What an inspection asks to be milled again, and what can no longer be mended."""
+
+    toolpath: Toolpath | None  # None: nothing is to be milled
+    too_much_material: tuple[Stretch, ...]
+    too_little_material: tuple[Stretch, ...]
+    reason: str
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chapter:
+    """A part of the report: a title and HTML that is complete in itself (pictures as data addresses)."""
+
+    title: str
+    html: str
+    verdict: str = ""  # '' : the chapter decides nothing
+    summary: str = ""  # one line for the top of the page
 
 
 @dataclass(frozen=True, slots=True, eq=False)

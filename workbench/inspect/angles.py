@@ -52,6 +52,7 @@ def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
 
 def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> BevelAngles:
     f = edge.frames
+    assert f is not None, "a raw edge: measure_at refuses it"
     frames = np.flatnonzero(mine & np.isfinite(f.bevel_arc_length_mm) & np.isfinite(f.bevel_angle))
     if frames.size < 3:
         nothing = np.full(at_mm.shape, np.nan)

@@ -28,6 +28,7 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     lower edge is a silhouette, the likelihoods of all frames near the place are multiplied.
     """
     f = edge.frames
+    assert f is not None, "a raw edge: measure_at refuses it"
     frames = np.flatnonzero(np.isfinite(f.root_low_mm) & np.isfinite(f.arc_length_mm) & np.isfinite(f.root_sigma_mm))
     frames = frames[np.argsort(f.arc_length_mm[frames], kind="stable")]
     s, step, sigma = f.arc_length_mm[frames], f.root_step_mm[frames], f.root_sigma_mm[frames]

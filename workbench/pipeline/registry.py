@@ -15,7 +15,7 @@ from workbench.errors import PipelineError, nearest
 from workbench.stage import REGISTRY, Stage
 
 GROUP = "workbench.stages"
-BUILT_IN = ("scan", "cloud", "edge", "inspect", "report")
+BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
 
 
 @functools.cache

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Document, Inspection, Section
+from workbench.artefacts import Document, Engagement, Inspection, Layer, Rework, Section, Toolpath
 from workbench.errors import PipelineError
 
 RUN_FILE = "run.json"
@@ -37,10 +37,66 @@ def _section(section: Section) -> dict[str, Any]:
     return {f.name: getattr(section, f.name) for f in dataclasses.fields(section) if f.name != "frames"}
 
 
+def toolpath_document(path: Toolpath) -> dict[str, Any]:
+    """`toolpath.json`, version 1 (docs/pipelines.md): mm, quaternions w x y z, mm/s."""
+    work = path.base_from_workobject
+    return {
+        "format": "bevel-toolpath",
+        "version": 1,
+        "frame": "base" if work is None else "workobject",
+        **({} if work is None else {"base_from_workobject": work}),
+        "cutter": dataclasses.asdict(path.cutter),
+        "requirements": {"root_mm": path.root_mm, "bevel_deg": path.bevel_deg, "depth_of_cut_mm": path.depth_of_cut_mm},
+        "edge_length_mm": path.edge_length_mm,
+        "refused": list(path.refused),
+        "warnings": list(path.warnings),
+        "layers": [_layer(layer) for layer in path.layers],
+        "travels": [{"points": _rows(travel, POSE_COLUMNS)} for travel in path.travels],
+    }
+
+
+POSE_COLUMNS = ("position_mm", "quaternion_wxyz", "feed_mm_s")
+POINT_COLUMNS = ("arc_length_mm", *POSE_COLUMNS, "cutting", "measured", "width_mm")
+
+
+def _layer(layer: Layer) -> dict[str, Any]:
+    return {"index": layer.index, "height_mm": layer.height_mm, "points": _rows(layer, POINT_COLUMNS)}
+
+
+def _rows(table: Any, columns: tuple[str, ...]) -> list[dict[str, Any]]:
+    """A frozen table's columns as one object a row."""
+    values = [getattr(table, name).tolist() for name in columns]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
+
+
+def engagement_document(engagement: Engagement) -> dict[str, Any]:
+    """`engagement.json`: what the cutter meets along each layer (docs/pipelines.md): mm and mm^2."""
+    return {
+        "format": "bevel-engagement",
+        "version": 1,
+        "layers": [{f.name: getattr(layer, f.name) for f in dataclasses.fields(layer)} for layer in engagement.layers],
+    }
+
+
+def rework_document(rework: Rework) -> dict[str, Any]:
+    """`rework.json` (docs/pipelines.md): the stretches by arc length in mm, and the path to mill if there is one."""
+    return {
+        "format": "bevel-rework",
+        "version": 1,
+        "reason": rework.reason,
+        "too_much_material": [dataclasses.asdict(stretch) for stretch in rework.too_much_material],
+        "too_little_material": [dataclasses.asdict(stretch) for stretch in rework.too_little_material],
+        "toolpath": None if rework.toolpath is None else toolpath_document(rework.toolpath),
+    }
+
+
 # One line a type: artefacts that stand for a result of the contract. Others are seen by later stages only; a plug-in
 # that makes a file of its own returns a `Document`.
 WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Inspection: ("inspection.json", inspection_document),
+    Toolpath: ("toolpath.json", toolpath_document),
+    Engagement: ("engagement.json", engagement_document),
+    Rework: ("rework.json", rework_document),
 }
 
 

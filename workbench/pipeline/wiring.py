@@ -179,11 +179,15 @@ def _why_not(name: str, source: Source, earlier: list[Step], entries: list[dict[
 
 
 def _check_result_files(steps: list[Step], document: PipelineDocument) -> None:
-    """Two stages whose results would be the same file are refused, before the one overwrites the other."""
+    """Two stages whose results would be the same file are refused, before the one overwrites the other.
+
+    A stage that takes the other's result and refines it (`path.feed` after `path.layers`) may: the last word counts.
+    """
     makers: dict[str, str] = {}
     for i, step in enumerate(steps):
+        taken = {maker for ids in step.sources.values() for maker in ids}
         for file in filter(None, map(file_of, step.stage.produces)):
-            if file in makers:
+            if makers.get(file, step.id) not in {step.id, *taken}:
                 where = f"{document.name}: stages[{i}]"
                 raise PipelineError(where, f"{step.id} and {makers[file]} would both write {file}: keep one of them")
             makers[file] = step.id

@@ -1,0 +1,1 @@
+"""Stages that plan the milling path: `path.*`."""

@@ -1,0 +1,1 @@
+"""Stages that write programs for robot controllers: `program.*`."""

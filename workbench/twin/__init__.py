@@ -1,0 +1,1 @@
+"""Stages of the simulated cell, whose truth is known: `twin.*`."""

@@ -124,9 +124,7 @@ class Edge:
     seen: Bool  # (n,) measured here; False under clamps and in other gaps
     burr_stations: Int  # (b,) stations where material stands out beyond the faces
     upper_position_mm: Float | None = None  # (n, 3) raw edge: its upper edge; NaN where hidden
-    upper_inward: Float | None = (
-        None  # (n, 3) raw edge: unit, in the upper surface and the section plane, into the plate
-    )
+    upper_inward: Float | None = None  # (n, 3) raw edge: unit, along the upper surface, into the plate
     position_u_mm: Float | None = None  # (n, 2) standard uncertainty of `position_mm` along `normal` and `across`
     normal_u: float = 0.0  # standard uncertainty of the direction of `normal` about the tangent, rad
     warnings: tuple[str, ...] = ()

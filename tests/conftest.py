@@ -1,7 +1,7 @@
 """Shared fixtures: small stages of our own, and the command run in this process."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -79,6 +79,11 @@ def demo() -> Iterator[Mapping[str, Callable[..., Any]]]:
     def inspect(pose: HandEye, *, root_mm: float = 1.5, fail: bool = False) -> Inspection:
         """Make an inspection of two sections, one of them hidden."""
         return inspection(root_mm, fail)
+
+    @stage("demo.refine")
+    def refine(inspection: Inspection, *, root_mm: float = 1.4) -> Inspection:
+        """Say it again, better."""
+        return replace(inspection, reason=f"refined to {root_mm:g}")
 
     @stage("demo.gate")
     def gate(inspection: Inspection) -> Gate:

@@ -41,6 +41,15 @@ def test_branches_by_name(demo_document: Doc, tmp_path: Path) -> None:
     assert load(demo_document, tmp_path).plan().steps[3].sources["poses"] == ("demo.read", "left", "right")
 
 
+def test_a_stage_that_refines_a_result_has_the_last_word(demo_document: Doc, tmp_path: Path) -> None:
+    demo_document["stages"][3:] = [{"stage": "demo.refine"}, {"stage": "demo.refine", "id": "again", "root_mm": 1.3}]
+    load(demo_document, tmp_path).run(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "inspection.json").read_text())["reason"] == "refined to 1.3"
+    demo_document["stages"][4]["from"] = {"inspection": "demo.inspect"}  # the first refinement would be lost
+    with pytest.raises(PipelineError, match=r"again and demo\.refine would both write"):
+        load(demo_document, tmp_path).plan()
+
+
 def test_inputs_and_settings_replace_values(demo_document: Doc, tmp_path: Path) -> None:
     pipeline = load(demo_document, tmp_path)
     assert pipeline.run(inputs={"angle_deg": 30})["demo.turn"].source == "part-1/0>30x1"

@@ -66,10 +66,20 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_m
     return Edge(
         kind="milled", faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames,
-        tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length), arc_length_mm=at,
+        tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud)),
+        arc_length_mm=at,
         position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
         burr_stations=burr_stations(cloud, tracked, measured, at),
     )  # fmt: skip
+
+
+def laser_plane_u(cloud: Cloud) -> float:
+    """Standard uncertainty (rad) of the laser plane's direction against the robot's motion: that of the hand-eye pose.
+
+    The profiles are turned with it, the way that the edge takes through the base is not.
+    """
+    covariance = cloud.hand_eye_covariance
+    return 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
 
 
 def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:

@@ -100,7 +100,7 @@ def draw_robot(rng: Generator) -> Document:
 def draw_pass(rng: Generator, document: Document, elevation_deg: tuple[float, float] = (20, 70)) -> Document:
     """A pass along the whole edge, either way, that sees the edge near the middle of its view."""
     elevation, length = rng.uniform(*elevation_deg), document["part"]["length_mm"]
-    lateral = 0.5 * bevel_end_mm(document, elevation) + rng.uniform(-4, 4)
+    lateral = 0.5 * upper_end_mm(document, elevation) + rng.uniform(-4, 4)
     beyond = rng.random(2) < 0.3  # the scan may run over the ends of the plate
     margins = np.where(beyond, rng.uniform(-4, 0, 2), rng.uniform(0.5, 6, 2))
     ends = [margins[0], length - margins[1]]
@@ -116,6 +116,13 @@ def draw_pass(rng: Generator, document: Document, elevation_deg: tuple[float, fl
         "turn_deg": rng.uniform(-1, 1, 3).tolist(),
         "upside_down": bool(rng.random() < 0.5),
     } | ({"from_mm": ends[1], "to_mm": ends[0]} if rng.random() < 0.5 else {})
+
+
+def upper_end_mm(document: Document, elevation_deg: float) -> float:
+    """Lateral distance in the view from the lower edge to the upper edge of the end face, or of the bevel."""
+    if document["part"].get("kind") == "raw":
+        return float(math.cos(elevation_deg * DEG) * document["part"]["thickness_mm"]["start"])
+    return bevel_end_mm(document, elevation_deg)
 
 
 def bevel_end_mm(document: Document, elevation_deg: float) -> float:

@@ -303,12 +303,17 @@ class Rework:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chapter:
-    """A part of the report: a title and HTML that is complete in itself (pictures as data addresses)."""
+    """A part of the report: a title and HTML that is complete in itself (pictures as data addresses).
+
+    Its own headings are <h3>; the page numbers them. Text out of files must be escaped in it.
+    """
 
     title: str
     html: str
-    verdict: str = ""  # '' : the chapter decides nothing
-    summary: str = ""  # one line for the top of the page
+    verdict: Verdict | Literal[""] = ""  # '': the chapter decides nothing
+    summary: str = ""  # one line for the top of the page, plain text
+    part: str = ""  # the part that it is about, as its recording names it
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

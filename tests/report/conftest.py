@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from workbench.artefacts import (
     Requirements,
     Section,
 )
+from workbench.report.rendering import Pictures
 from workbench.units import DEG
 
 THICKNESS_MM, ROOT_MM, BEVEL_DEG = 10.0, 1.5, 40.0
@@ -167,3 +169,44 @@ def provenance():
         pipeline={"version": 1, "stages": [{"stage": "scan.read"}, {"stage": "report.html"}]},
         seed=7,
     )
+
+
+class Elements(HTMLParser):
+    """Collects start tags with their attributes, and all text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="session")
+def elements():
+    return Elements
+
+
+@pytest.fixture(scope="session")
+def hostile():
+    """A name that is an attack where it is taken for HTML, a template or a path."""
+    return '<script>alert("x")</script>\n& {{ 7*7 }} ../../etc'
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Leaves the drawing process out: for what does not depend on its pictures."""
+
+    class Nothing:
+        def __init__(self, views):
+            self.views = views
+
+        def pictures(self):
+            return Pictures(dict.fromkeys(self.views, b"\x89PNG"))
+
+    monkeypatch.setattr("workbench.report.rendering.Rendering", Nothing)

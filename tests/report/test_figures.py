@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from workbench.report import along, plan
+from workbench.report import along, aside
 from workbench.report.deviations import deviations, laid_out
 from workbench.report.drawing import section_drawings
 from workbench.report.tables import decision_rule, set_aside
@@ -23,7 +23,7 @@ def drawn(monkeypatch):
         figures.append(figure)
         return b"<svg/>"
 
-    for module in ("along", "plan", "drawing"):
+    for module in ("along", "aside", "drawing"):
         monkeypatch.setattr(f"workbench.report.{module}.svg", keep)
     return figures
 
@@ -117,7 +117,7 @@ def test_sections_are_dimensioned_to_one_scale(part, drawn):
 
 def test_the_plan_counts_what_it_does_not_show(part, drawn):
     p = part(frames=100, columns=100)
-    made = plan.plan_view(p.cloud, p.edge, p.inspection)
+    made = aside.plan_view(p.cloud, p.edge, p.inspection)
     shown = lines(drawn[0])[-2]  # before the burrs
     assert made.every_frame == 1
     assert len(shown) + made.outside == sum(p.cloud.rejected.values())

@@ -1,6 +1,7 @@
-"""Reports that a person reads and signs: the stages `report.html` and `report.csv`."""
+"""Reports that a person reads and signs: chapters, the page that binds them, and a table for spreadsheets."""
 
 from workbench.report.csv import csv
 from workbench.report.html import html
+from workbench.report.inspection import inspection
 
-__all__ = ["csv", "html"]
+__all__ = ["csv", "html", "inspection"]

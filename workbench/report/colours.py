@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE
+from workbench.units import AnyArray
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 MEASURED, TOLERANCE, LIMIT, REJECTED = "#0072b2", "#d9efe6", "#00664b", "#8c0f5b"
@@ -16,3 +19,13 @@ FACES = {
 }
 VERDICTS = {"pass": "#00664b", "fail": "#a8200d", "undecided": "#8a5a00"}
 SIGNS = {"pass": "✓", "fail": "✕", "undecided": "?"}
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """'#rrggbb' as red, green, blue from 0 to 255."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def face_shades() -> AnyArray:
+    """(256, 3) uint8: the colour of each face label."""
+    return np.array([rgb(FACES.get(label, FACES[UNLABELLED])) for label in range(256)], dtype=np.uint8)

@@ -2,61 +2,33 @@
 
 from __future__ import annotations
 
-import warnings
-from typing import Annotated
-
-import numpy as np
-from pydantic import Field
-
-from workbench.artefacts import Cloud, Document, Edge, Inspection, Provenance
+from workbench.artefacts import Chapter, Document, Provenance
 from workbench.errors import InputError
 from workbench.stage import stage
 
 
 @stage("report.html")
-def html(
-    cloud: Cloud,
-    edge: Edge,
-    inspection: Inspection,
-    provenance: Provenance | None = None,
-    *,
-    points: Annotated[
-        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
-    ] = 300_000,
-) -> Document:
-    """The inspection as a self-contained page, `report.html`: verdict, drawings, charts, tables, provenance.
+def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) -> Document:
+    """The chapters as one self-contained page, `report.html`, with the overall verdict and the provenance.
 
-    The cloud coloured by face with the section planes; each section's points and fitted lines, root and angle
-    dimensioned; root size and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and
-    uncertainty bands; what was rejected. Uncertainties are expanded, U = 2 u. The views in space are drawn by VTK
-    offscreen in a process of its own, and in a simpler manner where VTK cannot start (the page then says why).
-    Needs no network to open; the same input gives the same page but for the pixels of the views in space.
+    At the top the part, the overall verdict (the worst of the chapters that decide something) and a line a chapter;
+    then the warnings, the chapters in the order of the pipeline, and what the run rests on. The page needs no network
+    to open and runs no script: a chapter that would is refused.
 
     Args:
-        cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.
-        edge: its faces, and the lower edge along which everything is laid out.
-        inspection: what was measured, required and decided.
+        chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.
         provenance: inputs, versions, pipeline and seed; the runner supplies it, without it the page says so.
-        points: about how many points a view in space shows at most.
-    """
-    # Matplotlib and jinja2 cost time to import: only where a report is made.
-    from workbench.report.along import angle_chart, root_chart
-    from workbench.report.drawing import section_drawings
-    from workbench.report.page import Figures, page
-    from workbench.report.plan import plan_view
-    from workbench.report.rendering import Rendering
-    from workbench.report.scene import views
 
-    if not inspection.sections:
-        raise InputError(cloud.source or "inspection", "expected at least one section to report")
-    if not np.isfinite(edge.position_mm).all(axis=1).any():
-        raise InputError(cloud.source or "edge", "expected an edge of which something was measured")
-    rendering = Rendering(views(cloud, edge, inspection, points))  # draws while the charts are made
-    sections = section_drawings(cloud, edge, inspection)
-    root, angle = root_chart(edge, inspection), angle_chart(edge, inspection)
-    plan = plan_view(cloud, edge, inspection)
-    pictures = rendering.pictures()
-    if pictures.problem:
-        warnings.warn(pictures.problem, RuntimeWarning, stacklevel=2)
-    figures = Figures(pictures, sections, root, angle, plan)
-    return Document("report.html", page(cloud, edge, inspection, provenance, figures).encode())
+    Raises:
+        InputError: no chapter, or one whose HTML reaches outside the page.
+    """
+    # jinja2 costs time to import: only where a page is made.
+    from workbench.report.contained import outside
+    from workbench.report.page import page
+
+    if not chapters:
+        raise InputError("report", "expected at least one chapter, such as report.inspection makes")
+    for chapter in chapters:
+        if found := outside(chapter.html):
+            raise InputError(f"chapter '{chapter.title}'", f"expected HTML that is complete in itself, got {found}")
+    return Document("report.html", page(chapters, provenance).encode())

@@ -16,7 +16,7 @@ from workbench.report.colours import INK
 from workbench.report.scene import AXES, View, aspect, extent
 from workbench.units import AnyArray, Float
 
-WIDTH_PX = 1600
+IN_FRONT, FORWARD_MM = 0.02, 1.0  # lines and dots stand before their points by this share of the depth, at most so far
 
 
 def main(names: list[str]) -> None:
@@ -29,13 +29,15 @@ def main(names: list[str]) -> None:
 
 def draw(view: View, path: Path) -> None:
     """One parallel projection at true scale."""
-    everything = np.vstack([view.points_mm, view.planes_mm.reshape(-1, 3)])
-    screen, low, high = extent(everything, view.look, view.axes[2])
+    screen, low, high = extent(view.everything_mm(), view.look, view.axes[2])
     centre, (width, height, depth) = screen.T @ ((low + high) / 2), high - low
     shape = aspect(low, high)
-    plotter: Any = pv.Plotter(off_screen=True, window_size=[WIDTH_PX, round(WIDTH_PX * shape)])
+    plotter: Any = pv.Plotter(off_screen=True, window_size=[int(view.width_px), round(view.width_px * shape)])
     plotter.set_background("white")
-    _add_points(plotter, view)
+    _add_points(plotter, view.points_mm, view.colour, size=2.5)
+    forward = min(IN_FRONT * depth, FORWARD_MM) * view.look
+    _add_points(plotter, view.dots_mm + forward, view.dot_colour, size=6.0)
+    _add_lines(plotter, view, forward)
     for corners, colour, name in zip(view.planes_mm, view.plane_colour, view.names, strict=True):
         _add_plane(plotter, corners, colour, str(name))
     if view.axes_length_mm:
@@ -48,10 +50,21 @@ def draw(view: View, path: Path) -> None:
     plotter.close()
 
 
-def _add_points(plotter: Any, view: View) -> None:
-    cloud = pv.PolyData(view.points_mm.astype(np.float32))
-    cloud["colour"] = view.colour
-    plotter.add_mesh(cloud, scalars="colour", rgb=True, point_size=2.5, lighting=False, style="points")
+def _add_points(plotter: Any, points_mm: Float, colour: AnyArray, size: float) -> None:
+    if len(points_mm):
+        cloud = pv.PolyData(points_mm.astype(np.float32))
+        cloud["colour"] = colour.astype(np.uint8)
+        plotter.add_mesh(cloud, scalars="colour", rgb=True, point_size=size, lighting=False, style="points")
+
+
+def _add_lines(plotter: Any, view: View, forward: Float) -> None:
+    if not len(view.lines_mm):
+        return
+    ends = np.append(view.line_start[1:], len(view.lines_mm))
+    cells = [np.r_[end - start, start:end] for start, end in zip(view.line_start, ends, strict=True)]
+    lines = pv.PolyData((view.lines_mm + forward).astype(np.float32), lines=np.concatenate(cells))
+    lines["colour"] = view.line_colour.astype(np.uint8)
+    plotter.add_mesh(lines, scalars="colour", rgb=True, line_width=3.0, lighting=False)
 
 
 def _add_plane(plotter: Any, corners: Float, colour: AnyArray, name: str) -> None:

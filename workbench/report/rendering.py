@@ -11,6 +11,8 @@ import os
 import subprocess
 import sys
 import tempfile
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -19,43 +21,43 @@ import numpy as np
 from workbench.report.flat import flat
 from workbench.report.scene import View
 
-NAMES = ("overview", "close_up")
 TIME_LIMIT_S = 120.0
 LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1"}  # what VTK loads -> its package in Debian
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pictures:
-    """Both views as PNG bytes; `problem` says why VTK did not draw them, where it did not."""
+    """The views as PNG bytes by name; `problem` says why VTK did not draw them, where it did not."""
 
-    overview: bytes
-    close_up: bytes
+    png: Mapping[str, bytes]
     problem: str = ""
 
 
 class Rendering:
     """The drawing process at work: start it, do something else meanwhile, then take the pictures."""
 
-    def __init__(self, views: tuple[View, View]) -> None:
+    def __init__(self, views: Mapping[str, View]) -> None:
         self._views = views
         self._folder = tempfile.TemporaryDirectory(prefix="workbench-report-")
         self._process: subprocess.Popen[bytes] | None = None
         self._problem = ""
-        for name, view in zip(NAMES, views, strict=True):
+        for name, view in views.items():
             np.savez(Path(self._folder.name) / f"{name}.npz", **{f.name: getattr(view, f.name) for f in fields(view)})
         try:
-            self._process = _start(self._folder.name)
+            self._process = _start(self._folder.name, list(views))
         except OSError as error:
             self._problem = str(error)
 
     def pictures(self) -> Pictures:
-        """Waits for the process: VTK's pictures, or matplotlib's and what VTK lacked."""
+        """Waits for the process: VTK's pictures, or matplotlib's and what VTK lacked, of which a warning tells."""
         with self._folder as folder:
             problem = self._problem or self._wait()
-            drawn = [Path(folder) / f"{name}.png" for name in NAMES]
-            if not problem and all(path.exists() for path in drawn):
-                return Pictures(drawn[0].read_bytes(), drawn[1].read_bytes())
-        return Pictures(flat(self._views[0]), flat(self._views[1]), explained(problem))
+            drawn = {name: Path(folder) / f"{name}.png" for name in self._views}
+            if not problem and all(path.exists() for path in drawn.values()):
+                return Pictures({name: path.read_bytes() for name, path in drawn.items()})
+        why = explained(problem)
+        warnings.warn(why, RuntimeWarning, stacklevel=3)
+        return Pictures({name: flat(view) for name, view in self._views.items()}, why)
 
     def _wait(self) -> str:
         """'' where the process ended well, else what went wrong."""
@@ -83,12 +85,12 @@ def explained(problem: str) -> str:
     return f"The views in space are drawn in a simpler manner, because VTK could not start offscreen ({cause})."
 
 
-def _start(folder: str) -> subprocess.Popen[bytes]:
+def _start(folder: str, names: list[str]) -> subprocess.Popen[bytes]:
     """This project's own copy is drawn with, from whatever directory; `folder` is the working directory."""
     home = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
     return subprocess.Popen(
-        [sys.executable, "-m", "workbench.report.render", *NAMES],
+        [sys.executable, "-m", "workbench.report.render", *names],
         cwd=folder,
         env=dict(os.environ, PYTHONPATH=path),
         stdin=subprocess.DEVNULL,

@@ -1,57 +1,58 @@
-"""What the two views in space show: the whole edge with its section planes, and a close-up of one section."""
+"""What a view in space shows: coloured points, dots and lines, and outlined planes, in parallel projection."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UNLABELLED, Cloud, Edge, Inspection, Section
-from workbench.report.colours import FACES, VERDICTS
-from workbench.report.sample import Points, around, overview
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Int
 
-CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up
-SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
 AXES = ("t", "n", "m")  # the rows of View.axes
-MARGIN = 1.4  # of a section plane's size over the root and the bevel face
+
+
+def _none(*shape: int) -> Float:
+    return np.zeros(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One picture: coloured points and the outlines of section planes, in mm from a local origin, axes of the base."""
+    """One picture, in mm from a local origin, axes of the base. Colours: uint8 red, green, blue.
+
+    Lines are one array of points, each line from one of `line_start` to the next.
+    """
 
     points_mm: Float  # (n, 3)
-    colour: AnyArray  # (n, 3) uint8 red, green, blue
-    planes_mm: Float  # (k, 4, 3) corners: lower inner, lower outer, upper outer, upper inner
-    plane_colour: AnyArray  # (k, 3) uint8
-    names: tuple[str, ...]  # (k,)
-    axes: Float  # (3, 3) rows t, n, m of the section of interest, which is the origin
+    colour: AnyArray  # (n, 3)
+    axes: Float  # (3, 3) rows t, n, m at the origin
     look: Float  # (3,) unit, towards the viewer
     axes_length_mm: float = 0.0  # 0: not drawn
+    dots_mm: Float = field(default_factory=lambda: _none(0, 3))  # (d, 3) larger than the points
+    dot_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (d, 3)
+    lines_mm: Float = field(default_factory=lambda: _none(0, 3))  # (p, 3)
+    line_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (p, 3)
+    line_start: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (l,)
+    planes_mm: Float = field(default_factory=lambda: _none(0, 4, 3))  # (k, 4, 3) lower inner, outer, upper outer, inner
+    plane_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (k, 3)
+    names: tuple[str, ...] = ()  # (k,) of the planes
+    width_px: int = 1600
+
+    def lines(self) -> list[tuple[Float, AnyArray]]:
+        """Each line's points and their colours."""
+        inner = self.line_start[1:]
+        found = zip(np.split(self.lines_mm, inner), np.split(self.line_colour, inner), strict=True)
+        return [(points, colour) for points, colour in found if len(points) > 1]
+
+    def everything_mm(self) -> Float:
+        """(q, 3) all that must be inside the picture."""
+        return np.vstack([self.points_mm, self.dots_mm, self.lines_mm, self.planes_mm.reshape(-1, 3)])
 
 
-def views(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> tuple[View, View]:
-    """The whole edge, and the section that matters most; each of about `budget` points."""
-    section = of_interest(inspection)
-    whole = overview(cloud, edge, budget)
-    near = around(cloud, edge, section, CLOSE_UP_MM, budget)
-    length = float(np.ptp(edge.arc_length_mm))
-    return (
-        _view(whole, inspection.sections, section, look=(-0.5, 0.8, 0.45), plane_mm=length / 22),
-        _view(near, (section,), section, look=(-0.62, 0.75, 0.42), axes_length_mm=4.0),
-    )
-
-
-def of_interest(inspection: Inspection) -> Section:
-    """The first measured section that fails, else the first that is undecided, else the middle one."""
-    measured = [s for s in inspection.sections if s.root_mm is not None] or list(inspection.sections)
-    for verdict in ("fail", "undecided"):
-        for section in measured:
-            if section.verdict == verdict:
-                return section
-    return measured[len(measured) // 2]
+def towards(axes: Float, look: tuple[float, float, float]) -> Float:
+    """Unit vector towards the viewer, given along the rows of `axes`."""
+    direction: Float = axes.T @ (np.array(look) / np.linalg.norm(look))
+    return direction
 
 
 def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Float]:
@@ -67,46 +68,3 @@ def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Floa
 def aspect(low: Float, high: Float) -> float:
     """Height of a picture over its width, within what a page can hold."""
     return float(min(0.6, max(0.28, (high[1] - low[1]) / (high[0] - low[0]))))
-
-
-def _view(
-    points: Points,
-    sections: tuple[Section, ...],
-    origin: Section,
-    *,
-    look: tuple[float, float, float],
-    plane_mm: float = 0.0,
-    axes_length_mm: float = 0.0,
-) -> View:
-    """`look`: towards the viewer in t, n, m; `plane_mm`: least size of a section plane, to be seen on a long edge."""
-    axes = np.array([origin.tangent, origin.normal, origin.across])
-    shade = np.array([_rgb(FACES.get(label, FACES[UNLABELLED])) for label in range(256)], dtype=np.uint8)
-    sizes = [size for size in (_faces_about(points, section) for section in sections) if size is not None]
-    low, high = np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
-    half = np.maximum((high - low) / 2 * MARGIN, plane_mm / 2)
-    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    planes = [s.origin_mm - origin.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections]
-    return View(
-        points_mm=points.position_mm - origin.origin_mm,
-        colour=shade[points.label],
-        planes_mm=np.array(planes),
-        plane_colour=np.array([_rgb(VERDICTS[s.verdict]) for s in sections], dtype=np.uint8),
-        names=tuple(str(s.index) for s in sections),
-        axes=axes,
-        look=axes.T @ (np.array(look) / np.linalg.norm(look)),
-        axes_length_mm=axes_length_mm,
-    )
-
-
-def _faces_about(points: Points, section: Section) -> Float | None:
-    """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
-    offset = points.position_mm - section.origin_mm
-    near = (np.abs(offset @ section.tangent) < SLAB_MM) & np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
-    if not near.any():
-        return None
-    uv = offset[near] @ np.column_stack([section.normal, section.across])
-    return np.array([uv.min(axis=0), uv.max(axis=0)])
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.artefacts import Cloud, Edge, Inspection
 from workbench.errors import one_line
 from workbench.report.along import hidden_stretches
-from workbench.report.plan import Plan
+from workbench.report.aside import PlanView
 from workbench.report.values import alike, decimals, measured, span
 from workbench.units import Float
 
@@ -109,7 +109,7 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
             yield f"{run[0]:.0f} mm" if len(run) == 1 else f"{run[0]:.0f} to {run[-1]:.0f} mm"
 
 
-def plan_note(plan: Plan) -> str:
+def plan_note(plan: PlanView) -> str:
     """What the plan view leaves out."""
     searched = "All frames" if plan.every_frame == 1 else f"One frame in {plan.every_frame}"
     beyond = f"; {plan.outside:,} rejected points lie outside the picture" if plan.outside else ""

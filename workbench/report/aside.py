@@ -21,7 +21,7 @@ MARGIN_MM = 3.0  # shown beyond the faces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class PlanView:
     """The picture and what it leaves out."""
 
     svg: bytes
@@ -29,7 +29,7 @@ class Plan:
     outside: int  # rejected points found there that lie outside the picture
 
 
-def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> Plan:
+def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
     """Arc length to the right, the way from the lower to the upper side upwards."""
     points, kept = _laid_out(overview(cloud, edge, KEPT), cloud, edge)
     found, step = rejected(cloud, edge, SEARCHED)
@@ -56,7 +56,7 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> Plan:
             axes.plot(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
         axes.set_xlabel("arc length along the lower edge, mm")
         axes.set_ylabel("v across the edge, mm")
-        return Plan(svg(figure), step, int((~shown).sum()))
+        return PlanView(svg(figure), step, int((~shown).sum()))
 
 
 def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:

@@ -1,0 +1,168 @@
+"""The chapter on an inspection: complete, safe, the same every time, and alive where VTK is not."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import io
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from workbench.errors import InputError, PipelineError
+from workbench.report import html, inspection
+from workbench.report.rendering import Rendering
+from workbench.report.section_views import section_views
+
+
+@pytest.fixture(scope="module")
+def small(part, hostile):
+    return part(frames=120, columns=120, verdict="fail", part_id=hostile)
+
+
+@pytest.fixture(scope="module")
+def chapter(small):
+    return inspection(small.cloud, small.edge, small.inspection)
+
+
+@pytest.fixture(scope="module")
+def document(chapter, provenance):
+    return html((chapter,), provenance)
+
+
+@pytest.fixture(scope="module")
+def page(document, elements):
+    return elements(document.content.decode())
+
+
+def test_it_is_one_file_that_needs_nothing_else(document, page):
+    assert document.name == "report.html"
+    assert len(document.content) < 6e6
+    for tag, attributes in page.tags:
+        assert tag not in ("script", "link", "iframe", "object")
+        for name in ("src", "href", "srcset"):
+            assert (attributes.get(name) or "#").startswith(("data:", "#"))
+    assert b"url(" not in re.sub(rb"base64,[A-Za-z0-9+/=]*", b"", document.content)
+    assert sum(tag == "img" for tag, _ in page.tags) == 6
+
+
+def test_every_picture_opens_and_shows_something(page):
+    for tag, attributes in page.tags:
+        if tag != "img":
+            continue
+        sort, _, data = attributes["src"].partition(";base64,")
+        content = base64.b64decode(data, validate=True)
+        assert attributes["alt"]
+        if sort == "data:image/png":
+            assert np.std(np.asarray(Image.open(io.BytesIO(content)).convert("L"))) > 5
+        else:
+            assert content.rstrip().endswith(b"</svg>")
+            assert b"<dc:date>" not in content
+
+
+def test_names_out_of_files_are_text(document, page):
+    assert b"<script" not in document.content
+    assert '<script>alert("x")</script>' in page.text
+    assert "{{ 7*7 }}" in page.text
+    assert "\\n" in page.text  # a line break in a name is shown, not obeyed
+
+
+def test_values_and_verdicts_stand_in_the_page(small, page):
+    text = re.sub(r"\s+", " ", page.text)
+    for section in small.inspection.sections:
+        if section.root_mm is not None:
+            assert f"{section.root_mm:.3f} ± 0.006" in text
+            assert f"{section.bevel_deg:.2f} ± 0.04" in text
+    assert "Fail:" in text
+    assert "1.0 to 2.0 mm" in text
+    assert "39 to 41°" in text
+    assert "5 %" in text  # the risk that a guard band of 1.645 u leaves
+    for warning in (*small.inspection.warnings, *small.edge.warnings):
+        assert warning in text
+    assert "ab" * 32 in text
+    assert "numpy" not in text  # no version that the run did not state
+
+
+def test_the_same_input_gives_the_same_chapter(small, chapter, quick):
+    def without_views_in_space(html: str) -> str:
+        return re.sub(r"data:image/png;base64,[A-Za-z0-9+/=]*", "", html)
+
+    again = inspection(small.cloud, small.edge, small.inspection)
+    assert without_views_in_space(again.html) == without_views_in_space(chapter.html)
+
+
+def test_the_chapter_says_what_was_decided(small, chapter):
+    assert (chapter.title, chapter.verdict, chapter.summary) == ("Inspection", "fail", small.inspection.reason)
+    assert set(chapter.warnings) == {*small.inspection.warnings, *small.edge.warnings}
+
+
+def test_inputs_are_not_changed(small, quick):
+    before = [small.cloud.x_mm.copy(), small.edge.labels.copy(), small.edge.frame_arc_length_mm.copy()]
+    inspection(small.cloud, small.edge, small.inspection)
+    after = [small.cloud.x_mm, small.edge.labels, small.edge.frame_arc_length_mm]
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("variant", ["one section", "no gap", "two passes", "one station", "frames without edge"])
+def test_unusual_parts_are_reported_too(part, variant, quick):
+    p = part(frames=80, columns=80, clamp=(-2.0, -1.0), sections=1 if variant == "one section" else 9)
+    cloud, edge = p.cloud, p.edge
+    if variant == "two passes":
+        cloud = dataclasses.replace(cloud, pass_index=np.repeat([0, 1], 40))
+        edge = dataclasses.replace(edge, frame_arc_length_mm=np.r_[edge.frame_arc_length_mm[:40], np.full(40, np.nan)])
+    if variant == "one station":
+        position = np.full_like(edge.position_mm, np.nan)
+        position[50] = edge.position_mm[50]
+        edge = dataclasses.replace(edge, position_mm=position, seen=np.arange(len(position)) == 50)
+    if variant == "frames without edge":
+        nothing = np.full(80, np.nan)
+        edge = dataclasses.replace(edge, frame_arc_length_mm=nothing, labels=np.zeros_like(edge.labels))
+    assert inspection(cloud, edge, p.inspection).html.count("<img") == 6
+
+
+def test_a_part_that_is_hidden_in_all_sections_is_drawn(part):
+    p = part(frames=60, columns=60)
+    nothing = dict.fromkeys(("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg"))
+    hidden = tuple(dataclasses.replace(s, **nothing, frames=np.arange(0)) for s in p.inspection.sections)
+    measured = dataclasses.replace(p.inspection, sections=hidden, verdict="undecided")
+    assert inspection(p.cloud, p.edge, measured).verdict == "undecided"
+
+
+def test_no_sections_is_refused(small):
+    with pytest.raises(InputError, match="at least one section"):
+        inspection(small.cloud, small.edge, dataclasses.replace(small.inspection, sections=()))
+
+
+def test_an_edge_of_which_nothing_was_measured_is_refused(small):
+    edge = dataclasses.replace(small.edge, position_mm=np.full_like(small.edge.position_mm, np.nan))
+    with pytest.raises(InputError, match="something was measured"):
+        inspection(small.cloud, edge, small.inspection)
+
+
+def test_a_wrong_parameter_is_refused(small):
+    with pytest.raises(PipelineError, match=r"report\.inspection\.points"):
+        inspection(small.cloud, small.edge, small.inspection, points=3)
+
+
+def test_a_crash_of_the_drawing_process_leaves_a_report(small, tmp_path, monkeypatch):
+    crash = tmp_path / "crash"
+    crash.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    crash.chmod(0o755)
+    monkeypatch.setattr("sys.executable", str(crash))
+    with pytest.warns(RuntimeWarning, match="simpler manner"):
+        html = inspection(small.cloud, small.edge, small.inspection).html
+    assert "simpler manner" in html
+    assert html.count("data:image/png") == 2
+
+
+def test_a_missing_library_is_named(small, monkeypatch):
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    monkeypatch.setattr("workbench.report.rendering.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
+    with pytest.warns(RuntimeWarning, match="libnowhere1"):
+        pictures = Rendering(section_views(small.cloud, small.edge, small.inspection, 10_000)).pictures()
+    assert "libNowhere.so.1" in pictures.problem
+    assert "apt-get install libnowhere1" in pictures.problem
+    assert "\n" not in pictures.problem

@@ -1,0 +1,69 @@
+"""The stage `report.inspection`: the chapter on a milled bevel as measured."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Chapter, Cloud, Edge, Inspection
+from workbench.errors import InputError, one_line
+from workbench.stage import stage
+
+
+@stage("report.inspection")
+def inspection(
+    cloud: Cloud,
+    edge: Edge,
+    inspection: Inspection,
+    *,
+    points: Annotated[
+        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
+    ] = 300_000,
+) -> Chapter:
+    """The inspection as a chapter of the report: verdict, drawings, charts, tables.
+
+    The cloud coloured by face with the section planes; each section's points and fitted lines, root and angle
+    dimensioned; root size and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and
+    uncertainty bands; what was rejected. Uncertainties are expanded, U = 2 u. The views in space are drawn by VTK
+    offscreen in a process of its own, and in a simpler manner where VTK cannot start (the chapter then says why).
+    The same input gives the same chapter but for the pixels of the views in space.
+
+    Args:
+        cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.
+        edge: its faces, and the lower edge along which everything is laid out.
+        inspection: what was measured, required and decided.
+        points: about how many points a view in space shows at most.
+
+    Raises:
+        InputError: no section, or an edge of which nothing was measured.
+    """
+    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    from workbench.report.along import angle_chart, root_chart
+    from workbench.report.aside import plan_view
+    from workbench.report.drawing import section_drawings
+    from workbench.report.inspection_text import inspection_html
+    from workbench.report.rendering import Rendering
+    from workbench.report.section_views import section_views
+
+    if not inspection.sections:
+        raise InputError(cloud.source or "inspection", "expected at least one section to report")
+    if not np.isfinite(edge.position_mm).all(axis=1).any():
+        raise InputError(cloud.source or "edge", "expected an edge of which something was measured")
+    rendering = Rendering(section_views(cloud, edge, inspection, points))  # draws while the charts are made
+    charts = {
+        "sections": section_drawings(cloud, edge, inspection),
+        "root": root_chart(edge, inspection),
+        "angle": angle_chart(edge, inspection),
+    }
+    aside = plan_view(cloud, edge, inspection)
+    pictures = rendering.pictures()
+    return Chapter(
+        title="Inspection",
+        html=inspection_html(cloud, edge, inspection, pictures, charts, aside),
+        verdict=inspection.verdict,
+        summary=one_line(inspection.reason),
+        part=cloud.part_id or "",
+        warnings=tuple(dict.fromkeys([*inspection.warnings, *edge.warnings])),
+    )

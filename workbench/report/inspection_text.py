@@ -1,0 +1,50 @@
+"""The HTML of the chapter on an inspection: its tables and sentences around its pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection
+from workbench.report.aside import PlanView
+from workbench.report.colours import FACES, REJECTED, VERDICTS
+from workbench.report.rendering import Pictures
+from workbench.report.section_views import of_interest
+from workbench.report.tables import decision_rule, facts, plan_note, section_rows, set_aside, summary
+from workbench.report.template import data_address, render
+
+
+def inspection_html(
+    cloud: Cloud, edge: Edge, inspection: Inspection, pictures: Pictures, charts: Mapping[str, bytes], aside: PlanView
+) -> str:
+    """The chapter; `charts`: SVG of `sections`, `root` and `angle`."""
+    drawn = {**pictures.png, **charts, "plan": aside.svg}
+    return render(
+        "inspection.html.j2",
+        facts=list(facts(cloud, edge)),
+        summary=summary(inspection),
+        decision_rule=decision_rule(inspection.guard_factor),
+        pictures={name: data_address(content) for name, content in drawn.items()},
+        problem=pictures.problem,
+        of_interest=of_interest(inspection).index,
+        sections=section_rows(inspection),
+        set_aside=list(set_aside(cloud, edge)),
+        plan_note=plan_note(aside),
+        tilt={"whole edge": "once for the whole edge", "per section": "section by section"}.get(
+            inspection.root_face_tilt, inspection.root_face_tilt
+        ),
+        guard_factor=inspection.guard_factor,
+        faces=faces_seen(edge),
+        verdicts=[(name, VERDICTS[name]) for name in VERDICTS if any(s.verdict == name for s in inspection.sections)],
+        root_colour=FACES[ROOT_FACE],
+        bevel_colour=FACES[BEVEL_FACE],
+        rejected_colour=REJECTED,
+    )
+
+
+def faces_seen(edge: Edge) -> list[tuple[str, str]]:
+    """Name and colour of each face that some of a few hundred frames show."""
+    labels = np.unique(edge.labels[:: max(1, len(edge.labels) // 300)])
+    names = {ROOT_FACE: "end face"} if edge.kind == "raw" else {}
+    return [(names.get(face, FACE_NAMES[face]), FACES[face]) for face in FACES if face in labels]

@@ -1,0 +1,226 @@
+"""Runs of poses replaced by the straight and circular moves of a robot's controller.
+
+A controller moves the position along a line, or along the circle through start, via and target, and turns the
+orientation by slerp from start to target, in step with the length of path. Poses may be left out where it passes all
+of them, in their order, within tolerances. Positions in mm, quaternions w x y z, angles in rad.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from workbench.geometry.poses import slerp
+from workbench.units import Bool, Float, Int
+
+MOST_SWEEP = 170.0 * math.pi / 180.0  # of one arc: slerp takes the short way, and controllers end at 240 deg
+LEAST_CHORD_MM = 1.0  # of an arc, from start to target; ABB's own limit is 0.1 mm
+BACKWARDS = 1e-9  # rounding of the place along a move that still counts as the same place
+CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle as one row of numbers
+
+
+def merge_poses(
+    position_mm: Float,
+    quaternion_wxyz: Float,
+    feed: Float,
+    label: Int,
+    *,
+    chord_mm: float,
+    angle: float,
+    feed_share: float,
+    least_sweep: float,
+) -> tuple[Int, Bool, Float, Float]:
+    """The moves through n >= 2 poses: each reaches as far as it fits from where the one before it ended.
+
+    Args:
+        position_mm: (n, 3), no two in a row alike in position and orientation.
+        quaternion_wxyz: (n, 4), unit length.
+        feed: (n,) towards each pose; within a move the fastest exceeds the slowest by `feed_share` of it at most.
+        label: (n,) of the way towards each pose; it does not change within a move.
+        chord_mm: greatest distance of a pose that is left out from the line or circle.
+        angle: greatest angle of its orientation to the one that the controller has there.
+        feed_share: see `feed`.
+        least_sweep: of an arc; what turns less stays straight. Infinite: no arcs.
+
+    Returns:
+        Indices of the targets (k,), the first is 0; whether each move is circular (k,); the middle of each arc, its
+        position (k, 3) and orientation (k, 4), NaN for straight moves.
+    """
+    p, q = np.ascontiguousarray(position_mm, float), np.ascontiguousarray(quaternion_wxyz, float)
+    last = np.append(np.flatnonzero(np.diff(label)), len(label) - 1)  # of each stretch of one label
+    stop = last[np.searchsorted(last, np.arange(len(label)))]
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))
+    chord = 2.0 * math.sin(min(angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
+    tolerances = np.array([chord_mm, chord, feed_share])
+    targets, circular, via = _merge(p, q, np.ascontiguousarray(feed, float), stop, length, tolerances, least_sweep)
+    via_turn = np.full((len(targets), 4), np.nan)
+    start, end = targets[:-1][circular[1:]], targets[circular]
+    via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
+    return targets, circular, via, via_turn
+
+
+@njit(cache=True, nogil=True)
+def _merge(
+    p: Float, q: Float, feed: Float, stop: Int, length: Float, tolerances: Float, least_sweep: float
+) -> tuple[Int, Bool, Float]:
+    """Targets, whether circular, and the middles of the arcs."""
+    n = len(p)
+    targets, circular, via = np.zeros(n, np.int64), np.zeros(n, np.bool_), np.full((n, 3), np.nan)
+    circle = np.zeros(CIRCLE)
+    k, i = 1, 0
+    while i < n - 1:
+        end = _farthest(False, p, q, feed, length, i, stop[i + 1], tolerances, circle)
+        if least_sweep < np.inf:
+            arc_end = _farthest(True, p, q, feed, length, i, stop[i + 1], tolerances, circle)
+            if arc_end > end:
+                sweep = _circle(p, i, _middle(length, i, arc_end), arc_end, circle)
+                if sweep >= least_sweep and 2.0 * circle[RADIUS] * math.sin(sweep / 2.0) >= LEAST_CHORD_MM:
+                    end, circular[k] = arc_end, True
+                    _on_circle(circle, sweep / 2.0, via[k])
+        targets[k] = end
+        k, i = k + 1, end
+    return targets[:k], circular[:k], via[:k]
+
+
+@njit(cache=True, nogil=True)
+def _farthest(
+    arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, last: int, tolerances: Float, circle: Float
+) -> int:
+    """The farthest pose up to `last` that one move from pose i reaches: steps that double, then bisection."""
+    reached, beyond, step = i + 1, last + 1, 2
+    while i + step <= last:
+        if not _fits(arc, p, q, feed, length, i, i + step, tolerances, circle):
+            beyond = i + step
+            break
+        reached, step = i + step, 2 * step
+    while beyond - reached > 1:
+        j = (reached + beyond) // 2
+        if _fits(arc, p, q, feed, length, i, j, tolerances, circle):
+            reached = j
+        else:
+            beyond = j
+    return reached
+
+
+@njit(cache=True, nogil=True)
+def _fits(
+    arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, j: int, tolerances: Float, circle: Float
+) -> bool:
+    """Whether one move from pose i to pose j passes all poses between them."""
+    slowest, fastest = feed[j], feed[j]
+    for k in range(i + 1, j):
+        slowest, fastest = min(slowest, feed[k]), max(fastest, feed[k])
+    if fastest > (1.0 + tolerances[2]) * slowest * (1.0 + 1e-12):
+        return False
+    sweep = _circle(p, i, _middle(length, i, j), j, circle) if arc else 0.0
+    if sweep > MOST_SWEEP:
+        return False
+    dot = 0.0
+    for c in range(4):
+        dot += q[i, c] * q[j, c]
+    sign = 1.0 if dot >= 0.0 else -1.0
+    apart = 0.0
+    for c in range(4):
+        apart += (sign * q[j, c] - q[i, c]) ** 2
+    turn = 2.0 * math.asin(min(1.0, math.sqrt(apart) / 2.0))  # between the quaternions: half the rotation's angle
+    before = 0.0
+    for k in range(i + 1, j):
+        if sweep > 0.0:
+            distance, fraction = _off_circle(p[k], circle, sweep)
+        else:
+            distance, fraction = _off_line(p, i, j, k)
+        if distance > tolerances[0] or fraction < before - BACKWARDS or fraction > 1.0 + BACKWARDS:
+            return False
+        if _off_slerp(q, i, j, k, sign, turn, fraction) > tolerances[1]:
+            return False
+        before = max(before, fraction)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _middle(length: Float, i: int, j: int) -> int:
+    """The pose between i and j, i + 1 < j, whose length of path comes next to the middle."""
+    m = np.searchsorted(length, 0.5 * (length[i] + length[j]))
+    if length[m] + length[m - 1] > length[i] + length[j]:
+        m -= 1
+    return int(min(max(m, i + 1), j - 1))
+
+
+@njit(cache=True, nogil=True)
+def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
+    """Fill in the circle through poses i, m, j and return its sweep from i over m to j; 0 if they lie on a line."""
+    a, b = p[m] - p[i], p[j] - p[i]
+    normal = _cross(a, b)
+    aa, bb, ab, nn = _dot(a, a), _dot(b, b), _dot(a, b), _dot(normal, normal)
+    if nn <= 1e-24 * aa * bb:
+        return 0.0
+    to_centre = (bb * (aa - ab) * a + aa * (bb - ab) * b) / (2.0 * nn)
+    radius, unit = math.sqrt(_dot(to_centre, to_centre)), normal / math.sqrt(nn)
+    along = -to_centre / radius
+    circle[CENTRE : CENTRE + 3] = p[i] + to_centre
+    circle[RADIUS] = radius
+    circle[ALONG : ALONG + 3], circle[INWARD : INWARD + 3] = along, _cross(unit, along)
+    circle[NORMAL : NORMAL + 3] = unit
+    end = p[j] - circle[:3]
+    sweep = math.atan2(_dot(end, circle[INWARD : INWARD + 3]), _dot(end, along))
+    return sweep if sweep > 0.0 else sweep + 2.0 * math.pi
+
+
+@njit(cache=True, nogil=True)
+def _dot(a: Float, b: Float) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@njit(cache=True, nogil=True)
+def _cross(a: Float, b: Float) -> Float:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@njit(cache=True, nogil=True)
+def _on_circle(circle: Float, angle: float, point: Float) -> None:
+    """Fill in the point of the circle at an angle from its start."""
+    x, y = circle[RADIUS] * math.cos(angle), circle[RADIUS] * math.sin(angle)
+    for c in range(3):
+        point[c] = circle[CENTRE + c] + x * circle[ALONG + c] + y * circle[INWARD + c]
+
+
+@njit(cache=True, nogil=True)
+def _off_circle(point: Float, circle: Float, sweep: float) -> tuple[float, float]:
+    """Distance of a point from the circle, and the share of the sweep at which it lies."""
+    x, y, z = 0.0, 0.0, 0.0
+    for c in range(3):
+        d = point[c] - circle[CENTRE + c]
+        x, y, z = x + d * circle[ALONG + c], y + d * circle[INWARD + c], z + d * circle[NORMAL + c]
+    return math.hypot(math.hypot(x, y) - circle[RADIUS], z), math.atan2(y, x) / sweep
+
+
+@njit(cache=True, nogil=True)
+def _off_line(p: Float, i: int, j: int, k: int) -> tuple[float, float]:
+    """Distance of pose k from the line from i to j, and the share of that line at which it lies."""
+    dd, ee, de = 0.0, 0.0, 0.0
+    for c in range(3):
+        d, e = p[k, c] - p[i, c], p[j, c] - p[i, c]
+        dd, ee, de = dd + d * d, ee + e * e, de + d * e
+    if ee == 0.0:
+        return math.sqrt(dd), 0.0
+    off = 0.0  # not dd - de^2 / ee, which would lose all digits where the line is long
+    for c in range(3):
+        off += (p[k, c] - p[i, c] - de / ee * (p[j, c] - p[i, c])) ** 2
+    return math.sqrt(off), de / ee
+
+
+@njit(cache=True, nogil=True)
+def _off_slerp(q: Float, i: int, j: int, k: int, sign: float, turn: float, fraction: float) -> float:
+    """Chord between quaternion k and the one at `fraction` of the turn from i to j."""
+    if turn > 1e-12:
+        from_i = math.sin((1.0 - fraction) * turn) / math.sin(turn)
+        from_j = sign * math.sin(fraction * turn) / math.sin(turn)
+    else:
+        from_i, from_j = 1.0 - fraction, sign * fraction
+    plus, minus = 0.0, 0.0
+    for c in range(4):
+        there = from_i * q[i, c] + from_j * q[j, c]
+        plus, minus = plus + (there - q[k, c]) ** 2, minus + (there + q[k, c]) ** 2
+    return math.sqrt(min(plus, minus))

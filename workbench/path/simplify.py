@@ -1,0 +1,116 @@
+"""`path.simplify`: key points to the straight and circular moves of a robot's controller."""
+
+from __future__ import annotations
+
+import math
+from itertools import zip_longest
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Layer, Moves, Toolpath, Travel
+from workbench.errors import InputError
+from workbench.geometry.moves import merge_poses
+from workbench.stage import stage
+from workbench.units import DEG, Bool, Float, Int
+
+SAME_MM, SAME_CHORD = 1e-6, 1e-8  # poses nearer than this are one target
+
+
+class Points(NamedTuple):
+    """All n points of a path in the order of motion."""
+
+    position_mm: Float  # (n, 3)
+    quaternion_wxyz: Float  # (n, 4)
+    feed_mm_s: Float  # (n,)
+    cutting: Bool  # (n,)
+    measured: Bool  # (n,)
+    layer: Int  # (n,) 0: between layers
+
+
+@stage("path.simplify")
+def simplify(
+    toolpath: Toolpath,
+    *,
+    chord_tolerance_mm: Annotated[
+        float, Field(ge=0, le=5, description="greatest distance of a key point from the line or arc of its move")
+    ] = 0.01,
+    angle_tolerance_deg: Annotated[
+        float, Field(ge=0, le=10, description="greatest angle between its orientation and the move's there")
+    ] = 0.05,
+    feed_tolerance: Annotated[
+        float, Field(ge=0, le=10, description="share by which the feed of a key point may exceed its move's")
+    ] = 0.1,
+    arcs: Annotated[bool, Field(description="circular moves too; false: straight ones only")] = True,
+    least_sweep_deg: Annotated[
+        float,
+        Field(gt=0, le=90, description="of a circular move; ABB asks for 1 deg between via and target seen from the "
+              "start, a quarter of the sweep"),
+    ] = 4.2,
+) -> Moves:  # fmt: skip
+    """Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
+
+    From each target the longest move is taken, straight or circular, whose every skipped point lies within the chord
+    tolerance of the line or of the circle through start, via and target, in the order of motion, and is turned as the
+    controller turns there within the angle tolerance. The controller's orientation is taken as slerp from start to
+    target by length of path, in the frame of the work object: exact for a planar arc whose tool turns with the
+    tangent, and what `CirPathMode\\ObjectFrame` (ABB) and `$CIRC_TYPE = #BASE` (KUKA) ask for. A move's feed is the
+    slowest of its points. Layer, cutting and measured do not change within a move. Arcs turn at most 170 deg, and
+    their via point lies in the middle. With both tolerances 0 every point is the target of a straight move.
+
+    Args:
+        toolpath: the path; its frame stays.
+        chord_tolerance_mm: greatest distance of a key point from its move.
+        angle_tolerance_deg: greatest angle of its orientation to the move's.
+        feed_tolerance: share by which its feed may exceed the move's.
+        arcs: whether circular moves may be used.
+        least_sweep_deg: what turns less than this stays straight.
+
+    Raises:
+        InputError: a path of fewer than two different poses.
+    """
+    points, before = _points(toolpath)
+    if chord_tolerance_mm == 0 and angle_tolerance_deg == 0:
+        targets, circular = np.arange(len(points.layer)), np.zeros(len(points.layer), bool)
+        via, via_turn = np.full((len(targets), 3), np.nan), np.full((len(targets), 4), np.nan)
+    else:
+        targets, circular, via, via_turn = merge_poses(
+            points.position_mm, points.quaternion_wxyz, points.feed_mm_s,
+            4 * points.layer + 2 * points.cutting + points.measured, chord_mm=chord_tolerance_mm,
+            angle=angle_tolerance_deg * DEG, feed_share=feed_tolerance,
+            least_sweep=least_sweep_deg * DEG if arcs else math.inf,
+        )  # fmt: skip
+    slowest = np.minimum.reduceat(points.feed_mm_s, np.append(0, targets[:-1] + 1))
+    return Moves(
+        position_mm=points.position_mm[targets], quaternion_wxyz=points.quaternion_wxyz[targets], circular=circular,
+        via_position_mm=via, via_quaternion_wxyz=via_turn, feed_mm_s=slowest, cutting=points.cutting[targets],
+        layer=points.layer[targets], toolpath=toolpath, points_before=before, chord_tolerance_mm=chord_tolerance_mm,
+        angle_tolerance_deg=angle_tolerance_deg,
+    )  # fmt: skip
+
+
+def _points(toolpath: Toolpath) -> tuple[Points, int]:
+    """The path's points without those that repeat the pose before them, and how many there were with them."""
+    parts = []
+    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
+        parts += [_part(part) for part in (travel, layer) if part is not None]
+    if not parts:
+        raise InputError("toolpath", "expected at least one layer, found none")
+    points = Points(*map(np.concatenate, zip(*parts, strict=True)))
+    step = np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)
+    q = points.quaternion_wxyz
+    turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
+    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD))
+    if new.sum() < 2:
+        raise InputError("toolpath", f"expected at least two different poses, found {new.sum()}")
+    return Points(*(column[new] for column in points)), len(new)
+
+
+def _part(part: Layer | Travel) -> Points:
+    k = len(part.position_mm)
+    if isinstance(part, Layer):
+        more = (part.cutting, part.measured, np.full(k, part.index))
+    else:
+        more = (np.zeros(k, bool), np.ones(k, bool), np.zeros(k, np.int64))
+    return Points(part.position_mm, part.quaternion_wxyz, part.feed_mm_s, *more)

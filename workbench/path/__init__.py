@@ -1,5 +1,5 @@
 """Stages that plan the milling path: `path.*`."""
 
-from workbench.path.simplify import simplify
+from workbench.path.layers import layers
 
-__all__ = ["simplify"]
+__all__ = ["layers"]

@@ -1,0 +1,113 @@
+"""The raw edge as planning needs it: smooth section axes and the stock's upper edge at any arc length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from workbench.artefacts import Edge
+from workbench.errors import InputError
+from workbench.geometry.smoothing import local_polynomial
+from workbench.geometry.tool_frames import unit
+from workbench.units import Bool, Float
+
+BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """The lower edge at k arc lengths. Before its beginning and beyond its end it goes straight on.
+
+    Sizes in the section plane have two components, along n and along m, counted from the lower edge.
+    """
+
+    arc_length_mm: Float  # (k,)
+    position_mm: Float  # (k, 3) lower edge in the base; bridged smoothly where hidden
+    tangent: Float  # (k, 3)
+    normal: Float  # (k, 3)
+    across: Float  # (k, 3)
+    upper_mm: Float  # (k, 2) the stock's upper edge
+    inward: Float  # (k, 2) unit, along the upper surface into the plate
+    curvature: Float  # (k, 2) of the lower edge, 1/mm; 0 beyond the ends
+    seen: Bool  # (k,) measured here
+
+    def in_base(self, section: Float) -> Float:
+        """Vectors (k, 2) of the section plane in the base (k, 3)."""
+        return np.asarray(section[:, :1] * self.normal + section[:, 1:] * self.across)
+
+
+def edge_course(edge: Edge, s: Float, smoothing_mm: float) -> Course:
+    """The course of a raw `edge` at arc lengths s (k,) mm, ascending.
+
+    The upper edge is smoothed along the edge over `smoothing_mm` on each side (its roughness would shake the path).
+
+    Raises:
+        InputError: the edge is milled already, or its upper edge was seen nowhere.
+    """
+    if edge.kind != "raw":
+        raise InputError("edge", "expected a raw edge to plan for, found a milled one")
+    stations, length = edge.arc_length_mm, float(edge.arc_length_mm[-1])
+    seen = edge.seen & np.isfinite(edge.position_mm).all(axis=1)
+    if seen.sum() < 2:
+        raise InputError("edge", "expected an edge of 1 mm or more to plan for")
+    at = np.clip(s, 0.0, length)
+    tangent, normal, across = _axes(edge, at)
+    lower = CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
+    upper, inward = _upper(edge, smoothing_mm)
+    inside = (s > -1e-9) & (s < length + 1e-9)
+    return Course(
+        arc_length_mm=s,
+        position_mm=lower(np.clip(at, *stations[seen][[0, -1]])) + (s - at)[:, None] * tangent,
+        tangent=tangent, normal=normal, across=across,
+        upper_mm=CubicSpline(stations, upper)(at), inward=unit(CubicSpline(stations, inward)(at)),
+        curvature=np.where(inside[:, None], _curvature(edge, at, normal, across), 0.0),
+        seen=_seen(stations, seen, at),
+    )  # fmt: skip
+
+
+def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:
+    """t, n, m (k, 3), orthonormal with t = m x n."""
+    spline = CubicSpline(edge.arc_length_mm, np.concatenate([edge.tangent, edge.normal], axis=1))
+    both = spline(at)
+    t = unit(both[:, :3])
+    n = unit(both[:, 3:] - (both[:, 3:] * t).sum(axis=1, keepdims=True) * t)
+    return t, n, np.cross(n, t)
+
+
+def _curvature(edge: Edge, at: Float, normal: Float, across: Float) -> Float:
+    """Components (k, 2) of dt/ds along n and m."""
+    low, high = np.maximum(at - BEND_MM, 0.0), np.minimum(at + BEND_MM, edge.arc_length_mm[-1])
+    turn = _axes(edge, high)[0] - _axes(edge, low)[0]
+    bend = turn / np.maximum(high - low, 1e-9)[:, None]
+    return np.stack([(bend * normal).sum(axis=1), (bend * across).sum(axis=1)], axis=1)
+
+
+def _upper(edge: Edge, smoothing_mm: float) -> tuple[Float, Float]:
+    """The upper edge and the upper surface's direction (n, 2) at the stations, bridged where hidden."""
+    if edge.upper_position_mm is None or edge.upper_inward is None:
+        raise InputError("edge", "expected a raw edge whose upper edge is known, found none")
+    off = edge.upper_position_mm - edge.position_mm
+    pairs = [(v * axis).sum(axis=1) for v in (off, edge.upper_inward) for axis in (edge.normal, edge.across)]
+    good = edge.seen & np.isfinite(pairs).all(axis=0)
+    if not good.any():
+        raise InputError("edge", "the stock's upper edge was seen nowhere: its thickness is not known")
+    s = edge.arc_length_mm
+    smooth = [_smoothed(s[good], pair[good], s, smoothing_mm) for pair in pairs]
+    return np.stack(smooth[:2], axis=1), unit(np.stack(smooth[2:], axis=1))
+
+
+def _smoothed(s: Float, values: Float, at: Float, half_width: float) -> Float:
+    """Values (g,) at s (g,), smoothed, at the stations `at` (n,); linear where none is near."""
+    if half_width > 0:
+        values = local_polynomial(s, values, np.ones(s.size), s, half_width)[:, 0]
+    return np.interp(at, s, values)
+
+
+def _seen(stations: Float, seen: Bool, at: Float) -> Bool:
+    """Whether both stations about each place (k,) were seen."""
+    after = np.clip(np.searchsorted(stations, at - 1e-9), 1, stations.size - 1)
+    before = after - 1
+    on_after, on_before = stations[after] - at < 1e-6, at - stations[before] < 1e-6
+    return np.asarray((seen[before] | on_after) & (seen[after] | on_before))

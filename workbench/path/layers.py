@@ -1,0 +1,138 @@
+"""`path.layers`: the milling path from the stock to the finished bevel, layer by layer."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, Cutter, Edge, Layer, Toolpath
+from workbench.errors import InputError
+from workbench.path.course import Course, edge_course
+from workbench.path.obstacles import clearance_heights, find_foreign, find_lifts, lifted_heights, sections_of
+from workbench.path.plan import Plan, cut_stretches, key_points, make_layer, make_travels, origins, tool_frames
+from workbench.path.refusals import refuse_cutter, refuse_partial_view, refuse_requirement, refuse_tight_curve
+from workbench.path.section import Bevel, bevel_of, layer_heights
+from workbench.stage import stage
+from workbench.units import Bool, Float
+
+FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
+
+
+@stage("path.layers")
+def layers(
+    edge: Edge,
+    cloud: Cloud,
+    *,
+    root_mm: Annotated[float, Field(gt=0, le=50, description="required root size")] = 1.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75, description="required bevel angle")] = 40.0,
+    depth_of_cut_mm: Annotated[float, Field(ge=0.05, le=20, description="height of a layer")] = 1.0,
+    cutter_diameter_mm: Annotated[float, Field(ge=1, le=100, description="of the cutter")] = 10.0,
+    flutes: Annotated[int, Field(ge=1, le=20, description="count of the cutter's flutes")] = 4,
+    flute_length_mm: Annotated[
+        float | None,
+        Field(gt=0, le=200, description="cutting length, centred on the bevel face; null: 2 mm more than that at each end"),
+    ] = None,
+    v_slow_mm_s: Annotated[float, Field(gt=0, le=1000, description="feed while cutting")] = 1.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height above stock and clamps in the air")] = 5.0,
+    side_clearance_mm: Annotated[
+        float, Field(ge=0.1, le=50, description="how near the cutter comes to a clamp beside it")
+    ] = 2.0,
+    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises or falls")] = 5.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 10.0,
+    smoothing_mm: Annotated[
+        float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
+    ] = 10.0,
+    least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
+) -> Toolpath:  # fmt: skip
+    """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
+
+    Key points lie every 1 mm of the lower edge. A layer's bevel face stands a multiple of the depth of cut above the
+    finished one, which runs through the root size on the end face, tilted about the feed by the bevel angle. The tool
+    frame stands in the middle of that face (docs/conventions.md). What was not measured is not cut: the cutter is
+    lifted over it and over clamps. Before and after each layer it comes down and rises along the edge's tangent.
+
+    Args:
+        edge: the measured raw edge.
+        cloud: the scan, for clamps and all else that the cutter must not meet.
+        root_mm: required root size.
+        bevel_deg: required bevel angle.
+        depth_of_cut_mm: height of a layer; the first takes what is left over.
+        cutter_diameter_mm: of the cylindrical end mill.
+        flutes: count of its flutes.
+        flute_length_mm: its cutting length, centred on the tool frame; null: just over the widest face.
+        v_slow_mm_s: feed while cutting (`path.feed` makes the rest faster).
+        clearance_mm: height above the stock and above clamps when the cutter is in the air.
+        side_clearance_mm: distance that the cutter keeps to a clamp beside it.
+        ramp_mm: length of edge in which it rises or falls.
+        lead_mm: length of lead-in and lead-out.
+        smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
+        least_seen_share: an edge seen on less of its length is refused.
+
+    Raises:
+        InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
+            concave edge tighter than the cutter, nothing that can be reached.
+    """
+    refuse_partial_view(edge, least_seen_share)
+    bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
+    course = edge_course(edge, key_points(0.0, length, lead_mm), smoothing_mm)
+    at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
+    refuse_requirement(course, at, bevel)
+    cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
+    refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)
+    plan = _plan(edge, cloud, course, bevel, cutter, (clearance_mm, side_clearance_mm), ramp_mm, lead_mm, v_slow_mm_s)
+    cut = _cut_layers(plan, at, depth_of_cut_mm)
+    high = max([plan.clear_mm, *(lift.height_mm for lift in plan.lifts)]) + clearance_mm
+    refuse_tight_curve(course, bevel, np.full(at.shape, high), cutter)
+    return Toolpath(
+        cutter=cutter, layers=cut, travels=make_travels(plan, cut, high), root_mm=root_mm, bevel_deg=bevel_deg,
+        depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part_id=cloud.part_id,
+        source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings,
+    )  # fmt: skip
+
+
+def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
+    """Just over the widest face, in whole mm."""
+    return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
+
+
+def _plan(edge: Edge, cloud: Cloud, course: Course, bevel: Bevel, cutter: Cutter, clearance_mm: tuple[float, float],
+          ramp_mm: float, lead_mm: float, v_slow_mm_s: float) -> Plan:  # fmt: skip
+    """Tool frames along the course, and what must be passed above."""
+    s, length = course.arc_length_mm, float(edge.arc_length_mm[-1])
+    over, beside = clearance_mm[0], min(clearance_mm)
+    outward, quaternion = tool_frames(course, bevel)
+    foreign = find_foreign(cloud, edge, sections_of(edge, edge_course(edge, edge.arc_length_mm, 0.0)))
+    reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
+    needed = clearance_heights(foreign, course, origins(course, bevel, 0.0), quaternion, reach)
+    clear = float(bevel.height_mm(course.upper_mm).max()) + over
+    lifts = tuple(find_lifts(s, course.seen, needed, clear, over - beside, ramp_mm))
+    refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0, ramp_mm), cutter)
+    return Plan(course, bevel, outward, quaternion, lifts, clear, ramp_mm, 0.0, length, lead_mm, v_slow_mm_s)
+
+
+def _cut_layers(plan: Plan, at: Bool, depth_of_cut_mm: float) -> tuple[Layer, ...]:
+    """The layers that cut somewhere, in cutting order."""
+    reachable = make_layer(plan, 1, 0.0).cutting
+    if not reachable.any():
+        reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
+        raise InputError("edge", f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length")
+    stock: Float = plan.bevel.height_mm(plan.course.upper_mm)[reachable & at]
+    heights = layer_heights(stock, depth_of_cut_mm)
+    return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
+
+
+def _refused(plan: Plan, final: Layer) -> tuple[str, ...]:
+    """Stretches of the edge that the final layer does not cut, and why."""
+    s = plan.course.arc_length_mm
+    inside = (s >= plan.from_mm - 1e-6) & (s <= plan.to_mm + 1e-6)
+    return tuple(
+        f"arc length {a:.1f} to {b:.1f} mm: {_reason(plan, a, b)}" for a, b in cut_stretches(s, inside & ~final.cutting)
+    )
+
+
+def _reason(plan: Plan, a: float, b: float) -> str:
+    near = [x.reason for x in plan.lifts if x.to_mm + plan.ramp_mm >= a and x.from_mm - plan.ramp_mm <= b]
+    return ", ".join(dict.fromkeys(near)) or "no stock above the finished bevel"

@@ -1,0 +1,150 @@
+"""What the cutter must be lifted over: clamps, and stretches of the edge that were not measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.stations import (
+    SectionTable,
+    foreign_points,
+    frame_stations,
+    needed_heights,
+    nearest_stations,
+    place,
+    section_table,
+)
+from workbench.geometry.tool_frames import smoothstep
+from workbench.path.course import Course
+from workbench.units import Bool, Float, Int
+
+BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate
+CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
+BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Foreign:
+    """Points of the cloud that belong to no face of the stock."""
+
+    frame: Int  # (p,)
+    column: Int  # (p,)
+    position_mm: Float  # (p, 3) in the base
+    arc_length_mm: Float  # (p,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lift:
+    """A stretch of the edge that the cutter passes above: full height from `from_mm` to `to_mm`, a ramp on each side."""
+
+    from_mm: float
+    to_mm: float
+    height_mm: float  # of the cutter above the finished face
+    reason: str
+    share: float = 1.0  # of the way up to that height: a short gap leaves no room for more
+
+
+def sections_of(edge: Edge, course: Course) -> SectionTable:
+    """The stock's sections at the stations of the edge; `course` is at the stations."""
+    step = float(edge.arc_length_mm[-1]) / (len(edge.arc_length_mm) - 1)
+    arrays = (course.position_mm, course.tangent, course.normal, course.across, course.upper_mm, course.inward)
+    return section_table(step, *arrays)
+
+
+def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> Foreign:
+    """Kept points of no face of the stock that stand out of it, and that neighbours on the grid support."""
+    stations = edge.arc_length_mm
+    hidden = stations[~edge.seen]
+    near = np.zeros(stations.size, bool)
+    if hidden.size:
+        at = np.clip(np.searchsorted(hidden, stations), 1, hidden.size - 1) if hidden.size > 1 else np.zeros(1, int)
+        near = np.minimum(np.abs(stations - hidden[at]), np.abs(stations - hidden[at - 1])) <= BESIDE_MM
+    tolerance = np.where(near, CLAMP_MM, BURR_MM)
+    tolerance[[0, -1]] = BURR_MM  # beyond the ends of the edge
+    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, stations.size)
+    usable = cloud.keep & ~((edge.labels >= ROOT_FACE) & (edge.labels != UNLABELLED))
+    rows, columns = foreign_points(cloud.x_mm, cloud.z_mm, usable, cloud.base_from_profiler, sections, start, tolerance)
+    points = place(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, rows, columns)
+    _, arc, _ = nearest_stations(points, start[rows], sections)
+    return Foreign(rows, columns, points, arc)
+
+
+def clearance_heights(foreign: Foreign, course: Course, origin_mm: Float, quaternion_wxyz: Float,
+                      reach: tuple[float, float, float]) -> Float:  # fmt: skip
+    """Height (k,) above the final layer's places that keeps the cutter clear of the foreign points.
+
+    Args:
+        foreign: what it must clear.
+        course: at the k places.
+        origin_mm, quaternion_wxyz: (k, 3), (k, 4) frames of the final layer.
+        reach: radius, clearance, and the tip's distance from the origin, mm.
+    """
+    s = course.arc_length_mm
+    at = np.clip(np.searchsorted(s, foreign.arc_length_mm), 0, s.size - 1)
+    axes = rotation_from_quaternion(quaternion_wxyz)
+    x, y, z = (axes[:, :, k] for k in range(3))
+    return needed_heights(foreign.position_mm, at, origin_mm, y, -x, z, reach)
+
+
+def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm: float, ramp_mm: float) -> list[Lift]:
+    """Stretches to pass above, in order.
+
+    A ramp lies over what is hidden, as far as there is room; where the cutter would meet something it begins earlier.
+
+    Args:
+        s, seen, needed_mm: (k,) arc length, measured or not, and the height that clears what stands in the way.
+        clear_mm: height that clears the stock.
+        over_mm: clearance over what stands in the way.
+        ramp_mm: length of a ramp.
+    """
+    blocked = needed_mm > 0.0
+    lifts: list[Lift] = []
+    for first, last in _runs(~seen | blocked):
+        here, in_way = slice(first, last + 1), np.flatnonzero(blocked[first : last + 1]) + first
+        gap = np.flatnonzero(~seen[here]) + first
+        low, high = (float(s[gap[0]]) + ramp_mm, float(s[gap[-1]]) - ramp_mm) if gap.size else (np.inf, -np.inf)
+        height, share = clear_mm, 1.0
+        if in_way.size:
+            low, high = min(low, float(s[in_way[0]])), max(high, float(s[in_way[-1]]))
+            height = max(clear_mm, float(needed_mm[in_way].max()) + over_mm)
+        elif low > high:  # a short gap: up and down again over it
+            middle, half = (low + high) / 2.0, (high - low) / 2.0 + ramp_mm
+            low = high = middle
+            share = float(smoothstep(np.array(half / ramp_mm)))
+        lifts.append(Lift(low, high, height, "clamp or other material in the way" if in_way.size else "not measured",
+                          share))  # fmt: skip
+    return _merged(lifts, ramp_mm)
+
+
+def _runs(mask: Bool) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _merged(lifts: list[Lift], ramp_mm: float) -> list[Lift]:
+    """Lifts between which there is no room to come down are one."""
+    out: list[Lift] = []
+    for lift in lifts:
+        if out and lift.from_mm - out[-1].to_mm < 2.0 * ramp_mm:
+            before = out.pop()
+            reason = max(before.reason, lift.reason, key=lambda r: r.startswith("clamp"))
+            height, share = max(before.height_mm, lift.height_mm), max(before.share, lift.share)
+            lift = Lift(before.from_mm, max(before.to_mm, lift.to_mm), height, reason, share)
+        out.append(lift)
+    return out
+
+
+def lifted_heights(s: Float, lifts: Sequence[Lift], base_mm: float, ramp_mm: float) -> Float:
+    """Height (k,) above the finished face of a layer at `base_mm`, lifted smoothly where it must be."""
+    height = np.full(s.shape, base_mm)
+    for lift in lifts:
+        away = np.maximum(np.maximum(lift.from_mm - s, s - lift.to_mm), 0.0)
+        height = np.maximum(
+            height, base_mm + lift.share * (lift.height_mm - base_mm) * smoothstep(1.0 - away / ramp_mm)
+        )
+    return height

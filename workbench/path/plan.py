@@ -1,0 +1,137 @@
+"""A milling path over a course: its layers, and the moves through the air between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import Layer, Travel
+from workbench.geometry.tool_frames import bevel_normal, smoothstep, tool_quaternions
+from workbench.path.course import Course
+from workbench.path.obstacles import Lift, lifted_heights
+from workbench.path.section import Bevel
+from workbench.units import Bool, Float, Int
+
+KEY_POINT_MM = 1.0
+MOST_TRAVEL_MM = 50.0  # between points in the air
+CUTTING_LIFT_MM = 1e-9  # above its layer by more than this the cutter is being lifted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """What all layers of a path share: places along the edge, tool frames, lifts."""
+
+    course: Course  # at the k points of every layer, lead-in and lead-out included
+    bevel: Bevel
+    outward: Float  # (k, 3) b
+    quaternion_wxyz: Float  # (k, 4)
+    lifts: tuple[Lift, ...]
+    clear_mm: float  # height above the finished face that clears the stock
+    ramp_mm: float
+    from_mm: float  # stretch that is to be milled
+    to_mm: float
+    lead_mm: float
+    v_slow_mm_s: float
+
+
+def key_points(from_mm: float, to_mm: float, lead_mm: float) -> Float:
+    """Arc lengths (k,) of a layer's points: one every mm from `from_mm`, the last at `to_mm`; leads before and after.
+
+    The last interval may be shorter, but no shorter than a hundredth of a mm.
+    """
+    length = to_mm - from_mm
+    inner = np.arange(0.0, length - 0.01 * KEY_POINT_MM, KEY_POINT_MM)
+    lead = np.arange(1, max(1, round(lead_mm / KEY_POINT_MM)) + 1) * KEY_POINT_MM
+    return from_mm + np.concatenate([-lead[::-1], inner, [length], length + lead])
+
+
+def tool_frames(course: Course, bevel: Bevel) -> tuple[Float, Float]:
+    """b (k, 3) and the orientation (k, 4) of the tool at each place."""
+    outward = bevel_normal(course.normal, course.across, bevel.angle)
+    return outward, tool_quaternions(course.tangent, course.normal, course.across, bevel.angle)
+
+
+def origins(course: Course, bevel: Bevel, height_mm: float) -> Float:
+    """Middle (k, 3) of the face at a height, in the base."""
+    return np.asarray(course.position_mm + course.in_base(bevel.middle(course, height_mm)))
+
+
+def make_layer(plan: Plan, index: int, height_mm: float, face_mm: Float | None = None) -> Layer:
+    """The layer at a height above the finished face.
+
+    Args:
+        plan: what all layers share.
+        index: from 1, in cutting order.
+        height_mm: of the layer.
+        face_mm: (k,) height that its face has at each place instead (rework fades out into what is there).
+    """
+    course, bevel, s = plan.course, plan.bevel, plan.course.arc_length_mm
+    face = np.full(s.shape, height_mm) if face_mm is None else face_mm
+    lead = smoothstep(np.maximum(plan.from_mm - s, s - plan.to_mm) / plan.lead_mm)
+    height = np.maximum(lifted_heights(s, plan.lifts, height_mm, plan.ramp_mm), face + lead * (plan.clear_mm - face))
+    lift = height - face
+    width = bevel.width_mm(course, face)
+    inside = (s > plan.from_mm - 1e-6) & (s < plan.to_mm + 1e-6)
+    cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (width > 0.0)
+    return Layer(
+        index=index, height_mm=float(height_mm), arc_length_mm=s,
+        position_mm=origins(course, bevel, height_mm) + (height - height_mm)[:, None] * plan.outward,
+        quaternion_wxyz=plan.quaternion_wxyz, feed_mm_s=np.full(s.shape, plan.v_slow_mm_s),
+        cutting=cutting, measured=course.seen, width_mm=np.where(cutting, width, 0.0),
+    )  # fmt: skip
+
+
+def make_travels(plan: Plan, layers: Sequence[Layer], high_mm: float) -> tuple[Travel, ...]:
+    """Moves through the air: up, back along the edge and down before each layer; up after the last.
+
+    A straight line back would pass through the plate on a convex arc.
+    """
+    high = [_raised(plan, layer, high_mm) for layer in layers]
+    stops = sparse(plan.course, high_mm)
+    last, travels = len(plan.course.arc_length_mm) - 1, []
+    for k, way in enumerate(high):
+        back = stops[::-1] if k else stops[:1]
+        points = np.concatenate([high[k - 1][last:], way[back]]) if k else way[back]
+        turns = np.concatenate([[last], back]) if k else back
+        travels.append(_travel(plan, points, turns))
+    travels.append(_travel(plan, high[-1][last:], np.array([last])))
+    return tuple(travels)
+
+
+def _raised(plan: Plan, layer: Layer, high_mm: float) -> Float:
+    """The layer's places (k, 3) at a height above the finished face."""
+    flat = origins(plan.course, plan.bevel, layer.height_mm)
+    return np.asarray(flat + (high_mm - layer.height_mm) * plan.outward)
+
+
+def sparse(course: Course, high_mm: float) -> Int:
+    """Indices of places far apart, near enough that the chords between them stay within half a mm of the curve."""
+    bend = float(np.abs(course.curvature).max())
+    step = MOST_TRAVEL_MM if bend < 1e-9 else math.sqrt(8.0 * 0.5 * max(1.0 / bend - high_mm, 1.0))
+    count = len(course.arc_length_mm)
+    return np.unique(np.append(np.arange(0, count, max(int(min(step, MOST_TRAVEL_MM)), 1)), count - 1))
+
+
+def _travel(plan: Plan, points: Float, at: Int) -> Travel:
+    keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
+    feed = np.full(int(keep.sum()), plan.v_slow_mm_s)
+    return Travel(points[keep], plan.quaternion_wxyz[at][keep], feed)
+
+
+def stretch_factor(course: Course, bevel: Bevel, height_mm: Float | float, radius_mm: float) -> Float:
+    """Length (k,) of the cutter's axis per length of the lower edge: 1 - curvature . offset.
+
+    Where it is not above 0, the edge is concave and bends more tightly than the cutter's course can follow: the path
+    would cross itself and the cutter would cut into its neighbourhood.
+    """
+    offset = bevel.middle(course, 0.0) + (np.zeros(1) + height_mm + radius_mm)[:, None] * bevel.normal
+    return np.asarray(1.0 - (course.curvature * offset).sum(axis=1))
+
+
+def cut_stretches(s: Float, mask: Bool) -> list[tuple[float, float]]:
+    """Arc lengths (from, to) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(float(s[a]), float(s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,62 @@
+"""What cannot be planned, in one clear line each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.artefacts import Cutter, Edge
+from workbench.errors import InputError
+from workbench.path.course import Course
+from workbench.path.plan import stretch_factor
+from workbench.path.section import LEAST_DEPTH_MM, Bevel
+from workbench.units import Bool, Float
+
+LEAST_STRETCH = 0.02  # of the axis' course per length of edge
+LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
+
+
+def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:
+    """An edge of which too little was seen."""
+    share = float(np.mean(edge.seen))
+    if share < least_seen_share:
+        raise InputError("edge", f"seen on {100 * share:.0f} % of its length only, expected at least "
+                         f"{100 * least_seen_share:.0f} % (least_seen_share)")  # fmt: skip
+
+
+def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
+    """A root, or an angle, that the stock cannot satisfy. `at` (k,): measured places of the edge."""
+    thickness, s = course.upper_mm[at, 1], course.arc_length_mm[at]
+    least = int(np.argmin(thickness))
+    if bevel.root_mm >= thickness[least]:
+        raise InputError("root_mm", f"{bevel.root_mm:g} mm of root leave nothing to mill: the stock is "
+                         f"{thickness[least]:.2f} mm thick at arc length {s[least]:.1f} mm")  # fmt: skip
+    slope = -(course.inward[at] @ bevel.normal)
+    flat = int(np.argmin(slope))
+    if slope[flat] < LEAST_SLOPE:
+        raise InputError("bevel_deg", f"{np.degrees(bevel.angle):g} deg lies along the stock's upper surface at arc "
+                         f"length {s[flat]:.1f} mm")  # fmt: skip
+    if bevel.height_mm(course.upper_mm)[at].max() <= LEAST_DEPTH_MM:
+        raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
+
+
+def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_of_cut_mm: float) -> None:
+    """A cutter that cannot make this bevel in such layers."""
+    if depth_of_cut_mm > cutter.diameter_mm / 2.0:
+        raise InputError("depth_of_cut_mm", f"{depth_of_cut_mm:g} mm is more than the cutter's radius of "
+                         f"{cutter.diameter_mm / 2.0:g} mm")  # fmt: skip
+    width = bevel.width_mm(course, 0.0)
+    widest = int(np.argmax(np.where(at, width, -1.0)))
+    if width[widest] > cutter.flute_length_mm:
+        raise InputError("flute_length_mm", f"{cutter.flute_length_mm:g} mm of flute do not reach over the bevel "
+                         f"face, {width[widest]:.2f} mm wide at arc length {course.arc_length_mm[widest]:.1f} mm")  # fmt: skip
+
+
+def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: Cutter) -> None:
+    """A concave edge that bends more tightly than the cutter's course, at heights (k,) above the finished face."""
+    stretch = stretch_factor(course, bevel, height_mm, cutter.diameter_mm / 2.0)
+    worst = int(np.argmin(stretch))
+    if stretch[worst] < LEAST_STRETCH:
+        bend = float(np.linalg.norm(course.curvature[worst]))
+        raise InputError("edge", f"arc length {course.arc_length_mm[worst]:.1f} mm: concave with a radius of "
+                         f"{1.0 / bend:.1f} mm, too tight for a cutter of {cutter.diameter_mm:g} mm that passes "
+                         f"{height_mm[worst]:.1f} mm above the finished bevel: its path would cross itself")  # fmt: skip

@@ -1,0 +1,66 @@
+"""The bevel in the section plane: what stands above the finished face, and where a layer meets the stock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.path.course import Course
+from workbench.units import DEG, Float
+
+LEAST_DEPTH_MM = 0.02  # less than this is not worth a layer of its own; about the noise of the upper edge
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bevel:
+    """The finished bevel face: through `root_mm` above the lower edge, normal b = n cos + m sin (both in rad)."""
+
+    root_mm: float
+    angle: float
+
+    @property
+    def normal(self) -> Float:
+        """b (2,) along n and m."""
+        return np.array([math.cos(self.angle), math.sin(self.angle)])
+
+    def height_mm(self, section: Float) -> Float:
+        """Height (k,) of points (k, 2) above the finished face, along b."""
+        return np.asarray(section @ self.normal - self.root_mm * math.sin(self.angle))
+
+    def face(self, course: Course, height_mm: float | Float) -> tuple[Float, Float]:
+        """Lower and upper end (k, 2) of the face at a height: on the end face, and on the upper surface.
+
+        Where the stock does not reach that high the two have changed places: the upper one lies below the lower one.
+        """
+        lower = np.zeros_like(course.upper_mm)
+        lower[:, 1] = self.root_mm + height_mm / math.sin(self.angle)
+        above = height_mm - self.height_mm(course.upper_mm)
+        upper = course.upper_mm + (above / (course.inward @ self.normal))[:, None] * course.inward
+        return lower, upper
+
+    def width_mm(self, course: Course, height_mm: float | Float) -> Float:
+        """Width (k,) of the face at a height, up the bevel; 0 where the stock does not reach that high."""
+        lower, upper = self.face(course, height_mm)
+        up = np.array([-math.sin(self.angle), math.cos(self.angle)])
+        stands = self.height_mm(course.upper_mm) - height_mm > LEAST_DEPTH_MM
+        return np.asarray(np.where(stands, np.maximum((upper - lower) @ up, 0.0), 0.0))
+
+    def middle(self, course: Course, height_mm: float | Float) -> Float:
+        """Middle (k, 2) of the face at a height: the origin of the tool's frame."""
+        return np.asarray(sum(self.face(course, height_mm)) / 2.0)
+
+
+def bevel_of(root_mm: float, bevel_deg: float) -> Bevel:
+    """The bevel that is required."""
+    return Bevel(root_mm, bevel_deg * DEG)
+
+
+def layer_heights(stock_mm: Float, depth_of_cut_mm: float) -> Float:
+    """Heights of the layers above the finished face in cutting order, the last one 0; none above all of the stock.
+
+    The stock (k,) is what stands above the finished face. The first layer takes the rest, the others a full depth.
+    """
+    count = math.ceil((float(np.max(stock_mm)) - LEAST_DEPTH_MM) / depth_of_cut_mm)
+    return np.asarray(np.arange(max(count, 0) - 1, -1, -1) * depth_of_cut_mm, dtype=np.float64)

@@ -30,6 +30,7 @@ from workbench.artefacts import (
     Verdict,
     frozen,
 )
+from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError
 from workbench.geometry.faces import FaceLines
 from workbench.stage import InputFile, Progress, Seed, stage
@@ -38,6 +39,7 @@ __all__ = [
     "Chapter",
     "Cloud",
     "Cutter",
+    "Dialect",
     "Document",
     "Edge",
     "EdgeFrames",
@@ -51,9 +53,11 @@ __all__ = [
     "Inspection",
     "Layer",
     "LayerEngagement",
+    "MillingTool",
     "Moves",
     "OutputError",
     "PipelineError",
+    "ProgramJob",
     "Progress",
     "Provenance",
     "Recording",
@@ -68,4 +72,5 @@ __all__ = [
     "WorkbenchError",
     "frozen",
     "stage",
+    "write_program",
 ]

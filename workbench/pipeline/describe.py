@@ -19,6 +19,7 @@ UNITS = {
     "_mm": "mm",
     "_deg": "deg",
     "_rad": "rad",
+    "_kg": "kg",
     "_hz": "Hz",
     "_rpm": "rpm",
     "_nm": "Nm",

@@ -1,0 +1,44 @@
+"""`program.csv`: the points of the path as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import zip_longest
+
+import numpy as np
+
+from workbench.artefacts import Document, Gate, Layer, Toolpath, Travel
+from workbench.stage import stage
+
+HEADER = "layer,arc_length_mm,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,cutting,measured"
+
+
+@stage("program.csv")
+def csv(toolpath: Toolpath, gate: Gate) -> Document | None:
+    """Every point of the path as a row of `toolpath.csv`, in the order of motion, before any simplification.
+
+    Lengths in mm, orientations as unit quaternions w x y z, feeds in mm/s, in the frame of the path (base or work
+    object); cutting and measured are 1 or 0. Between the layers the layer is 0 and the arc length empty. ASCII, a comma
+    between fields, lines end in CR LF (RFC 4180). Nothing is written where the gate rejects the path.
+    """
+    if not gate.passed:
+        return None
+    rows = [HEADER]
+    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
+        for part in (travel, layer):
+            rows += _rows(part) if part is not None else []
+    return Document("toolpath.csv", "\r\n".join([*rows, ""]).encode("ascii"))
+
+
+def _rows(part: Layer | Travel) -> Iterator[str]:
+    pose = zip(
+        np.round(part.position_mm, 6).tolist(), part.quaternion_wxyz.tolist(), part.feed_mm_s.tolist(), strict=True
+    )
+    if isinstance(part, Layer):
+        starts = [f"{part.index},{s:.6f}" for s in part.arc_length_mm.tolist()]
+        ends = [f"{c:d},{m:d}" for c, m in zip(part.cutting.tolist(), part.measured.tolist(), strict=True)]
+    else:
+        starts, ends = ["0,"] * len(part.feed_mm_s), ["0,1"] * len(part.feed_mm_s)
+    for start, (p, q, feed), end in zip(starts, pose, ends, strict=True):
+        yield (f"{start},{p[0]:.6f},{p[1]:.6f},{p[2]:.6f},{q[0]:.9f},{q[1]:.9f},{q[2]:.9f},{q[3]:.9f},"
+               f"{feed:.6f},{end}")  # fmt: skip

@@ -1,0 +1,175 @@
+"""`program.rapid`: the path as a RAPID module for ABB controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from workbench.artefacts import Document, Gate, Moves
+from workbench.dialect import ProgramJob, rounded_feeds, write_program
+from workbench.errors import InputError
+from workbench.program.parameters import (
+    TOOL_CENTRE_OF_GRAVITY_MM,
+    TOOL_POSITION_MM,
+    UPRIGHT,
+    ToolCentreOfGravity,
+    ToolMass,
+    ToolPosition,
+    ToolQuaternion,
+    Zone,
+    tool,
+)
+from workbench.program.rapid_words import free_name
+from workbench.stage import stage
+from workbench.units import Float, Int
+
+Name = Annotated[str, AfterValidator(free_name)]
+UNUSED = "9E+09"  # an external axis that is not there
+TURN_DEG_S = 50  # where the orientation alone moves
+
+
+@stage("program.rapid")
+def rapid(
+    moves: Moves,
+    gate: Gate,
+    *,
+    module: Annotated[Name, Field(description="of the module and its file")] = "BevelPath",
+    procedure: Annotated[Name, Field(description="of the procedure that mills")] = "MillBevel",
+    tool_name: Annotated[Name, Field(description="of the tool data")] = "tMill",
+    work_object_name: Annotated[Name, Field(description="of the work object")] = "woEdge",
+    tool_position_mm: ToolPosition = TOOL_POSITION_MM,
+    tool_quaternion_wxyz: ToolQuaternion = UPRIGHT,
+    tool_mass_kg: ToolMass = 15.0,
+    tool_centre_of_gravity_mm: ToolCentreOfGravity = TOOL_CENTRE_OF_GRAVITY_MM,
+    zone_mm: Zone = 0.3,
+) -> Document | None:
+    """Write the moves as a RAPID module (ABB, RAPID Instructions, Functions and Data types).
+
+    Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
+    quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
+    Feeds have 3 significant digits, one speeddata each. The tool centre point lies on the cutter's flank, a radius off
+    its axis. Axis configurations are not monitored, since no posture is given; circular moves turn the tool in the
+    frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes. The file is ASCII; names out of
+    recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
+
+    Args:
+        moves: the path as straight and circular moves.
+        gate: of the path's own checks.
+        module: name of the module and its file.
+        procedure: name of the procedure.
+        tool_name: name of the tool data.
+        work_object_name: name of the work object.
+
+    Raises:
+        InputError: two of the names are the same.
+    """
+    names = [module, procedure, tool_name, work_object_name]
+    if len({name.lower() for name in names}) < len(names):
+        raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
+    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
+    job = ProgramJob(module, moves, spindle, zone_mm)
+    return write_program(job, Rapid(job, procedure, tool_name, work_object_name), gate)
+
+
+@dataclass
+class Rapid:
+    """The dialect of ABB's controllers."""
+
+    job: ProgramJob
+    procedure: str
+    tool_name: str
+    work_object_name: str
+    suffix: str = ".mod"
+    feeds: Float = field(init=False)  # (f,) distinct, mm/s
+    ends: list[str] = field(init=False)  # of each move: speed, zone, tool and work object
+
+    def __post_init__(self) -> None:
+        """Name the feeds, and say for each move all that stands behind its target."""
+        self.feeds, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
+        zones = ["zonePath" if self.job.zone_mm else "fine"] * len(which)
+        zones[0] = zones[-1] = "fine"
+        tail = f"{self.tool_name}\\WObj:={self.work_object_name};"
+        self.ends = [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which.tolist(), zones, strict=True)]
+
+    def head(self, job: ProgramJob) -> Iterator[str]:
+        """Declarations: tool, work object, zone, speeds, targets."""
+        load = f"[{job.tool.mass_kg:g},{_vector(job.tool.centre_of_gravity_mm)},[1,0,0,0],0,0,0]"
+        frame = _pose(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
+        z = job.zone_mm
+        yield f"MODULE {job.name}"
+        yield from (f"  ! {remark}" for remark in job.remarks)
+        yield f"  PERS tooldata {self.tool_name}:=[TRUE,{frame},{load}];"
+        yield f'  TASK PERS wobjdata {self.work_object_name}:=[FALSE,TRUE,"",{_pose(*job.work_object)},{NO_POSE}];'
+        if z:
+            yield f"  CONST zonedata zonePath:=[FALSE,{z:g},{z:g},{z:g},{z / 10:g},{z:g},{z / 10:g}];"
+        for i, feed in enumerate(self.feeds.tolist(), 1):
+            yield f"  CONST speeddata feed{i}:=[{feed:.7g},{TURN_DEG_S},5000,1000];"
+        yield from _targets("p", np.arange(len(job.moves.layer)), job.moves.position_mm, job.moves.quaternion_wxyz,
+                            job.turntable_deg)  # fmt: skip
+        arcs = np.flatnonzero(job.moves.circular)
+        yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job))
+        yield f"  PROC {self.procedure}()"
+        yield from ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
+
+    def start(self, job: ProgramJob) -> Iterable[str]:
+        """From wherever the robot stands."""
+        return [f"    MoveJ p1,{self.ends[0]}"]
+
+    def straight(self, job: ProgramJob, i: int) -> Iterable[str]:
+        """MoveL."""
+        return [f"    MoveL p{i + 1},{self.ends[i]}"]
+
+    def circular(self, job: ProgramJob, i: int) -> Iterable[str]:
+        """MoveC."""
+        return [f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
+
+    def remark(self, text: str) -> str:
+        """Up to the end of the line."""
+        return f"    ! {text}"
+
+    def foot(self, job: ProgramJob) -> Iterable[str]:
+        """Settings as the controller starts with them."""
+        return ["    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+
+
+def _halfway(job: ProgramJob) -> Float | None:
+    """Where the turntable stands at the middle of each move."""
+    if job.turntable_deg is None:
+        return None
+    return np.append(job.turntable_deg[:1], (job.turntable_deg[1:] + job.turntable_deg[:-1]) / 2)
+
+
+def _targets(
+    prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None
+) -> Iterator[str]:
+    """One declaration a target, numbered from 1."""
+    others = ",".join([UNUSED] * 5)
+    axis = [UNUSED] * len(position_mm) if turntable is None else [f"{angle:.4f}" for angle in _tidy(turntable, 4)]
+    rows = zip(indices.tolist(), _tidy(position_mm[indices], 4), _tidy(quaternion[indices], 8), strict=True)
+    for i, (x, y, z), (w, a, b, c) in rows:
+        yield (
+            f"  CONST robtarget {prefix}{i + 1}:=[[{x:.4f},{y:.4f},{z:.4f}],[{w:.8f},{a:.8f},{b:.8f},{c:.8f}],"
+            f"[0,0,0,0],[{axis[i]},{others}]];"
+        )
+
+
+def _tidy(values: Float, digits: int) -> list[list[float]]:
+    """Rounded, without negative zeros."""
+    rounded: list[list[float]] = (np.round(values, digits) + 0.0).tolist()
+    return rounded
+
+
+def _vector(v: Float) -> str:
+    return "[" + ",".join(f"{x:.4f}" for x in (np.round(v, 4) + 0.0).tolist()) + "]"
+
+
+def _pose(position_mm: Float, quaternion_wxyz: Float) -> str:
+    turn = ",".join(f"{x:.8f}" for x in (np.round(quaternion_wxyz, 8) + 0.0).tolist())
+    return f"[{_vector(position_mm)},[{turn}]]"
+
+
+NO_POSE = "[[0,0,0],[1,0,0,0]]"

@@ -1,0 +1,29 @@
+"""Names in RAPID: what a name may be, and which are taken (ABB: RAPID Overview, RAPID Instructions)."""
+
+from __future__ import annotations
+
+import re
+
+IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")  # upper and lower case are the same to RAPID
+_WORDS = """alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc
+endrecord endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or
+pers proc raise readonly record retry return step sysmodule task test then to trap true trynext undo var viewonly while
+with xor"""
+_INSTRUCTIONS = "movel movec movej moveabsj confl confj cirpathmode"
+_TYPES = "num bool string pos orient pose robtarget jointtarget tooldata wobjdata loaddata speeddata zonedata"
+TAKEN = frozenset(f"{_WORDS} {_INSTRUCTIONS} {_TYPES}".split())
+# Data that every controller has; speeds in mm/s, zones in mm.
+SPEEDS = {f"v{v}": float(v) for v in (5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500,
+                                      2000, 2500, 3000, 4000, 5000, 6000, 7000)}  # fmt: skip
+ZONES = {"fine": 0.0, "z0": 0.3} | {f"z{z}": float(z) for z in (1, 5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 150, 200)}
+PREDEFINED = frozenset([*SPEEDS, *ZONES, "vmax", "tool0", "wobj0", "load0"])
+GENERATED = re.compile(r"(?:p|via|feed)\d+|zonepath", re.IGNORECASE)  # by `program.rapid`
+
+
+def free_name(name: str) -> str:
+    """`name`, if a program may use it for something of its own; else ValueError."""
+    if not IDENTIFIER.fullmatch(name):
+        raise ValueError("expected a letter, then letters, digits and _, at most 32 in all")
+    if name.lower() in TAKEN | PREDEFINED or GENERATED.fullmatch(name):
+        raise ValueError("expected a name that has no meaning in RAPID yet")
+    return name

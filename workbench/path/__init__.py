@@ -1,5 +1,6 @@
 """Stages that plan the milling path: `path.*`."""
 
 from workbench.path.layers import layers
+from workbench.path.simplify import simplify
 
-__all__ = ["layers"]
+__all__ = ["layers", "simplify"]

@@ -51,7 +51,7 @@ def test_around_and_of_section_stay_near_their_section(part):
     p = part()
     section = p.inspection.sections[1]
     arc_length = frame_arc_length_mm(p.cloud, p.edge)
-    near = around(p.cloud, p.edge, section, 5.0, 10**6)
+    near = around(p.cloud, p.edge, section.arc_length_mm, 5.0, 10**6)
     assert np.abs(arc_length[near.frame] - section.arc_length_mm).max() <= 5.0
     assert set(of_section(p.cloud, p.edge, section, 10**6).frame) <= set(section.frames)
 

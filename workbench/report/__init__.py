@@ -3,5 +3,6 @@
 from workbench.report.csv import csv
 from workbench.report.html import html
 from workbench.report.inspection import inspection
+from workbench.report.plan import plan
 
-__all__ = ["csv", "html", "inspection"]
+__all__ = ["csv", "html", "inspection", "plan"]

@@ -17,6 +17,8 @@ FACES = {
     LOWER_SURFACE: "#b79f6a",
     UNLABELLED: "#d5d9de",
 }
+LOWER_EDGE, UPPER_EDGE = "#0072b2", "#d55e00"
+TOOL_AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z of a key point
 VERDICTS = {"pass": "#00664b", "fail": "#a8200d", "undecided": "#8a5a00"}
 SIGNS = {"pass": "✓", "fail": "✕", "undecided": "?"}
 

@@ -28,8 +28,8 @@ def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
         offset, tangent = _offset(position_mm, arc_length, edge)
         arc_length = arc_length + np.einsum("ij,ij->i", offset, tangent)
     offset, _ = _offset(position_mm, arc_length, edge)
-    u = np.einsum("ij,ij->i", offset, _at(arc_length, edge, edge.normal))
-    v = np.einsum("ij,ij->i", offset, _at(arc_length, edge, edge.across))
+    u = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.normal))
+    v = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.across))
     return np.column_stack([arc_length, u, v])
 
 
@@ -37,7 +37,7 @@ def in_section(position_mm: Float, start_mm: Float, edge: Edge, section: Section
     """(n, 2) u and v in the section's own axes, which differ from the stations' by a turn about t and an origin."""
     _, u, v = developed(position_mm, start_mm, edge).T
     here = np.array([section.arc_length_mm])
-    normal, across = _at(here, edge, edge.normal)[0], _at(here, edge, edge.across)[0]
+    normal, across = axes_at(here, edge, edge.normal)[0], axes_at(here, edge, edge.across)[0]
     turn = math.atan2(float(section.normal @ across), float(section.normal @ normal))
     shift = section.origin_mm - _on_curve(here, edge)[0]
     u, v = u - shift @ normal, v - shift @ across
@@ -46,7 +46,7 @@ def in_section(position_mm: Float, start_mm: Float, edge: Edge, section: Section
 
 def _offset(position_mm: Float, arc_length: Float, edge: Edge) -> tuple[Float, Float]:
     """p - P(s) and t(s)."""
-    return position_mm - _on_curve(arc_length, edge), _at(arc_length, edge, edge.tangent)
+    return position_mm - _on_curve(arc_length, edge), axes_at(arc_length, edge, edge.tangent)
 
 
 def _on_curve(arc_length: Float, edge: Edge) -> Float:
@@ -54,7 +54,7 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     measured = np.isfinite(edge.position_mm).all(axis=1)
     stations = edge.arc_length_mm[measured]
     inside = np.clip(arc_length, stations[0], stations[-1])
-    beyond = (arc_length - inside)[:, None] * _at(inside, edge, edge.tangent)
+    beyond = (arc_length - inside)[:, None] * axes_at(inside, edge, edge.tangent)
     if len(stations) == 1:
         return edge.position_mm[measured] + beyond
     curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
@@ -62,7 +62,7 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     return on_curve
 
 
-def _at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
+def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
     """Unit vectors of the stations, interpolated."""
     mixed = np.column_stack([np.interp(arc_length, edge.arc_length_mm, axis) for axis in vectors.T])
     unit: Float = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)

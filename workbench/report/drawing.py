@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import math
 import textwrap
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection
 from workbench.report.colours import FACES, GREY, INK, SIGNS, VERDICTS
 from workbench.report.deviations import LaidOut, deviation_limit, draw_deviations, laid_out
+from workbench.report.dimensions import dimension_angle, dimension_height
 from workbench.report.figures import styled, svg
 from workbench.report.values import decimals, measured
 from workbench.units import DEG, Float
@@ -28,9 +27,6 @@ COLUMNS = 3
 PANEL_IN = (3.3, 2.95)
 PANEL_SHAPE = 1.16  # width over height inside a panel's axes
 FOR_THE_PART = 0.52  # of a panel's width; the rest is for the dimensions
-
-HEAD = "|-|>,head_width=0.13,head_length=0.32"
-ARROW: dict[str, Any] = {"arrowstyle": HEAD[1:], "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
 
 
 def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
@@ -96,9 +92,11 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)
     _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach, radius)
-    _dimension_root(axes, section.root_mm, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size)
+    dimension_height(
+        axes, section.root_mm, 0.065 * size, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size
+    )
     angle = measured(section.bevel_deg, section.bevel_u_deg, places[1])
-    _dimension_angle(axes, section.root_mm, section.bevel_deg, f"({angle})°", radius)
+    dimension_angle(axes, section.root_mm, section.bevel_deg, f"({angle})°", radius)
 
 
 def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: float) -> None:
@@ -108,27 +106,3 @@ def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: floa
     axes.plot([0, end[0]], [root, end[1]], color=INK, linewidth=0.7)
     axes.plot([0, 0], [root, root + 1.15 * radius], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
     axes.plot([0, 0], [0, root], "o", color=INK, markersize=2.2)
-
-
-def _dimension_root(axes: Axes, root: float, text: str, size: float) -> None:
-    """Extension lines, a dimension line with arrows (from outside where it is short) and the value beside it."""
-    at, gap = 0.065 * size, 0.012 * size
-    for v in (0.0, root):
-        axes.plot([gap, at + 0.015 * size], [v, v], color=INK, linewidth=0.6)
-    if root > 0.09 * size:
-        axes.annotate("", (at, 0.0), (at, root), arrowprops={**ARROW, "arrowstyle": f"<{HEAD}"})
-    else:
-        for v, outside in ((0.0, -0.05 * size), (root, root + 0.05 * size)):
-            axes.annotate("", (at, v), (at, outside), arrowprops=ARROW)
-    axes.annotate(text, (at, root / 2), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
-
-
-def _dimension_angle(axes: Axes, root: float, bevel_deg: float, text: str, radius: float) -> None:
-    """The arc from the root face's continuation to the bevel face, with the value beside it."""
-    across = 2 * radius
-    axes.add_patch(Arc((0.0, root), across, across, theta1=90.0, theta2=90.0 + bevel_deg, color=INK, linewidth=0.6))
-    for degrees, turn in ((90.0, -1.0), (90.0 + bevel_deg, 1.0)):
-        tip, tail = degrees * DEG, (degrees - turn * 6.0) * DEG
-        to, start = ((radius * math.cos(angle), root + radius * math.sin(angle)) for angle in (tip, tail))
-        axes.annotate("", to, start, arrowprops={**ARROW, "linewidth": 0.0})
-    axes.annotate(text, (0.0, root + radius), (5, -2), textcoords="offset points", va="center", fontsize=8.5)

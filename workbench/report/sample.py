@@ -46,9 +46,9 @@ def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:
     return _near_faces(points.where((points.label == ROOT_FACE) | (points.column % column_step == 0)))
 
 
-def around(cloud: Cloud, edge: Edge, section: Section, reach_mm: float, budget: int) -> Points:
-    """The kept points within `reach_mm` of arc length of a section, frames thinned to about `budget` points."""
-    near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - section.arc_length_mm) <= reach_mm)
+def around(cloud: Cloud, edge: Edge, at_mm: float, reach_mm: float, budget: int) -> Points:
+    """The kept points within `reach_mm` of the arc length `at_mm`, frames thinned to about `budget` points."""
+    near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - at_mm) <= reach_mm)
     step = max(1, math.ceil(len(near) * cloud.x_mm.shape[1] / budget))
     return _near_faces(_take(cloud, edge, near[::step]))
 
@@ -67,6 +67,18 @@ def rejected(cloud: Cloud, edge: Edge, budget: int) -> tuple[Points, int]:
     return _take(cloud, edge, np.arange(0, frames, step), kept=False), step
 
 
+def face_ends(cloud: Cloud, edge: Edge, face: int, frames: Int) -> tuple[Points, Points]:
+    """In each of `frames` the two outermost kept points of a face: at the lower end of it, and at the upper end."""
+    here = (edge.labels[frames] == face) & cloud.keep[frames]
+    frames, here = frames[here.any(axis=1)], here[here.any(axis=1)]
+    ends = np.stack([here.argmax(axis=1), here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)])
+    first, last = (_at(cloud, edge, frames, columns) for columns in ends)
+    across = edge.across[np.isfinite(edge.across).all(axis=1)].mean(axis=0)
+    turned = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]
+    low = np.where(turned[:, 0], ends[1], ends[0])
+    return _at(cloud, edge, frames, low), _at(cloud, edge, frames, ends.sum(axis=0) - low)
+
+
 def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
     """(N,) arc length of each frame, interpolated where a frame does not see the edge; NaN in passes that never do."""
     arc_length = edge.frame_arc_length_mm.copy()
@@ -82,11 +94,15 @@ def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1, *, kept: 
     """The points with a return in `frames`, every `column_step`-th column: those kept, or those rejected."""
     x, z = cloud.x_mm[frames, ::column_step], cloud.z_mm[frames, ::column_step]
     row, column = np.nonzero(np.isfinite(x) & np.isfinite(z) & (cloud.keep[frames, ::column_step] == kept))
-    pose = cloud.base_from_profiler[frames]
-    x_mm, z_mm = x[row, column].astype(float)[:, None], z[row, column].astype(float)[:, None]
-    position = x_mm * pose[row, :3, 0] + z_mm * pose[row, :3, 2] + pose[row, :3, 3]
-    label = edge.labels[frames, ::column_step][row, column]
-    return Points(position, label, frames[row], column * column_step)
+    return _at(cloud, edge, frames[row], column * column_step)
+
+
+def _at(cloud: Cloud, edge: Edge, frame: Int, column: Int) -> Points:
+    """The points at places (n,) in the grid."""
+    x_mm, z_mm = (grid[frame, column].astype(float)[:, None] for grid in (cloud.x_mm, cloud.z_mm))
+    x_axis, z_axis, origin = (cloud.base_from_profiler[frame, :3, k] for k in (0, 2, 3))
+    position = x_mm * x_axis + z_mm * z_axis + origin
+    return Points(position, edge.labels[frame, column], frame, column)
 
 
 def _near_faces(points: Points) -> Points:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,6 +47,14 @@ class View:
     def everything_mm(self) -> Float:
         """(q, 3) all that must be inside the picture."""
         return np.vstack([self.points_mm, self.dots_mm, self.lines_mm, self.planes_mm.reshape(-1, 3)])
+
+
+def joined(view: View, lines_mm: list[Float], colours: list[AnyArray]) -> View:
+    """The view with lines (each (p, 3) points with their (p, 3) colours)."""
+    if not lines_mm:
+        return view
+    start = np.cumsum([0, *(len(line) for line in lines_mm[:-1])])
+    return replace(view, lines_mm=np.vstack(lines_mm), line_colour=np.vstack(colours), line_start=start)
 
 
 def towards(axes: Float, look: tuple[float, float, float]) -> Float:

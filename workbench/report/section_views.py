@@ -19,7 +19,7 @@ def section_views(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int)
     """`overview`: the whole edge; `close_up`: the section that matters most; each of about `budget` points."""
     section = of_interest(inspection)
     whole = overview(cloud, edge, budget)
-    near = around(cloud, edge, section, CLOSE_UP_MM, budget)
+    near = around(cloud, edge, section.arc_length_mm, CLOSE_UP_MM, budget)
     length = float(np.ptp(edge.arc_length_mm))
     return {
         "overview": _view(whole, inspection.sections, section, look=(-0.5, 0.8, 0.45), plane_mm=length / 22),

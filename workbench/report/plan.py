@@ -1,0 +1,83 @@
+"""The stage `report.plan`: the chapter on a milling path and how it came from the scan."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Moves, Toolpath
+from workbench.errors import InputError, one_line
+from workbench.stage import stage
+
+
+@stage("report.plan")
+def plan(
+    cloud: Cloud,
+    edge: Edge,
+    toolpath: Toolpath,
+    moves: Moves | None = None,
+    gate: Gate | None = None,
+    engagement: Engagement | None = None,
+    *,
+    points: Annotated[
+        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
+    ] = 150_000,
+) -> Chapter:
+    """The plan as a chapter of the report: from the scan to the path, all layers, feed, times, what was refused.
+
+    The steps of the paper's Fig. 8 (a to f); a section with the layers stepped from the stock to the finished bevel,
+    dimensioned; all layers on the part (Fig. 13); the feed on the path (Fig. 14: the darker the slower) and along the
+    final layer; the cutter's engagement, if it was milled in simulation. Root size and bevel angle are those that the
+    path's own points make with the scanned edge, not the required ones drawn again. Uncertainties are expanded,
+    U = 2 u. The verdict is the gate's.
+
+    Args:
+        cloud: the cloud of the raw edge.
+        edge: the raw edge that the path was planned on.
+        toolpath: the path with its feeds.
+        moves: what simplification made of it; without it the page says so.
+        gate: the path's own checks; without them the page says so and gives no verdict.
+        engagement: of the cutter along the path, from a simulation.
+        points: about how many points a view in space shows at most.
+
+    Raises:
+        InputError: a milled edge, or a path without layers.
+    """
+    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
+    from workbench.report.path_views import path_views
+    from workbench.report.plan_text import plan_html, plan_summary
+    from workbench.report.planned import whole_run
+    from workbench.report.procedure import procedure_views
+    from workbench.report.ramp import feed_scale, layer_scale
+    from workbench.report.rendering import Rendering
+    from workbench.report.stepping import stepped_section, stepping_drawing
+
+    if edge.kind != "raw":
+        raise InputError(
+            cloud.source or "edge", f"expected the raw edge that the path was planned on, got a {edge.kind} one"
+        )
+    if not toolpath.layers:
+        raise InputError(toolpath.source or "path", "expected at least one layer")
+    run = whole_run(toolpath)
+    views = {**procedure_views(cloud, edge, toolpath, points), **path_views(cloud, edge, toolpath, run, points)}
+    rendering = Rendering(views)  # draws while the charts are made
+    charts = {
+        "d": edges_in_plane(cloud, edge),
+        "layer_scale": layer_scale(toolpath),
+        "feed_scale": feed_scale(run),
+        "feed_chart": feed_chart(edge, toolpath),
+    }
+    if stepped := stepped_section(edge, toolpath):
+        charts["section"] = stepping_drawing(cloud, edge, toolpath, stepped)
+    if engagement is not None:
+        charts["engagement"] = engagement_chart(edge, toolpath, engagement)
+    return Chapter(
+        title="Plan",
+        html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, rendering.pictures(), charts),
+        verdict="" if gate is None else "pass" if gate.passed else "fail",
+        summary=plan_summary(toolpath, run, gate),
+        part=toolpath.part_id or cloud.part_id or "",
+        warnings=tuple(dict.fromkeys(map(one_line, [*edge.warnings, *toolpath.warnings]))),
+    )

@@ -1,0 +1,106 @@
+"""What the plan's pictures and tables rest on: the path as it is run, and the bevel that its final layer makes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+
+import numpy as np
+
+from workbench.artefacts import Edge, Layer, Toolpath, Travel
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.times import step_lengths_mm, step_times_s
+from workbench.report.develop import axes_at, developed
+from workbench.units import DEG, Bool, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """The whole path in the order in which it is run, k points, in the base."""
+
+    position_mm: Float  # (k, 3)
+    feed_mm_s: Float  # (k,)
+    cutting: Bool  # (k,)
+    layer: Int  # (k,) index of the layer; 0: through the air between layers
+    length_mm: Float  # (k,) of the step to the point
+    time_s: Float  # (k,) of the step to the point
+
+    @property
+    def cutting_step(self) -> Bool:
+        """(k,) whether the step to the point cuts: both its ends do."""
+        return self.cutting & np.roll(self.cutting, 1) & (self.layer == np.roll(self.layer, 1))
+
+    @property
+    def layer_start(self) -> Int:
+        """(l,) where each layer and each move through the air begins."""
+        return np.flatnonzero(np.diff(self.layer, prepend=-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedBevel:
+    """Root size and bevel angle that the final layer makes at its k cutting points, in their section planes."""
+
+    arc_length_mm: Float  # (k,)
+    root_mm: Float  # (k,)
+    bevel_deg: Float  # (k,)
+
+
+def whole_run(toolpath: Toolpath) -> Run:
+    """Travels and layers in turn."""
+    parts = list(_in_turn(toolpath))
+    position = in_base(toolpath, np.concatenate([part.position_mm for part in parts]))
+    feed = np.concatenate([part.feed_mm_s for part in parts])
+    cutting = [p.cutting if isinstance(p, Layer) else np.zeros(len(p.feed_mm_s), dtype=bool) for p in parts]
+    layer = [np.full(len(p.feed_mm_s), p.index if isinstance(p, Layer) else 0) for p in parts]
+    return Run(
+        position, feed, np.concatenate(cutting), np.concatenate(layer),
+        step_lengths_mm(position), step_times_s(position, feed),
+    )  # fmt: skip
+
+
+def in_base(toolpath: Toolpath, position_mm: Float) -> Float:
+    """Positions (k, 3) of the path, in the base."""
+    pose = toolpath.base_from_workobject
+    return position_mm if pose is None else position_mm @ pose[:3, :3].T + pose[:3, 3]
+
+
+def frames_in_base(toolpath: Toolpath, layer: Layer) -> Float:
+    """(k, 3, 3) x, y, z of a layer's points as columns, in the base."""
+    rotation = rotation_from_quaternion(layer.quaternion_wxyz)
+    return rotation if toolpath.base_from_workobject is None else toolpath.base_from_workobject[:3, :3] @ rotation
+
+
+def planned_bevel(toolpath: Toolpath, edge: Edge) -> PlannedBevel:
+    """Where the final layer's plane meets the measured end face, and at what angle."""
+    final = toolpath.layers[-1]
+    cut = final.cutting
+    s, u, v = developed(in_base(toolpath, final.position_mm[cut]), final.arc_length_mm[cut], edge).T
+    axis = frames_in_base(toolpath, final)[cut][:, :, 2]
+    out, up = (np.einsum("ij,ij->i", axis, axes_at(s, edge, each)) for each in (edge.normal, edge.across))
+    return PlannedBevel(s, v - u * up / out, np.arctan2(np.abs(out), np.abs(up)) / DEG)
+
+
+def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]:
+    """Standard uncertainty of the planned root size, mm, and bevel angle, deg, as far as the scan is to blame.
+
+    The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
+    None where the edge does not state its own.
+    """
+    if edge.position_u_mm is None:
+        return None, None
+    u_out, u_across = np.nanmedian(edge.position_u_mm, axis=0)
+    return float(np.hypot(u_across, u_out / np.tan(bevel_deg * DEG))), float(edge.normal_u / DEG)
+
+
+def thickness_mm(edge: Edge) -> Float:
+    """(n,) height of a raw edge's end face at its stations; NaN where hidden."""
+    if edge.upper_position_mm is None:
+        return np.full(len(edge.arc_length_mm), np.nan)
+    rise = edge.upper_position_mm - edge.position_mm
+    return np.asarray(np.einsum("ij,ij->i", rise, edge.across))
+
+
+def _in_turn(toolpath: Toolpath) -> Iterator[Layer | Travel]:
+    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
+        yield from (part for part in (travel, layer) if part is not None)

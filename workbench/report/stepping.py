@@ -1,0 +1,171 @@
+"""The section drawing of the plan: how the layers step from the stock to the finished bevel, dimensioned.
+
+In the section plane u is the end face's outward normal (to the right), v runs from the lower to the upper side. The
+layers are drawn from the path's own points and cutter axes, over the scanned points; so a path that is off shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.artefacts import Cloud, Edge, Layer, Toolpath
+from workbench.report.colours import FACES, GREY, INK, PALE
+from workbench.report.develop import axes_at, developed
+from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
+from workbench.report.figures import styled, svg
+from workbench.report.planned import frames_in_base, in_base, planned_bevel, planned_u, thickness_mm
+from workbench.report.ramp import MOST_NAMES, layer_colours
+from workbench.report.sample import around, frame_arc_length_mm
+from workbench.report.values import decimals, measured
+from workbench.units import Float
+
+POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
+EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
+HEIGHT_IN, WIDTH_IN = 4.3, 7.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """A layer in a section: where its bevel face starts (at the upper side) and ends, (2,) each, in mm."""
+
+    layer: Layer
+    upper: Float
+    lower: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepped:
+    """The section at an arc length: stock and layers."""
+
+    arc_length_mm: float
+    thickness_mm: float
+    upper_edge: Float  # (2,)
+    inward: Float  # (2,) unit, along the upper surface into the plate
+    cuts: list[Cut]  # layers that cut here, first to last
+    root_mm: float
+    bevel_deg: float
+
+
+def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
+    """The section nearest to the middle of the edge in which the final layer cuts; None where it cuts nowhere."""
+    bevel = planned_bevel(toolpath, edge)
+    high = thickness_mm(edge)
+    known = np.isfinite(np.interp(bevel.arc_length_mm, edge.arc_length_mm, high))
+    if not known.any():
+        return None
+    s, middle = bevel.arc_length_mm, float(edge.arc_length_mm[-1]) / 2.0
+    k = int(np.argmin(np.where(known, np.abs(s - middle), np.inf)))
+    station = int(np.nanargmin(np.where(np.isfinite(high), np.abs(edge.arc_length_mm - s[k]), np.nan)))
+    assert edge.upper_position_mm is not None  # else its thickness is not known
+    axes = np.array([edge.normal[station], edge.across[station]])
+    inward = -axes[0] if edge.upper_inward is None else edge.upper_inward[station]
+    return Stepped(
+        arc_length_mm=float(s[k]), thickness_mm=float(high[station]), inward=axes @ inward,
+        upper_edge=axes @ (edge.upper_position_mm[station] - edge.position_mm[station]),
+        cuts=[cut for layer in toolpath.layers if (cut := _cut(edge, toolpath, layer, float(s[k])))],
+        root_mm=float(bevel.root_mm[k]), bevel_deg=float(bevel.bevel_deg[k]),
+    )  # fmt: skip
+
+
+def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Stepped) -> bytes:
+    """SVG of the section."""
+    size = 1.35 * max(stepped.thickness_mm, -stepped.cuts[0].upper[0], -stepped.cuts[-1].upper[0] * 0.8)
+    with styled():
+        figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN))
+        axes = figure.add_axes((0.085, 0.115, 0.9, 0.87), aspect="equal")
+        width = size * 0.9 * WIDTH_IN / (0.87 * HEIGHT_IN)
+        axes.set(xlim=(-0.62 * width, 0.38 * width), ylim=(-0.09 * size, 0.91 * size))
+        _draw_stock(axes, stepped, width)
+        _draw_points(axes, cloud, edge, stepped)
+        _draw_layers(axes, toolpath, stepped, size)
+        _draw_dimensions(axes, edge, toolpath, stepped, size)
+        axes.set_xlabel("u along the end face's outward normal, mm")
+        axes.set_ylabel("v from the lower to the upper side, mm")
+        return svg(figure)
+
+
+def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | None:
+    """The layer's face at its point nearest to an arc length; None where it does not cut there."""
+    k = int(np.argmin(np.abs(layer.arc_length_mm - at_mm)))
+    if not layer.cutting[k]:
+        return None
+    s, u, v = developed(in_base(toolpath, layer.position_mm[k : k + 1]), layer.arc_length_mm[k : k + 1], edge)[0]
+    axis = frames_in_base(toolpath, layer)[k][:, 2]  # from shank to tip: down to the lower side
+    here = np.array([s])
+    along = np.array([axis @ axes_at(here, edge, each)[0] for each in (edge.normal, edge.across)])
+    half = along * layer.width_mm[k] / 2.0
+    return Cut(layer, np.array([u, v]) - half, np.array([u, v]) + half)
+
+
+def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
+    """The plate, and on it what is to be milled away."""
+    corner, final = stepped.upper_edge, stepped.cuts[-1]
+    reach = 0.9 * width
+    plate = np.array([[0.0, 0.0], corner, corner + reach * stepped.inward, reach * stepped.inward])
+    axes.fill(*plate.T, facecolor="#eef0f2", edgecolor="none", zorder=0.2)
+    waste = np.array([final.lower, corner, final.upper])
+    axes.fill(*waste.T, facecolor="white", edgecolor=PALE, hatch="////", linewidth=0.0, zorder=0.3)
+    axes.plot(*np.array([[0.0, 0.0], corner, corner + reach * stepped.inward]).T, color=GREY, linewidth=0.9, zorder=1.5)
+    lower = np.array([[0.0, 0.0], reach * stepped.inward])
+    axes.plot(*lower.T, color=GREY, linewidth=0.7, dashes=(6, 3), zorder=1.5)  # not scanned: parallel to the upper one
+
+
+def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None:
+    points = around(cloud, edge, stepped.arc_length_mm, REACH_MM, POINTS)
+    start = frame_arc_length_mm(cloud, edge)[points.frame]
+    laid_out = developed(points.position_mm, start, edge)
+    for face in np.unique(points.label):
+        axes.plot(
+            *laid_out[points.label == face, 1:].T, ".", color=FACES[int(face)], markersize=2.6, markeredgewidth=0,
+            alpha=0.6, rasterized=True, zorder=2,
+        )  # fmt: skip
+
+
+def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
+    """Each layer's face, drawn on beyond the upper surface, where its number stands."""
+    count = len(toolpath.layers)
+    named = {stepped.cuts[int(k)].layer.index for k in np.linspace(0, len(stepped.cuts) - 1, MOST_NAMES).round()}
+    for cut in stepped.cuts:
+        colour = layer_colours(np.array([cut.layer.index]), count)[0] / 255.0
+        final = cut is stepped.cuts[-1]
+        axes.plot(*np.array([cut.lower, cut.upper]).T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
+        beyond = _beyond(cut, size)
+        axes.plot(*np.array([cut.upper, beyond]).T, color=colour, linewidth=0.6, zorder=1)
+        if cut.layer.index in named:
+            axes.annotate(
+                f"{cut.layer.index}", tuple(beyond), (-3, 1), textcoords="offset points", ha="center", va="bottom",
+                fontsize=8, color=INK, fontweight="bold" if final else "normal",
+            )  # fmt: skip
+
+
+def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
+    root_u, bevel_u = planned_u(edge, stepped.bevel_deg)
+    root = measured(stepped.root_mm, root_u, decimals([root_u]))
+    dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
+    high_u = None if root_u is None or edge.position_u_mm is None else float(np.nanmedian(edge.position_u_mm[:, 1]))
+    high = measured(stepped.thickness_mm, high_u, decimals([high_u]))
+    dimension_height(axes, stepped.thickness_mm, 0.42 * size, f"thickness\n{high} mm", size)
+    angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
+    radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - stepped.root_mm))
+    axes.plot([0, 0], [stepped.root_mm, stepped.root_mm + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
+    dimension_angle(axes, stepped.root_mm, stepped.bevel_deg, f"({angle})°", radius)
+    if len(stepped.cuts) > 1:
+        one, final = stepped.cuts[-2:]
+        low, along = (
+            _beyond(final, 0.55 * size),
+            (final.lower - final.upper) / np.linalg.norm(final.lower - final.upper),
+        )
+        off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
+        depth = abs(float((one.upper - final.upper) @ off))
+        dimension_gap(axes, low, low + depth * off, f"depth of cut {depth:.3g} mm", size)
+
+
+def _beyond(cut: Cut, size: float) -> Float:
+    """A point on a layer's line beyond the upper surface."""
+    along = cut.upper - cut.lower
+    on: Float = cut.upper + EXTENDED * size * along / np.linalg.norm(along)
+    return on

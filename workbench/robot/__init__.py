@@ -1,0 +1,43 @@
+"""The robot cell: its file, the robot's kinematics, collision. Stage `robot.cell`.
+
+Kinematics come from the URDF by pinocchio; the kernels here are vectorised over postures and proven equal to it in the
+tests. Collision is python-fcl's.
+"""
+
+from workbench.robot.cell import Cell, LoadingSetup, Turntable
+from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
+from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
+from workbench.robot.files import read_json
+from workbench.robot.inverse import inverse_kinematics
+from workbench.robot.kinematics import (
+    forward_kinematics,
+    jacobian,
+    jacobian_at,
+    jacobian_derivative,
+    joint_axes,
+    motions,
+)
+from workbench.robot.read import cell, read_cell
+
+__all__ = [
+    "AngleConvention",
+    "Cell",
+    "Chain",
+    "Clearance",
+    "CollisionModel",
+    "LoadingSetup",
+    "Turntable",
+    "abb_angles",
+    "cell",
+    "forward_kinematics",
+    "inverse_kinematics",
+    "jacobian",
+    "jacobian_at",
+    "jacobian_derivative",
+    "joint_axes",
+    "motions",
+    "read_cell",
+    "read_json",
+    "turntable_pose",
+    "within_limits",
+]

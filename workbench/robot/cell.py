@@ -1,0 +1,68 @@
+"""The robot cell: robot, tool, turntable, workpiece, fixtures, and how its stiffness is measured. Lengths in mm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.robot.chain import Chain
+from workbench.robot.shapes import Shape
+from workbench.units import Float
+
+COAXIAL = 1e-3  # rad, mm: nearer than this, the cutter's axis is the flange's
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turntable:
+    """A turntable under the workpiece; it turns about the z-axis of its frame."""
+
+    base_from_turntable: Float  # (4, 4) at 0
+    limits: Float  # (2,) rad
+    speed: float  # rad/s, largest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadingSetup:
+    """What is mounted on the flange for loading tests, and its noise (standard deviations of a difference).
+
+    The tool frame is the one whose displacement is given in six dimensions; targets are tracked points.
+    """
+
+    flange_from_sensor: Float  # (4, 4)
+    flange_from_tool: Float  # (4, 4)
+    targets_mm: Float  # (k, 3) in the flange frame
+    load_points_mm: Float  # (m, 3) in the flange frame: where a force can be applied
+    force_noise_n: float
+    torque_noise_nm: float
+    displacement_noise_mm: float
+    rotation_noise: float  # rad
+    target_noise_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """A robot cell as its file describes it; `shapes` are the robot's links first, then all that stands around."""
+
+    source: str  # the file's name as given, for messages
+    title: str
+    chain: Chain
+    shapes: tuple[Shape, ...]
+    flange_from_cutter: Float  # (4, 4) the tool's tip: z along the cutter's axis, from shank to tip
+    turntable: Turntable | None
+    loading: LoadingSetup | None
+    may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
+    margin_mm: float  # clearance below which a posture counts as colliding
+    warnings: tuple[str, ...] = ()
+
+
+def spindle_warning(flange_from_cutter: Float) -> str | None:
+    """What to say of a spindle whose axis is the flange's own: turning the cutter about it is turning joint 6."""
+    axis, at = flange_from_cutter[:3, 2], flange_from_cutter[:3, 3]
+    off = np.hypot(at[0], at[1])
+    if np.hypot(axis[0], axis[1]) > COAXIAL or off > COAXIAL:
+        return None
+    return (
+        "the spindle is coaxial with the flange: joint 6 alone turns the cutter about its axis, so the cutter rotation "
+        "changes no posture and no displacement; mount the spindle at an angle or offset"
+    )

@@ -1,0 +1,143 @@
+"""The cell file's form: strict JSON, every key described. Lengths in mm, angles in deg."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.units import Float
+
+Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+Size = Annotated[float, Field(gt=0, le=1e5)]
+Point = tuple[Length, Length, Length]
+Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
+Quaternion = tuple[float, float, float, float]
+
+
+class _Part(BaseModel):
+    """An object of the file: known keys only."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class Placed(_Part):
+    """A pose: origin and orientation."""
+
+    position_mm: Point = Field((0.0, 0.0, 0.0), description="origin")
+    quaternion_wxyz: Quaternion = Field((1.0, 0.0, 0.0, 0.0), description="orientation, scalar first")
+
+    @model_validator(mode="after")
+    def _unit(self) -> Placed:
+        if abs(np.linalg.norm(self.quaternion_wxyz) - 1) > 1e-3:
+            raise ValueError("expected a quaternion of norm 1 within 1e-3")
+        return self
+
+
+Pose = Placed | Matrix  # or the 4x4 matrix `a_from_b`, row-major
+
+
+class RobotPart(_Part):
+    """The robot."""
+
+    urdf: str = Field(description="its URDF, relative to this file")
+    base_frame: str = Field("base_link", description="the URDF's frame in which the controller reports poses")
+    flange_frame: str = Field("tool0", description="the URDF's frame of the mounting flange")
+
+
+class ShapePart(_Part):
+    """A collision shape: exactly one of its kinds, and where it is."""
+
+    pose: Pose = Field(Placed(), description="of the shape's middle, in the frame of what it belongs to")
+    box_mm: tuple[Size, Size, Size] | None = Field(None, description="edge lengths along x, y, z")
+    capsule_mm: tuple[Size, Size] | None = Field(None, description="radius, and length along z without the caps")
+    cylinder_mm: tuple[Size, Size] | None = Field(None, description="radius, and length along z")
+    sphere_mm: Size | None = Field(None, description="radius")
+    mesh: str | None = Field(None, description="an STL, OBJ or PLY file in mm, relative to this file")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> ShapePart:
+        given = [name for name in KINDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected exactly one of {', '.join(KINDS)}")
+        return self
+
+
+KINDS = ("box_mm", "capsule_mm", "cylinder_mm", "sphere_mm", "mesh")
+
+
+class ToolPart(_Part):
+    """Spindle and cutter."""
+
+    flange_from_cutter: Pose = Field(description="the cutter's tip: z along its axis from shank to tip")
+    shapes: list[ShapePart] = Field([], description="collision shapes, in the flange frame")
+
+
+class TurntablePart(_Part):
+    """The turntable under the workpiece."""
+
+    base_from_turntable: Pose = Field(description="its frame at 0 deg; it turns about z")
+    limits_deg: tuple[float, float] = Field((-180.0, 180.0), description="lowest and highest angle")
+    speed_deg_s: float = Field(30.0, gt=0, description="largest speed")
+    shapes: list[ShapePart] = Field([], description="collision shapes, in the turntable's frame")
+
+    @model_validator(mode="after")
+    def _rising(self) -> TurntablePart:
+        if not self.limits_deg[0] < self.limits_deg[1]:
+            raise ValueError("expected limits_deg with the lower one first")
+        return self
+
+
+class WorkpiecePart(_Part):
+    """The workpiece on the turntable, or on the base where there is none."""
+
+    pose: Pose = Field(Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
+    mesh: str | None = Field(None, description="an STL, OBJ or PLY file in mm; null: no workpiece to run into")
+
+
+class FixturePart(ShapePart):
+    """Something that stands in the cell."""
+
+    name: str = Field(min_length=1, description="for messages")
+    on: Literal["base", "turntable"] = Field("base", description="what it stands on")
+
+
+class LoadingPart(_Part):
+    """What is mounted for loading tests; noise is the standard deviation of loaded minus unloaded."""
+
+    flange_from_sensor: Pose = Field(description="frame of the force and torque sensor")
+    flange_from_tool: Pose = Field(description="the tool frame, whose displacement is given in six dimensions")
+    targets_mm: list[Point] = Field([], description="tracked points p1, p2, ... in the flange frame")
+    load_points_mm: list[Point] = Field([], description="where a force can be applied, in the flange frame")
+    force_noise_n: float = Field(0.5, gt=0, description="each axis")
+    torque_noise_nm: float = Field(0.05, gt=0, description="each axis")
+    displacement_noise_mm: float = Field(0.015, gt=0, description="of the tool frame, each axis")
+    rotation_noise_deg: float = Field(0.003, gt=0, description="of the tool frame, each axis")
+    target_noise_mm: float = Field(0.015, gt=0, description="of a tracked point, each axis")
+
+
+class CellPart(_Part):
+    """The whole file."""
+
+    format: Literal["robot-cell"]
+    version: Literal[1]
+    title: str = ""
+    robot: RobotPart
+    tool: ToolPart
+    turntable: TurntablePart | None = None
+    workpiece: WorkpiecePart = WorkpiecePart()
+    fixtures: list[FixturePart] = []
+    loading: LoadingPart | None = Field(None, description="needed by loading tests only")
+    may_touch: list[tuple[str, str]] = Field([], description="pairs of bodies whose contact is no collision")
+    margin_mm: float = Field(0.0, ge=0, le=1000, description="clearance below which a posture counts as colliding")
+
+
+def matrix_of(pose: Pose) -> Float | None:
+    """The 4x4 matrix of a pose in the file; None: it is not a rigid motion."""
+    if isinstance(pose, Placed):
+        q = np.array(pose.quaternion_wxyz)
+        return pose_from(rotation_from_quaternion(q / np.linalg.norm(q)), np.array(pose.position_mm))
+    matrix = np.array(pose, float)
+    return matrix if is_rigid(matrix) else None

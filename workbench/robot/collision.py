@@ -1,0 +1,106 @@
+"""Collision and clearance of a posture by python-fcl, with geometry objects of its own. Lengths in mm.
+
+fcl gets copies built here: objects of pin's own geometry crash it. Its quaternions are w x y z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import fcl
+import numpy as np
+
+from workbench.geometry.poses import pose_from
+from workbench.robot.cell import Cell
+from workbench.robot.kinematics import motions
+from workbench.robot.shapes import ON_TURNTABLE, Shape
+from workbench.units import Float
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The smallest distance between two bodies that must not touch; 0 where they do."""
+
+    distance_mm: float
+    pair: tuple[str, str]
+
+
+class CollisionModel:
+    """The cell's shapes as fcl objects, and the pairs of them that must not touch."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build once, ask often."""
+        self._cell = cell
+        self._objects = [fcl.CollisionObject(_geometry(shape)) for shape in cell.shapes]
+        free = {frozenset(pair) for pair in cell.may_touch}
+        shapes = cell.shapes
+        self.pairs = [
+            (a, b)
+            for a in range(len(shapes))
+            for b in range(a + 1, len(shapes))
+            if _checked(shapes[a], shapes[b]) and frozenset((shapes[a].body, shapes[b].body)) not in free
+        ]
+
+    def collision(self, joints: Float, turntable: float = 0.0) -> tuple[str, str] | None:
+        """The first pair of bodies nearer than the margin at joint angles (6,), rad; None: the posture is free."""
+        self._place(joints, turntable)
+        for a, b in self.pairs:
+            if self._touch(a, b) or (self._cell.margin_mm > 0 and self._distance(a, b) < self._cell.margin_mm):
+                return self._names(a, b)
+        return None
+
+    def clearance(self, joints: Float, turntable: float = 0.0) -> Clearance | None:
+        """The smallest distance and its pair at joint angles (6,), rad; None where nothing could touch."""
+        self._place(joints, turntable)
+        best: Clearance | None = None
+        for a, b in self.pairs:
+            distance = 0.0 if self._touch(a, b) else self._distance(a, b)
+            if best is None or distance < best.distance_mm:
+                best = Clearance(distance, self._names(a, b))
+        return best
+
+    def _names(self, a: int, b: int) -> tuple[str, str]:
+        return self._cell.shapes[a].body, self._cell.shapes[b].body
+
+    def _touch(self, a: int, b: int) -> bool:
+        return bool(fcl.collide(self._objects[a], self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
+
+    def _distance(self, a: int, b: int) -> float:
+        return max(float(fcl.distance(self._objects[a], self._objects[b], fcl.DistanceRequest())), 0.0)
+
+    def _place(self, joints: Float, turntable: float) -> None:
+        moved = motions(self._cell.chain, joints)
+        turned = turntable_pose(self._cell, turntable)
+        for shape, placed in zip(self._cell.shapes, self._objects, strict=True):
+            pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
+            placed.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+
+
+def turntable_pose(cell: Cell, angle: float) -> Float:
+    """`base_from_turntable` (4, 4) turned by `angle`, rad; the base itself where there is no turntable."""
+    if cell.turntable is None:
+        return np.eye(4)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = pose_from(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
+    return np.asarray(cell.turntable.base_from_turntable @ turn)
+
+
+def _checked(a: Shape, b: Shape) -> bool:
+    """Neighbours along the robot touch at their joint; what does not move cannot run into each other."""
+    if a.body == b.body or not (1 <= a.link <= 6 or 1 <= b.link <= 6):
+        return False
+    neighbours = abs(a.link - b.link) <= 1
+    return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
+
+
+def _geometry(shape: Shape) -> fcl.CollisionGeometry:
+    if shape.kind == "mesh":
+        assert shape.vertices_mm is not None
+        assert shape.triangles is not None
+        mesh = fcl.BVHModel()
+        mesh.beginModel(len(shape.vertices_mm), len(shape.triangles))
+        mesh.addSubModel(shape.vertices_mm, shape.triangles)
+        mesh.endModel()
+        return mesh
+    makers = {"box": fcl.Box, "sphere": fcl.Sphere, "capsule": fcl.Capsule, "cylinder": fcl.Cylinder}
+    return makers[shape.kind](*shape.size_mm)

@@ -1,0 +1,124 @@
+"""`robot.cell`: the robot cell from its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.errors import InputError, PipelineError, nearest
+from workbench.parameters import check_parameters
+from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
+from workbench.robot.cell_file import CellPart, LoadingPart, Pose, ShapePart, ToolPart, TurntablePart, matrix_of
+from workbench.robot.files import read_json
+from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
+from workbench.robot.urdf import read_urdf
+from workbench.robot.wrist import spherical_wrist
+from workbench.stage import InputFile, stage
+from workbench.units import DEG, Float
+
+
+@stage("robot.cell")
+def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON)")]) -> Cell:
+    """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
+
+    Args:
+        cell: the cell file; its own paths are relative to it.
+
+    Raises:
+        InputError: the file or one that it names is missing or unusable, an unknown frame, a robot whose inverse
+            kinematics has no closed form here.
+    """
+    return read_cell(cell)
+
+
+def read_cell(path: Path) -> Cell:
+    """The cell that a file describes; raises InputError with the file and the place in it."""
+    try:
+        values = check_parameters(CellPart, read_json(path), f"{path}: $")
+    except PipelineError as error:
+        raise InputError(error.where, error.expected) from None
+    part = CellPart.model_construct(**values)
+    chain, links = read_urdf(path.parent / part.robot.urdf, part.robot.base_frame, part.robot.flange_frame)
+    spherical_wrist(chain)
+    cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
+    shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, path))
+    known = {shape.body for shape in shapes}
+    for name in (name for pair in part.may_touch for name in pair):
+        if name not in known:
+            raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
+    warning = spindle_warning(cutter)
+    return Cell(
+        source=str(path), title=part.title or chain.name, chain=chain, shapes=shapes, flange_from_cutter=cutter,
+        turntable=_turntable(part.turntable, path), loading=_loading(part.loading, path),
+        may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=(warning,) if warning else (),
+    )  # fmt: skip
+
+
+def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:
+    return [
+        _shape(shape, "tool", 6, base_from_flange, f"{path}: $.tool.shapes[{i}]", path)
+        for i, shape in enumerate(part.shapes)
+    ]
+
+
+def _around(part: CellPart, path: Path) -> list[Shape]:
+    """Turntable, workpiece and fixtures."""
+    table, here = part.turntable, np.eye(4)
+    found = []
+    for i, shape in enumerate(table.shapes if table else []):
+        found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
+    if part.workpiece.mesh is not None:
+        piece = ShapePart.model_validate({"pose": part.workpiece.pose, "mesh": part.workpiece.mesh})
+        found.append(_shape(piece, "workpiece", ON_TURNTABLE if table else ON_BASE, here, f"{path}: $.workpiece", path))
+    for i, fixture in enumerate(part.fixtures):
+        where = f"{path}: $.fixtures[{i}]"
+        if fixture.on == "turntable" and table is None:
+            raise InputError(f"{where}.on", "expected 'base': the cell has no turntable")
+        link = ON_TURNTABLE if fixture.on == "turntable" else ON_BASE
+        found.append(_shape(fixture, fixture.name, link, here, where, path))
+    return found
+
+
+def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, path: Path) -> Shape:
+    pose = parent @ _pose(part.pose, f"{where}.pose")
+    if part.mesh is not None:
+        vertices, triangles = read_mesh(path.parent / part.mesh, f"{where}.mesh")
+        return Shape(body, link, "mesh", (), pose, vertices, triangles)
+    sizes = {"box": part.box_mm, "capsule": part.capsule_mm, "cylinder": part.cylinder_mm,
+             "sphere": None if part.sphere_mm is None else (part.sphere_mm,)}  # fmt: skip
+    kind, size = next((kind, size) for kind, size in sizes.items() if size is not None)
+    return Shape(body, link, kind, size, pose)
+
+
+def _turntable(part: TurntablePart | None, path: Path) -> Turntable | None:
+    if part is None:
+        return None
+    pose = _pose(part.base_from_turntable, f"{path}: $.turntable.base_from_turntable")
+    return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG)
+
+
+def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:
+    if part is None:
+        return None
+    where = f"{path}: $.loading"
+    return LoadingSetup(
+        flange_from_sensor=_pose(part.flange_from_sensor, f"{where}.flange_from_sensor"),
+        flange_from_tool=_pose(part.flange_from_tool, f"{where}.flange_from_tool"),
+        targets_mm=np.array(part.targets_mm, float).reshape(-1, 3),
+        load_points_mm=np.array(part.load_points_mm, float).reshape(-1, 3),
+        force_noise_n=part.force_noise_n, torque_noise_nm=part.torque_noise_nm,
+        displacement_noise_mm=part.displacement_noise_mm, rotation_noise=part.rotation_noise_deg * DEG,
+        target_noise_mm=part.target_noise_mm,
+    )  # fmt: skip
+
+
+def _pose(pose: Pose, where: str) -> Float:
+    matrix = matrix_of(pose)
+    if matrix is None:
+        raise InputError(
+            where, "expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1"
+        )
+    return matrix

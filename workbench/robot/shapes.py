@@ -1,0 +1,46 @@
+"""Collision shapes: what they are and where. Lengths in mm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.units import AnyArray, Float
+
+ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A rigid shape on a body of the cell.
+
+    `pose` is where it is with all joints at zero: in the base, or for ON_TURNTABLE in the turntable's own frame.
+    """
+
+    body: str  # name of what it belongs to; shapes of one body may touch
+    link: int  # 0 to 6: hangs on that link of the robot, whose base is 0; else ON_BASE or ON_TURNTABLE
+    kind: str  # box (x, y, z), sphere (radius), capsule and cylinder (radius, length along z without caps), mesh
+    size_mm: tuple[float, ...]
+    pose: Float  # (4, 4)
+    vertices_mm: Float | None = None  # (v, 3) of a mesh, in the shape's frame
+    triangles: AnyArray | None = None  # (t, 3)
+
+
+def read_mesh(path: Path, where: str) -> tuple[Float, AnyArray]:
+    """Vertices (v, 3), in the file's own unit, and triangles (t, 3) of an STL, OBJ or PLY file.
+
+    Raises:
+        InputError: no such file, or no triangles in it.
+    """
+    import open3d
+
+    if not path.is_file():
+        raise InputError(where, f"the mesh '{path}' does not exist")
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        mesh = open3d.io.read_triangle_mesh(path)
+    if not len(mesh.triangles):
+        raise InputError(where, f"the mesh '{path}' holds no triangles: expected an STL, OBJ or PLY file")
+    return np.array(mesh.vertices), np.array(mesh.triangles)

@@ -1,0 +1,160 @@
+"""A robot out of its URDF: the chain by pin, the links' collision shapes from the file itself. URDF is in m and rad."""
+
+from __future__ import annotations
+
+import os
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from workbench.errors import InputError, nearest
+from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
+from workbench.robot.chain import Chain
+from workbench.robot.shapes import Shape, read_mesh
+from workbench.units import Float
+
+MM = 1e3  # mm per m
+
+
+def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tuple[Shape, ...]]:
+    """The chain between two frames of a six-axis robot, and its links' shapes, placed in the base at zero.
+
+    Shapes carry their link's name and `link` 0 (does not move) to 6.
+
+    Raises:
+        InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh.
+    """
+    document = _parsed(path)
+    with _quiet():
+        try:
+            model = pin.buildModelFromXML(ElementTree.tostring(document, encoding="unicode"))
+        except ValueError:
+            raise InputError(str(path), "expected a URDF that pinocchio can build a robot from") from None
+    _check_joints(model, path)
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    base = _world_from(model, data, base_frame, path)
+    flange = inverse(base) @ _world_from(model, data, flange_frame, path)
+    if model.frames[_frame(model, flange_frame, path)].parentJoint != 6:
+        raise InputError(f"{path}: {flange_frame}", "expected a flange frame behind the sixth joint")
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    points = np.array([data.oMi[i + 1].translation for i in range(6)]) * MM
+    to_base = inverse(base)
+    chain = Chain(
+        name=str(model.name), joint_names=tuple(model.names)[1:],
+        axes=data.J[3:].T @ to_base[:3, :3].T, points_mm=points @ to_base[:3, :3].T + to_base[:3, 3],
+        base_from_flange_at_zero=flange,
+        limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
+        speeds=np.array(model.velocityLimit),
+    )  # fmt: skip
+    return chain, tuple(_shapes(document, model, data, to_base, path))
+
+
+def _parsed(path: Path) -> ElementTree.Element:
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(str(path), f"expected a URDF: {error}") from None
+    if root.tag != "robot":
+        raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
+    return root
+
+
+def _check_joints(model: pin.Model, path: Path) -> None:
+    if model.nq != 6 or model.nv != 6 or model.njoints != 7:
+        raise InputError(str(path), f"expected six revolute joints in a row, found {model.njoints - 1} joints")
+    for i, joint in enumerate(model.joints[1:]):
+        if "JointModelR" not in joint.shortname() or model.parents[i + 1] != i:
+            raise InputError(f"{path}: {model.names[i + 1]}", "expected a revolute joint, all six in one chain")
+        if not model.lowerPositionLimit[i] < model.upperPositionLimit[i]:
+            raise InputError(f"{path}: {model.names[i + 1]}", "expected limits with lower < upper")
+
+
+def _frame(model: pin.Model, name: str, path: Path) -> int:
+    """pin's index of a frame; its own getFrameId raises nothing for an unknown name."""
+    if not model.existFrame(name):
+        raise InputError(f"{path}: {name!r}", f"unknown frame{nearest(name, [f.name for f in model.frames])}")
+    return int(model.getFrameId(name))
+
+
+def _world_from(model: pin.Model, data: pin.Data, name: str, path: Path) -> Float:
+    frame = model.frames[_frame(model, name, path)]
+    placed = data.oMi[frame.parentJoint] * frame.placement
+    return pose_from(np.array(placed.rotation), np.array(placed.translation) * MM)
+
+
+def _shapes(document: ElementTree.Element, model: pin.Model, data: pin.Data, to_base: Float,
+            path: Path) -> Iterator[Shape]:  # fmt: skip
+    """All collision shapes of all links; a cylinder named under collision_checking is a capsule, as pin has it."""
+    for link in document.iter("link"):
+        name = link.get("name", "")
+        capsules = {mark.get("name") for mark in link.iterfind("collision_checking/capsule")}
+        for collision in link.iterfind("collision"):
+            where = f"{path}: link '{name}'"
+            kind, size, vertices, triangles = _geometry(collision, collision.get("name") in capsules, where, path)
+            base_from_link = to_base @ _world_from(model, data, name, path)
+            joint = int(model.frames[_frame(model, name, path)].parentJoint)
+            yield Shape(name, joint, kind, size, base_from_link @ _origin(collision, where), vertices, triangles)
+
+
+def _geometry(collision: ElementTree.Element, capsule: bool, where: str,
+              path: Path) -> tuple[str, tuple[float, ...], Float | None, Float | None]:  # fmt: skip
+    """Kind, sizes in mm, and a mesh's vertices and triangles."""
+    geometry = collision.find("geometry")
+    found = list(geometry) if geometry is not None else []
+    if len(found) != 1:
+        raise InputError(where, "expected one geometry in each collision element")
+    element = found[0]
+    if element.tag == "mesh":
+        scale = _numbers(element.get("scale", "1 1 1"), 3, where)
+        vertices, triangles = read_mesh(path.parent / element.get("filename", "").removeprefix("file://"), where)
+        return "mesh", (), vertices * np.array(scale) * MM, triangles
+    if element.tag == "box":
+        return "box", tuple(MM * s for s in _numbers(element.get("size", ""), 3, where)), None, None
+    radius = MM * _numbers(element.get("radius", ""), 1, where)[0]
+    if element.tag == "sphere":
+        return "sphere", (radius,), None, None
+    if element.tag == "cylinder":
+        length = MM * _numbers(element.get("length", ""), 1, where)[0]
+        return "capsule" if capsule else "cylinder", (radius, length), None, None
+    raise InputError(where, f"unknown geometry '{element.tag}': expected box, sphere, cylinder or mesh")
+
+
+def _origin(collision: ElementTree.Element, where: str) -> Float:
+    origin = collision.find("origin")
+    if origin is None:
+        return np.eye(4)
+    x, y, z = _numbers(origin.get("xyz", "0 0 0"), 3, where)
+    roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, where)  # URDF: Rz(yaw) Ry(pitch) Rx(roll)
+    return pose_from(rotation_from_rpy(yaw, pitch, roll), np.array([x, y, z]) * MM)
+
+
+def _numbers(text: str, count: int, where: str) -> list[float]:
+    try:
+        values = [float(part) for part in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(where, f"expected {count} numbers, found {text!r}")
+    return values
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """What the URDF parser prints from C++ is kept off standard error: errors are one line here."""
+    sys.stderr.flush()
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)

@@ -36,7 +36,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     """
     corners, forward = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1)
-    _check_advance(cloud, corners[seen])
+    check_advance(cloud, corners[seen])
     s = np.full(seen.size, np.nan)
     s[seen] = arrange(corners[seen], cloud.pass_index[seen], forward[seen])
     curve = fit_curve(corners[seen], s[seen])
@@ -51,7 +51,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     return _from_zero(frames, curve)
 
 
-def _check_advance(cloud: Cloud, corners: Float) -> None:
+def check_advance(cloud: Cloud, corners: Float) -> None:
     """Refuse frames that do not run along an edge: angles and lengths need its direction."""
     travelled = np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
     if len(corners) < LEAST_FRAMES or np.linalg.norm(travelled) < LEAST_LENGTH_MM:

@@ -122,7 +122,7 @@ def fit_curve(points_mm: Float, s: Float, stiffness: float | None = None) -> Cur
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
     spline, stiffness, tangent_u = _smoothing_spline(*_bin_means(points_mm, s), stiffness)
-    return _with_frame(spline, s, stiffness, tangent_u)
+    return with_frame(spline, s, stiffness, tangent_u)
 
 
 def _bin_means(points: Float, s: Float) -> tuple[Float, Float, Float]:
@@ -215,7 +215,8 @@ def _cross_validated(at: Float, values: Float) -> float:
     return float(np.exp(refined.x))
 
 
-def _with_frame(spline: BSpline, s: Float, stiffness: float, tangent_u: float) -> Curve:
+def with_frame(spline: BSpline, s: Float, stiffness: float, tangent_u: float) -> Curve:
+    """The curve that a spline of arc length makes, its frame from a little before the first s to after the last."""
     stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int(s.max() - s.min()) + 10))
     if stations.size > 2 * MOST_BINS:
         stations = np.linspace(stations[0], stations[-1], 2 * MOST_BINS)

@@ -1,0 +1,126 @@
+"""Which way the end face of a raw edge runs in each frame, and whether z counts away from the sensor.
+
+`upper_side` says so roughly. Key frames are searched for the straight run along it, some 30 deg about; what lies
+beside that run, the plate's surfaces or what stands behind, is farther from the sensor than the face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.artefacts import Cloud
+from workbench.errors import InputError
+from workbench.geometry.blocks import as_input, in_order
+from workbench.geometry.end_face import best_direction
+from workbench.units import DEG, Float, Int
+
+WHERE = "edge.segment_raw.upper_side"
+KEY_FRAMES = 60  # a pass
+SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
+LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
+NEIGHBOURS = 4  # key frames on each side whose median direction counts
+LEAST_VOTES, LEAST_MAJORITY = 20, 0.5
+LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
+
+
+def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | None) -> tuple[Float, float]:
+    """Direction (N, 2) of the end face in each frame's (x, z), unit, towards the upper side (NaN: none); sense of z.
+
+    Raises InputError where `upper_side` is no direction across the edge, no raw edge is in view, or nothing tells
+    whether z counts away from the sensor (+1) or towards it (-1).
+    """
+    wished = across_the_edge(cloud, upper_side)
+    flat = np.stack([cloud.base_from_profiler[:, :3, k].astype(float) @ wished for k in (0, 2)], axis=1)
+    size = np.linalg.norm(flat, axis=1, keepdims=True)
+    flat = np.where(size > np.sin(LEAST_ACROSS), flat / size, np.nan)
+    turn, votes = np.full(len(flat), np.nan), np.zeros(2)
+    for p in np.unique(cloud.pass_index):
+        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(flat[:, 0]))
+        if mine.size:
+            keys = mine[np.unique(np.linspace(0, mine.size - 1, KEY_FRAMES).round().astype(int))]
+            readings = _read_keys(cloud, keys, flat[keys])
+            found = readings[:, 1] > 0
+            votes += readings[found, 2:].sum(axis=0)
+            if found.any():
+                turn[mine] = np.interp(mine, keys[found], _running_median(readings[found, 0]))
+    if not np.isfinite(turn).any():
+        raise InputError(cloud.source, "no raw edge in view: expected an end face of 2 mm or more that runs along "
+                         f"upper_side {_text(upper_side)} within 30 deg")  # fmt: skip
+    c, s = np.cos(turn), np.sin(turn)
+    along = np.stack([flat[:, 0] * c - flat[:, 1] * s, flat[:, 1] * c + flat[:, 0] * s], axis=1)
+    return along, _sense(cloud, votes, z_away)
+
+
+def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
+    """`upper_side` as a unit vector (3,); InputError where it is zero or runs along the edge that was scanned."""
+    wished = np.asarray(upper_side, dtype=float)
+    size = float(np.linalg.norm(wished))
+    if not np.isfinite(size) or size < 1e-9:
+        raise InputError(WHERE, f"expected a direction from the lower to the upper side, got {_text(upper_side)}")
+    wished = wished / size
+    travelled = _travelled(cloud)
+    length = float(np.linalg.norm(travelled))
+    if len(cloud.keep) < LEAST_FRAMES or length < LEAST_LENGTH_MM:
+        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames along at least {LEAST_LENGTH_MM:g} mm "
+                         f"of the edge, found {len(cloud.keep)} along {length:.2f} mm")  # fmt: skip
+    angle = np.arccos(min(1.0, abs(float(wished @ travelled)) / length))
+    if angle < LEAST_ACROSS:
+        raise InputError(WHERE, f"expected a direction across the edge, from its lower to its upper side; "
+                         f"{_text(upper_side)} is within {angle / DEG:.0f} deg of the direction of the scan, "
+                         "which runs along the edge")  # fmt: skip
+    return wished
+
+
+def _travelled(cloud: Cloud) -> Float:
+    """How far (3,) the seen surface moved through the base in the longest pass, mm."""
+    centre = np.full((len(cloud.keep), 3), np.nan)
+    for i in np.flatnonzero(cloud.keep.any(axis=1)):
+        x, z = (float(np.median(v[i][cloud.keep[i]])) for v in (cloud.x_mm, cloud.z_mm))
+        pose = cloud.base_from_profiler[i]
+        centre[i] = pose[:3, 3] + x * pose[:3, 0] + z * pose[:3, 2]
+    best = np.zeros(3)
+    for p in np.unique(cloud.pass_index):
+        seen = np.flatnonzero((cloud.pass_index == p) & np.isfinite(centre[:, 0]))
+        if seen.size >= 2:
+            part = max(1, seen.size // 20)
+            moved = np.median(centre[seen[-part:]], axis=0) - np.median(centre[seen[:part]], axis=0)
+            best = moved if np.linalg.norm(moved) > np.linalg.norm(best) else best
+    return best
+
+
+def _read_keys(cloud: Cloud, keys: Int, flat: Float) -> Float:
+    """What `best_direction` finds in each key frame: (k, 4)."""
+    x, z, keep = (as_input(v[keys]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    out = np.zeros((keys.size, 4))
+
+    def read(i: int, _: int) -> None:
+        best_direction(x[i], z[i], keep[i], flat[i, 0], flat[i, 1], SEARCH, out[i])
+
+    for _ in in_order(read, keys.size, 1):
+        pass
+    return out
+
+
+def _running_median(values: Float) -> Float:
+    reach = [slice(max(0, i - NEIGHBOURS), i + NEIGHBOURS + 1) for i in range(values.size)]
+    return np.array([np.median(values[near]) for near in reach])
+
+
+def _sense(cloud: Cloud, votes: Float, z_away: bool | None) -> float:
+    """+1 if z counts away from the sensor: what lies beside the face is farther off than the face."""
+    if z_away is not None:
+        return 1.0 if z_away else -1.0
+    above, below = votes
+    if above + below < LEAST_VOTES or abs(above - below) < LEAST_MAJORITY * (above + below):
+        raise InputError(
+            cloud.source,
+            "nothing beside the end face tells whether z counts away from the sensor: expected a surface of the plate "
+            "or something behind it in view, or the parameter z_away",
+        )
+    return 1.0 if above > below else -1.0
+
+
+def _text(vector: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{v:g}" for v in vector) + "]"

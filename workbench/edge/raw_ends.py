@@ -1,0 +1,150 @@
+"""The lower and the upper edge of a raw edge along m: where its end face ends, frame by frame and along the edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import ROOT_FACE, Cloud
+from workbench.edge.raw_faces import FaceEnds, RawFaces
+from workbench.geometry.chains import noise_sigma
+from workbench.geometry.courses import Course, fit_course
+from workbench.geometry.curves import Curve
+from workbench.geometry.end_face import END_POINTS
+from workbench.geometry.end_posterior import end_at
+from workbench.geometry.ends import Ends, SmoothEnd, fit_end
+from workbench.geometry.sections import in_section
+from workbench.units import Bool, Float, Int
+
+MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
+ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
+SAMPLE_FRAMES = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedEnds:
+    """One end of the end face in N frames, in the section planes of a curve; NaN where not seen."""
+
+    s: Float  # (N,) arc length, mm
+    m: Float  # (N,) distance from the curve along the face, towards the upper side, mm
+    step: Float  # (N,) the next column would meet the face this much further; 0: a corner
+    sigma: Float  # (N,) noise of m, mm
+    missing: Float  # (N,) probability that a column at the end has no return
+    outward: float  # +1: the upper end, -1: the lower end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EndCourse:
+    """One edge along the other: its distance from the reference curve along m."""
+
+    used: Bool  # (N,) frames that it rests on
+    outward: float
+    course: Course
+    residual: Float  # (n,) of the course
+    s: Float  # (n,) of the course
+    ends: Ends | None = None  # silhouettes: what the likelihood has to say
+    likely: SmoothEnd | None = None
+
+    def at(self, s: Float) -> tuple[Float, Float]:
+        """Distance along m and its standard uncertainty at arc lengths s (m,), mm."""
+        if self.ends is None or self.likely is None:
+            return self.course.spline(s)[:, 0], self.course.u(self.s, s, self.residual)
+        value, u = end_at(self.ends, self.likely, s)
+        return self.outward * value, u
+
+    def rough(self, s: Float) -> Float:
+        """Distance along m at s (m,), mm, without the likelihood's own effort."""
+        return np.asarray(self.course.spline(s)[:, 0])
+
+
+def place_ends(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, curve: Curve, s_guess: Float,
+               tilt: float, slope: Float, range_sigma_mm: float) -> PlacedEnds:  # fmt: skip
+    """One end of the face in the section planes of `curve`; slope (N,) dz/dx of the face."""
+    here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
+    pose = cloud.base_from_profiler[here, :3]
+    point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]
+    s, place = in_section(point, curve, s_guess[here])
+    _, a, b = curve.frame(s)
+    m = np.cos(tilt) * a + np.sin(tilt) * b
+    n = np.cos(tilt) * b - np.sin(tilt) * a
+    step = ends.pitch[here] * np.abs(((pose[:, :, 0] + slope[here, None] * pose[:, :, 2]) * m).sum(axis=1))
+    ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
+    face = found.faces[ROOT_FACE]
+    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[here]
+    rough = np.sqrt(rss / face.count[here]) * ray_n  # height of the face's own roughness and noise
+    # On a face that leans by its roughness the next column is that much nearer or farther.
+    blur = np.hypot(range_sigma_mm * ray_m / math.sqrt(END_POINTS), step * ROUGH_SLOPE * rough * ray_m / ray_n / 3.0)
+    out = np.full((5, here.size), np.nan)
+    out[:, here] = (
+        s,
+        place @ [math.cos(tilt), math.sin(tilt)],
+        step,
+        blur,
+        _missing(found, ends, cloud.pass_index)[here],
+    )
+    return PlacedEnds(out[0], out[1], out[2], np.maximum(out[3], 1e-3), out[4], outward)
+
+
+def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
+    """Probability that a column at the face's end has no return (N,): as inside the face, MIXED at a mixed pixel."""
+    face = found.faces[ROOT_FACE]
+    share = np.full(face.count.shape, np.nan)
+    for p in np.unique(pass_index):
+        mine = (pass_index == p) & (face.count > 2)
+        if mine.any():
+            columns = (face.columns[mine, 1] - face.columns[mine, 0] + 1).sum()
+            share[pass_index == p] = 1.0 - face.count[mine].sum() / columns
+    return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
+
+
+def corner_shift(placed: tuple[PlacedEnds, PlacedEnds], vibration: Float) -> tuple[Float, Float]:
+    """How far (N,) each frame as a whole lies off along m, and what this leaves of `vibration` (N,), mm.
+
+    A surface that joins the face is smooth, so what a frame's corner with it is off its course is the frame's own.
+    """
+    shift, left = np.zeros(vibration.size), vibration.copy()
+    for ends in placed:
+        corner = np.isfinite(ends.m) & (ends.step == 0.0)
+        if corner.sum() >= 20:
+            course = fit_course(ends.s[corner], ends.m[corner, None])
+            off = ends.m[corner] - course.spline(ends.s[corner])[:, 0]
+            shift[corner] = off
+            left[corner] = 0.0
+    return shift, left
+
+
+def end_course(ends: PlacedEnds, shift: Float, vibration: Float, whole: bool) -> EndCourse:
+    """The course of one edge; `whole`: by the silhouettes' likelihood where there are any, else by their middles."""
+    out = ends.outward
+    mine = np.flatnonzero(np.isfinite(ends.m))
+    mine = mine[np.argsort(ends.s[mine], kind="stable")]
+    s, step = ends.s[mine], ends.step[mine]
+    low = out * (ends.m[mine] - np.where(step > 0, shift[mine], 0.0))
+    middle = out * (low + 0.5 * step)
+    course = fit_course(s, middle[:, None])
+    residual = middle - course.spline(s)[:, 0]
+    used = np.zeros(ends.m.size, bool)
+    used[mine[course.kept]] = True
+    if not whole or not (step > 0).any():
+        return EndCourse(used, out, course, residual, s)
+    sigma = np.hypot(ends.sigma[mine], vibration[mine])
+    corner = step == 0.0
+    if corner.any():
+        sigma[corner] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
+    kept = course.kept
+    known = Ends(s[kept], low[kept], step[kept], sigma[kept], ends.missing[mine][kept], np.ones(kept.sum()))
+    return EndCourse(used, out, course, residual, s, known, fit_end(known))
+
+
+def range_noise(cloud: Cloud, found: RawFaces) -> float:
+    """Standard deviation of the range noise on the end face, mm: median over some frames."""
+    face, values = found.faces[ROOT_FACE], []
+    frames = np.flatnonzero(face.count >= 16)
+    for i in frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(int))]:
+        first, last = face.columns[i]
+        on = np.flatnonzero(found.labels[i, first : last + 1] == ROOT_FACE) + first
+        line = face.z_mean[i] + face.sxz[i] / face.sxx[i] * (cloud.x_mm[i, on].astype(float) - face.x_mean[i])
+        values.append(noise_sigma(cloud.z_mm[i, on] - line))
+    return float(np.median(values))

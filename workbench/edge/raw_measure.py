@@ -1,0 +1,137 @@
+"""The smooth lower and upper edge of a raw edge and the direction of its end face, from what all frames show.
+
+All is measured relative to a reference curve, which in the end is the lower edge itself: how far each frame's end face
+stands out of it (along n), and how far its two ends lie from it along the face (along m). Roughness and vibration
+average out along the edge; the end face's direction is one for the whole edge.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.edge.directions import pass_tilt, smooth_slope, wrapped
+from workbench.edge.measure import check_advance
+from workbench.edge.raw_ends import EndCourse, corner_shift, end_course, place_ends, range_noise
+from workbench.edge.raw_faces import RawFaces, middle_of, outward_of
+from workbench.geometry.courses import fit_course_curve
+from workbench.geometry.curves import Curve, arrange, fit_curve
+from workbench.geometry.sections import SectionLines, section_lines
+from workbench.units import Bool, Float
+
+ROUNDS = 3
+BLOCK_MM = 10.0  # of edge whose frames' directions count as one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawMeasured:
+    """The lower edge as a curve with the lower and the upper edge along m from it; directions; N frames."""
+
+    curve: Curve
+    tilt: float  # direction of the end face, from the lower to the upper side, against a of the curve's frame; rad
+    tilt_u: float  # rad
+    lean: float  # turn from there to the direction of the upper surface into the plate; NaN: not seen; rad
+    s: Float  # (N,) where each frame shows the lower edge, mm; NaN where it does not
+    s_upper: Float  # (N,) likewise the upper edge
+    lower: EndCourse
+    upper: EndCourse
+    stand_out: Float  # (N,) of each frame's end face from the curve, along n; NaN where not seen; mm
+    s_face: Float  # (N,) where
+    lever_mm: float  # from the lower edge to the middle of what is seen of the end face
+    tangent_u: float  # rad
+
+
+def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
+    """Measure the edge in the section planes of its own smooth course: starts from the faces' middles, repeats.
+
+    Raises InputError where the frames do not run along an edge.
+    """
+    middle = middle_of(cloud, found.faces[ROOT_FACE])
+    seen = found.seen & np.isfinite(middle).all(axis=1)
+    check_advance(cloud, middle[seen])
+    s = np.full(seen.size, np.nan)
+    s[seen] = arrange(middle[seen], cloud.pass_index[seen], _forward(cloud, found, middle)[seen])
+    tangent_u = fit_curve(middle[seen], s[seen]).tangent_u
+    curve, _ = fit_course_curve(middle[seen], s[seen])
+    sigma = range_noise(cloud, found)
+    for last in [False] * ROUNDS + [True]:
+        s[seen] = curve.project(middle[seen], s[seen])
+        slope = smooth_slope(found.faces[ROOT_FACE], s, cloud.pass_index)
+        face = section_lines(found.faces[ROOT_FACE], slope, cloud.base_from_profiler, found.side,
+                             np.full(seen.size, sigma), curve, s)  # fmt: skip
+        tilt = _mean_angle(pass_tilt(face, cloud.pass_index))
+        m, n = np.array([math.cos(tilt), math.sin(tilt)]), np.array([-math.sin(tilt), math.cos(tilt)])
+        stand_out = face.place @ n
+        placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, slope, sigma)
+                       for ends, way in ((found.lower, -1.0), (found.upper, 1.0)))  # fmt: skip
+        shift, vibration = corner_shift((placed[0], placed[1]), _vibration(cloud, stand_out, sigma))
+        lower = end_course(placed[0], shift, vibration, last)
+        if not last:
+            on = np.isfinite(stand_out) & np.isfinite(face.s)
+            _, a, b = curve.frame(face.s[on])
+            spot = stand_out[on, None] * n + lower.rough(face.s[on])[:, None] * m
+            points = curve.position(face.s[on]) + spot[:, :1] * a + spot[:, 1:] * b
+            curve, _ = fit_course_curve(points, face.s[on])
+    upper = end_course(placed[1], shift, vibration, True)
+    return RawMeasured(
+        curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma),
+        np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
+        face.s, float(np.nanmedian(face.place @ m)), tangent_u,
+    )  # fmt: skip
+
+
+def _forward(cloud: Cloud, found: RawFaces, middle: Float) -> Bool:
+    """Does time run along t = m x n, pass by pass (N,)?"""
+    face = found.faces[ROOT_FACE]
+    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
+    up = -found.side[:, None] * (ex + (face.sxz / face.sxx)[:, None] * ez)
+    t = np.cross(up, outward_of(cloud, found))
+    forward = np.zeros(len(middle), bool)
+    for p in np.unique(cloud.pass_index):
+        mine = np.flatnonzero((cloud.pass_index == p) & found.seen)
+        if mine.size >= 2:
+            motion = np.diff(middle[mine], axis=0)
+            forward[mine] = np.median((motion * t[mine[:-1]]).sum(axis=1)) > 0
+    return forward
+
+
+def _vibration(cloud: Cloud, stand_out: Float, sigma: float) -> Float:
+    """Standard deviation of what shifts each frame by itself (N,), pass by pass, from how the end face jumps; mm."""
+    out = np.full(stand_out.shape, np.nan)
+    for p in np.unique(cloud.pass_index):
+        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(stand_out))
+        second = np.abs(np.diff(stand_out[mine], 2)) if mine.size > 2 else np.zeros(1)
+        out[cloud.pass_index == p] = float(np.median(second)) / 0.6745 / math.sqrt(6.0)
+    return out
+
+
+def _mean_angle(angle: Float) -> float:
+    return float(np.angle(np.nanmean(np.exp(1j * angle))))
+
+
+def _tilt_u(face: SectionLines, tilt: float) -> float:
+    """Standard uncertainty of the end face's direction, rad: from the scatter between blocks of edge."""
+    on = np.isfinite(face.angle) & np.isfinite(face.s)
+    s, off = face.s[on], wrapped(face.angle[on] - tilt)
+    blocks = max(2, round(float(np.ptp(s)) / BLOCK_MM))
+    number = np.minimum((s - s.min()) / (np.ptp(s) + 1e-9) * blocks, blocks - 1).astype(np.int64)
+    means = np.array([np.median(off[number == k]) for k in np.unique(number)])
+    if means.size < 2:
+        return float(np.std(off))
+    return float(np.std(means, ddof=1)) / math.sqrt(means.size)
+
+
+def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, sigma: float) -> float:
+    """Turn from the end face's direction to that of the upper surface, into the plate; NaN if that is never seen."""
+    surface = found.faces[UPPER_SURFACE]
+    if (surface.count > 0).sum() < 3:
+        return math.nan
+    slope = smooth_slope(surface, s, cloud.pass_index)
+    lines = section_lines(surface, slope, cloud.base_from_profiler, found.side, np.full(s.size, sigma), curve, s)
+    lean = wrapped(
+        lines.angle - tilt
+    )  # of a line: known but for half a turn; the plate lies at -n, a quarter turn back
+    return float(wrapped(np.array(_mean_angle(2.0 * lean) / 2.0 + np.pi / 2)) - np.pi / 2)

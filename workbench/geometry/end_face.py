@@ -1,0 +1,337 @@
+"""The end face of a raw plate in a profile: the straight run between the plate's two surfaces, compiled.
+
+A profile is turned into coordinates p, along the face from the lower to the upper side, and q, across it. In these the
+face is the level of q along which p advances most, rough or not; the plate's surfaces run across it from its ends.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from workbench.units import AnyArray, Bool, Float, Float32, Int
+
+# Faces that `read_frame` reports, and what it reports of each, as in geometry.tracking.
+FACE, UPPER, LOWER = range(3)
+COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
+# What it reports of the face's lower end (0) and upper end (1).
+KIND, END_X, END_Z, COLUMN, PITCH, ALONE = range(6)
+HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
+
+LEVEL_MM = 0.25  # width of the levels of q that are compared
+LEVELS = 5  # that one face may spread over
+STEP_MM = 3.0  # along the face without a return, at most
+JUMP_MM = 0.6  # across it between neighbouring returns, at most
+LEAST_WIDTH_MM = 2.0
+LEAST_POINTS = 8
+GATES_MM = (0.8, 0.6, 0.6)  # about the face's line while it settles
+FINAL_SIGMAS, FINAL_LEAST_MM, FINAL_MOST_MM = 4.5, 0.08, 0.6
+MARGIN_MM = 0.5  # of the face at its ends that is left out: burrs, and the corner's own points
+SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its surfaces are measured
+SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
+SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
+LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
+ASIDE_MM = 0.3  # in front of or behind the face's line
+END_POINTS = 5  # at the face's end that say how far its roughness stands out there
+
+
+@njit(cache=True, nogil=True)
+def _turned(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, at: Int, p: Float, q: Float) -> int:
+    """Fill columns `at`, p and q of the kept points; how many."""
+    n = 0
+    for j in range(x.size):
+        if keep[j]:
+            u, w = np.float64(x[j]), np.float64(z[j])
+            at[n], p[n], q[n] = j, gx * u + gz * w, gx * w - gz * u
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _level(p: Float, q: Float, n: int, rising: float) -> tuple[float, float]:
+    """The level of q along which p advances most, and by how much, mm. rising: +1 if p rises with the column."""
+    low, high = np.inf, -np.inf
+    for k in range(n):
+        low, high = min(low, q[k]), max(high, q[k])
+    advance = np.zeros(int((high - low) / LEVEL_MM) + LEVELS + 1)
+    for k in range(n - 1):
+        dp = rising * (p[k + 1] - p[k])
+        if abs(q[k + 1] - q[k]) < JUMP_MM and abs(dp) < STEP_MM:
+            advance[int((0.5 * (q[k] + q[k + 1]) - low) / LEVEL_MM)] += dp
+    best, most = 0, -np.inf
+    for b in range(advance.size - LEVELS):
+        total = advance[b : b + LEVELS].sum()
+        if total > most:
+            best, most = b, total
+    return low + (best + 0.5 * LEVELS) * LEVEL_MM, most
+
+
+@njit(cache=True, nogil=True)
+def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple[int, int]:
+    """First and last of the points within the gate of q = a + b p: the longest run along p without a gap."""
+    best_first, best_last, longest = 0, -1, 0.0
+    first, last = -1, -1
+    for k in range(n + 1):
+        if k < n and abs(q[k] - a - b * p[k]) > gate:
+            continue
+        if k < n and last >= 0 and abs(p[k] - p[last]) < STEP_MM:
+            last = k
+            continue
+        if last >= 0 and abs(p[last] - p[first]) > longest:
+            best_first, best_last, longest = first, last, abs(p[last] - p[first])
+        first, last = k, k
+    return best_first, best_last
+
+
+@njit(cache=True, nogil=True)
+def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int, int, float]:
+    """The face's line q = a + b p, its first and last point, and the gate (mm) about it."""
+    a, b, gate = level, 0.0, GATES_MM[0]
+    for step in range(len(GATES_MM) + 1):
+        if step < len(GATES_MM):
+            gate = GATES_MM[step]
+        first, last = _block(p, q, n, a, b, gate)
+        low, high = min(p[first], p[last]) + MARGIN_MM, max(p[first], p[last]) - MARGIN_MM
+        if last < 0 or high - low < LEAST_WIDTH_MM - 2.0 * MARGIN_MM:
+            return a, b, 0, -1, gate
+        m, sp, sq, spp, spq, sqq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(first, last + 1):
+            r, u = q[k] - a - b * p[k], p[k] - low
+            if abs(r) <= gate and low <= p[k] <= high:
+                m, sp, sq, spp, spq, sqq = m + 1.0, sp + u, sq + r, spp + u * u, spq + u * r, sqq + r * r
+        if m < LEAST_POINTS:
+            return a, b, 0, -1, gate
+        spread = spp - sp * sp / m
+        turn = (spq - sp * sq / m) / max(spread, 1e-9)
+        rss = max(sqq - sq * sq / m - turn * turn * spread, 0.0)
+        a, b = a + (sq - turn * sp) / m - turn * low, b + turn
+        gate = min(max(FINAL_SIGMAS * math.sqrt(rss / m), FINAL_LEAST_MM), FINAL_MOST_MM)
+    first, last = _block(p, q, n, a, b, gate)
+    return a, b, first, last, gate
+
+
+@njit(cache=True, nogil=True)
+def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, angles: Float, out: Float) -> None:
+    """The end face's direction in a profile, among `angles` about (gx, gz), and what lies beside it.
+
+    Fills out (4,): the face's angle from (gx, gz) towards (-gz, gx), rad; its width, mm (0: no face); and how many
+    points next to its ends lie at higher and at lower z than its line.
+    """
+    at, p, q = np.empty(x.size, np.int64), np.empty(x.size), np.empty(x.size)
+    out[:] = 0.0
+    best, most = 0.0, LEAST_WIDTH_MM
+    for angle in angles:
+        c, s = math.cos(angle), math.sin(angle)
+        n = _turned(x, z, keep, gx * c - gz * s, gz * c + gx * s, at, p, q)
+        if n < LEAST_POINTS:
+            return
+        length = _level(p, q, n, _rising(x, at, n, gx * c - gz * s))[1]
+        if length > most:
+            best, most = angle, length
+    if most == LEAST_WIDTH_MM:
+        return
+    for _ in range(2):
+        c, s = math.cos(best), math.sin(best)
+        ux, uz = gx * c - gz * s, gz * c + gx * s
+        n = _turned(x, z, keep, ux, uz, at, p, q)
+        a, b, first, last, gate = _settle(p, q, n, _level(p, q, n, _rising(x, at, n, ux))[0])
+        if last < 0:
+            return
+        best += math.atan(b)
+    out[0], out[1] = best, abs(p[last] - p[first])
+    for k in range(n):
+        beside = (k < first and at[first] - at[k] <= 2 * LOOK_COLUMNS) or (
+            k > last and at[k] - at[last] <= 2 * LOOK_COLUMNS
+        )
+        r = (q[k] - a - b * p[k]) * np.sign(ux)
+        if beside and abs(r) > max(ASIDE_MM, gate):
+            out[2 if r > 0.0 else 3] += 1.0
+
+
+@njit(cache=True, nogil=True)
+def _rising(x: Float32, at: Int, n: int, gx: float) -> float:
+    """+1 if p rises with the column on a face that the scanner sees, else -1."""
+    return 1.0 if (np.float64(x[at[n - 1]]) - np.float64(x[at[0]])) * gx > 0.0 else -1.0
+
+
+@njit(cache=True, nogil=True)
+def _sum_up(x: Float32, z: Float32, at: Int, chosen: Bool, n: int, out: Float) -> None:
+    """Fill out (8,) with the sums of the chosen points."""
+    m, sx, sz, first = 0.0, 0.0, 0.0, -1
+    for k in range(n):
+        if chosen[k]:
+            m, sx, sz = m + 1.0, sx + np.float64(x[at[k]]), sz + np.float64(z[at[k]])
+            first = at[k] if first < 0 else first
+            out[LAST] = at[k]
+    out[COUNT], out[FIRST] = m, first
+    if m == 0.0:
+        return
+    mx, mz = sx / m, sz / m
+    sxx, sxz, szz = 0.0, 0.0, 0.0
+    for k in range(n):
+        if chosen[k]:
+            dx, dz = np.float64(x[at[k]]) - mx, np.float64(z[at[k]]) - mz
+            sxx, sxz, szz = sxx + dx * dx, sxz + dx * dz, szz + dz * dz
+    out[X_MEAN], out[Z_MEAN], out[SXX], out[SXZ], out[SZZ] = mx, mz, sxx, sxz, szz
+
+
+@njit(cache=True, nogil=True)
+def _surface(p: Float, depth: Float, first: int, last: int, end: float, chosen: Bool) -> tuple[float, float, float]:
+    """The surface that runs into the plate from the face's end at p = `end`, over points first to last - 1.
+
+    Marks its points in `chosen`; its line p = a + b depth and the gate (mm) about it, which is 0 where none is seen.
+    """
+    a, b, gate = end, 0.0, SURFACE_SLACK
+    lean = SURFACE_LEAN
+    for limit in (0.4, 0.2, 0.0, 0.0):
+        m, sd, sp, sdd, sdp, spp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        near, far = np.inf, -np.inf
+        for k in range(first, last):
+            d = depth[k]
+            r = p[k] - a - b * d
+            chosen[k] = SURFACE_FROM_MM < d < SURFACE_TO_MM and abs(r) < gate + lean * d
+            if chosen[k]:
+                m, sd, sp, sdd, sdp, spp = m + 1.0, sd + d, sp + r, sdd + d * d, sdp + d * r, spp + r * r
+                near, far = min(near, d), max(far, d)
+        if m < LEAST_POINTS or near > SURFACE_NEAR_MM or far - near < 1.0:
+            return a, b, 0.0
+        spread = sdd - sd * sd / m
+        turn = (sdp - sd * sp / m) / max(spread, 1e-9)
+        rss = max(spp - sp * sp / m - turn * turn * spread, 0.0)
+        a, b, lean = a + (sp - turn * sd) / m, b + turn, 0.0
+        gate = limit if limit > 0.0 else min(max(FINAL_SIGMAS * math.sqrt(rss / m), 0.03), 0.2)
+    return a, b, gate
+
+
+@njit(cache=True, nogil=True)
+def _walked(p: Float, depth: Float, at: Int, n: int, end: int, way: int, climb: float) -> int:
+    """The face's last point beyond `end`: where a burr stands on its end, it goes on out of its line."""
+    k = end
+    while 0 <= k + way < n and abs(at[k + way] - at[k]) <= 2:
+        dp, out = climb * (p[k + way] - p[k]), -depth[k + way]
+        if not (dp > 0.0 and -0.05 < out < 3.0 and abs(depth[k + way] - depth[k]) < 0.2 + 2.0 * dp):
+            break
+        k += way
+    return k if abs(k - end) >= 2 else end
+
+
+@njit(cache=True, nogil=True)
+def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, way: int) -> int:
+    """HIDDEN where the field of view, or a surface that is nearer or goes on, ends the face; else SILHOUETTE."""
+    rim = at[end] if way < 0 else columns - 1 - at[end]
+    if rim < 2:
+        return HIDDEN
+    nearer, k = 0, end + way
+    while 0 <= k < n and abs(at[k] - at[end]) <= LOOK_COLUMNS:
+        nearer += -depth[k] > ASIDE_MM
+        k += way
+    if nearer >= 2:
+        return HIDDEN
+    on, k = 0, end + way
+    while 0 <= k < n and abs(at[k] - at[k - way]) <= 3 and on < 4:
+        if abs(depth[k] - depth[k - way]) + abs(p[k] - p[k - way]) > 0.3 * abs(at[k] - at[k - way]):
+            break
+        on, k = on + 1, k + way
+    return HIDDEN if on >= 4 else SILHOUETTE
+
+
+@njit(cache=True, nogil=True)
+def _stands_alone(z: Float32, j: int, way: int) -> bool:
+    """Does column j return a range that the next one outwards does not share: a mixed pixel?"""
+    if j < 0 or j >= z.size or not np.isfinite(z[j]):
+        return False
+    beyond = j + way
+    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < ASIDE_MM
+
+
+@njit(cache=True, nogil=True)
+def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense: float, names: Int, work: Float,
+                at: Int, chosen: Bool, sums: Float, ends: Float, labels: AnyArray) -> bool:  # fmt: skip
+    """One frame of `read_frames`; work (3, M), at (M,) and chosen (M,) are scratch. False: no end face."""
+    p, q, depth = work[0], work[1], work[2]
+    n = _turned(x, z, keep, gx, gz, at, p, q)
+    if n < LEAST_POINTS:
+        return False
+    rising = _rising(x, at, n, gx)
+    level, length = _level(p, q, n, rising)
+    if length < 0.5 * LEAST_WIDTH_MM:
+        return False
+    a, b, first, last, gate = _settle(p, q, n, level)
+    if last < 0 or abs(p[last] - p[first]) < LEAST_WIDTH_MM:
+        return False
+    inward = sense * np.sign(gx)
+    for k in range(n):
+        depth[k] = inward * (q[k] - a - b * p[k])
+    low_end, high_end = (first, last) if rising > 0 else (last, first)
+    low, high = p[low_end], p[high_end]
+    for k in range(n):
+        chosen[k] = first <= k <= last and abs(depth[k]) <= gate
+        if chosen[k]:
+            labels[at[k]] = names[FACE]
+            chosen[k] = low + MARGIN_MM <= p[k] <= high - MARGIN_MM
+    _sum_up(x, z, at, chosen, n, sums[FACE])
+    if sums[FACE, COUNT] < LEAST_POINTS:
+        return False
+    slope = sums[FACE, SXZ] / max(sums[FACE, SXX], 1e-12)
+    for upper in range(2):
+        end = high_end if upper else low_end
+        way = 1 if end == last else -1
+        climb = 1.0 if upper else -1.0
+        start, stop = (end, n) if way > 0 else (0, end + 1)
+        for k in range(n):
+            chosen[k] = False
+        sa, sb, around = _surface(p, depth, start, stop, p[end], chosen)
+        if around > 0.0:
+            _sum_up(x, z, at, chosen, n, sums[UPPER if upper else LOWER])
+            ends[upper, KIND] = CORNER
+            _label_surface(p, depth, at, start, stop, sa, sb, 2.0 * around, names[UPPER if upper else LOWER], labels)
+            continue
+        tip = _walked(p, depth, at, n, end, way, climb)
+        ends[upper, KIND] = _what_ends(p, depth, at, n, x.size, tip, way)
+        stand_out, m = 0.0, 0.0
+        k = end
+        while first <= k <= last and abs(k - end) < END_POINTS:
+            if abs(depth[k]) <= gate:
+                j = at[k]
+                stand_out += np.float64(z[j]) - sums[FACE, Z_MEAN] - slope * (np.float64(x[j]) - sums[FACE, X_MEAN])
+                m += 1.0
+            k -= way
+        j = at[tip]
+        ends[upper, END_X] = x[j]
+        ends[upper, END_Z] = sums[FACE, Z_MEAN] + slope * (np.float64(x[j]) - sums[FACE, X_MEAN]) + stand_out / m
+        if tip != end:
+            ends[upper, END_Z] = z[j]
+        ends[upper, COLUMN] = way * j
+        ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
+        ends[upper, ALONE] = _stands_alone(z, j + way, way)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _label_surface(p: Float, depth: Float, at: Int, first: int, last: int, a: float, b: float, gate: float, name: int,
+                   labels: AnyArray) -> None:  # fmt: skip
+    """Name the points of a surface: those on its line behind the face, as far as it goes."""
+    for k in range(first, last):
+        if depth[k] > 0.0 and abs(p[k] - a - b * depth[k]) < gate and labels[at[k]] == 0:
+            labels[at[k]] = name
+
+
+@njit(cache=True, nogil=True)
+def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, names: Int, sums: Float, ends: Float,
+                seen: Bool, labels: AnyArray, first: int, last: int) -> None:  # fmt: skip
+    """The end face, its ends and the surfaces that join it, in frames first to last - 1.
+
+    x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
+    to some degrees (NaN: leave the frame out); sense +1 if z counts away from the sensor, else -1; names (3,) labels of
+    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 6), seen (N,), labels (N, M).
+    """
+    columns = x.shape[1]
+    work, at, chosen = np.empty((3, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)
+    for i in range(first, last):
+        if np.isfinite(along[i, 0]):
+            seen[i] = _read_frame(x[i], z[i], keep[i], along[i, 0], along[i, 1], sense, names, work, at, chosen,
+                                  sums[i], ends[i], labels[i])  # fmt: skip
+        if not seen[i]:
+            sums[i], ends[i], labels[i] = 0.0, np.nan, 0

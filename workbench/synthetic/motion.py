@@ -26,10 +26,10 @@ class PassMotion:
     quaternion_wxyz: Float  # (K, 4)
 
 
-def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float) -> PassMotion:
-    """The motion of pass `index`, which begins at `start_s`."""
+def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, repeat: int = 0) -> PassMotion:
+    """The motion of pass `index`, which begins at `start_s`. Each `repeat` of a scan draws other errors."""
     scan, robot = recipe.passes[index], recipe.robot
-    rng = np.random.default_rng([recipe.seed, 1, index])
+    rng = generator(recipe, 1, index, repeat=repeat)
     length = abs(scan.to_mm - scan.from_mm)
     frames = math.floor(length / robot.frame_pitch_mm + 1e-9) + 1
     time = start_s + np.arange(frames) / robot.frame_rate_hz
@@ -46,9 +46,14 @@ def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float) -
     return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), true, pose_time, position, quaternion)
 
 
+def generator(recipe: Recipe, *key: int, repeat: int = 0) -> np.random.Generator:
+    """The random numbers for one purpose, `key`, of the scan that is the `repeat`-th after the first."""
+    return np.random.default_rng([recipe.seed, *key, *([repeat] if repeat else [])])
+
+
 def recorded_hand_eye(recipe: Recipe) -> Float:
     """flange_from_profiler as the recording states it: the true one, off by the recipe's errors (per axis)."""
-    robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 2])
+    robot, rng = recipe.robot, generator(recipe, 2)
     turn = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG).as_matrix()
     shift = rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_mm
     true = pose(robot.flange_from_profiler)

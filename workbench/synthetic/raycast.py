@@ -3,7 +3,8 @@
 In the part's frame a point has the coordinates (u, h, z): u names the normal plane of the lower edge that holds it, h
 is its distance from the edge's plan curve, outwards, z its height. In a normal plane, which is the section plane at u,
 the part is the polygon that the recipe asks for, so root size and bevel angle hold exactly, drifting or not. The body
-is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry.
+is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry. What a
+milling tool has left of the part is one more face: a height over the plane of the bevel, on a grid.
 
 All kernels stand in this one file: numba's cache notices a change only in the file of the function that it compiles.
 """
@@ -29,6 +30,24 @@ _OFFSET_MM = 0.02  # shadow rays start this far off the surface
 _OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
 
 
+class CutTerms(NamedTuple):
+    """What a milling tool has left: heights over a bevel plane in each section plane, on a grid over u and w.
+
+    w runs up the plane from the end face; between the grid's points the height is bilinear, beyond them it stays.
+    """
+
+    height: Float  # (U, W) along the plane's outward normal; (0, 0): nothing was cut
+    u_step: float  # column i lies at u = i u_step
+    w_first: float
+    w_step: float
+    root: float  # the plane meets the end face here
+    cosine: float  # of the bevel angle
+    sine: float
+
+
+UNCUT = CutTerms(np.zeros((0, 0)), 1.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+
+
 class Surface(NamedTuple):
     """The part as the kernels see it. A course is (value at 0, slope per mm, amplitude, wave number, phase)."""
 
@@ -49,8 +68,9 @@ class Surface(NamedTuple):
     rough_reach: float  # no part of the roughness goes further
     burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
     top: float  # greatest height
-    relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
+    relax: float  # 0: Newton steps; else the share of F that is a safe step (rough, burred or cut parts)
     reserve: float  # F - reserve is a safe step too, from far off
+    cut: CutTerms = UNCUT
 
 
 class Sensor(NamedTuple):
@@ -156,6 +176,23 @@ def _ridge(s: Surface, upper: int, u: float, q: float) -> tuple[float, float, fl
 
 
 @njit(cache=True)
+def _cut(c: CutTerms, u: float, g: float, v: float) -> tuple[float, float, float, float]:
+    """Height over what the tool has left, and its derivatives by u, g and v (distances from and along the end face)."""
+    across = c.cosine * (v - c.root) - c.sine * g
+    i, j = min(max(u / c.u_step, 0.0), c.height.shape[0] - 1.0), (across - c.w_first) / c.w_step
+    inside = 0.0 < j < c.height.shape[1] - 1.0
+    j = min(max(j, 0.0), c.height.shape[1] - 1.0)
+    row, column = min(int(i), c.height.shape[0] - 2), min(int(j), c.height.shape[1] - 2)
+    p, q = i - row, j - column
+    a, b = c.height[row, column], c.height[row, column + 1]
+    a_next, b_next = c.height[row + 1, column], c.height[row + 1, column + 1]
+    along = ((1.0 - q) * (a_next - a) + q * (b_next - b)) / c.u_step
+    up = ((1.0 - p) * (b - a) + p * (b_next - a_next)) / c.w_step if inside else 0.0
+    left = (1.0 - p) * ((1.0 - q) * a + q * b) + p * ((1.0 - q) * a_next + q * b_next)
+    return c.cosine * g + c.sine * (v - c.root) - left, -along, c.cosine + up * c.sine, c.sine - up * c.cosine
+
+
+@njit(cache=True)
 def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, float, float]:
     """F at a point, the face that F comes from, and F's derivatives by u, h and z."""
     thick, thick_u = course(s.thickness, u)
@@ -171,6 +208,11 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
             best, face = f, BEVEL
             fu = bevel_u * (cosine * (v - root) - sine * g) - sine * root_u
             fh, fz = cosine * s.tilt_cos + sine * s.tilt_sin, sine * s.tilt_cos - cosine * s.tilt_sin
+    if s.cut.height.shape[0] > 0:
+        f, f_u, f_g, f_v = _cut(s.cut, u, g, v)
+        if f > best:
+            best, face, fu = f, BEVEL, f_u
+            fh, fz = f_g * s.tilt_cos + f_v * s.tilt_sin, f_v * s.tilt_cos - f_g * s.tilt_sin
     bump, bump_u, bump_q = 0.0, 0.0, 0.0
     if s.burrs.shape[0] > 0:
         along_bevel = cosine * s.tilt_cos + sine * s.tilt_sin
@@ -270,6 +312,37 @@ def enter(
         sideways = abs(d[0] * tx + d[1] * ty) + 0.05 * norm
         a += _step(s, f, slope, norm, hollow * sideways * sideways)
     return math.inf, NOTHING, 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def drop(s: Surface, origins: Float, directions: Float, reach: float) -> Float:
+    """How far it is from the origins (n, 3) along unit directions (n, 3) to the part, at most `reach`; else inf."""
+    found, near = np.empty(origins.shape[0]), np.empty(4)
+    for i in range(origins.shape[0]):
+        o = (origins[i, 0], origins[i, 1], origins[i, 2])
+        d = (directions[i, 0], directions[i, 1], directions[i, 2])
+        x, y, tx, ty = edge_point(s, project(s, o[0], o[1])[0])
+        near[0], near[1], near[2], near[3] = x, y, ty, -tx
+        found[i] = enter(s, near, o, d, 0.0, reach)[0]
+    return found
+
+
+@njit(cache=True)
+def project_all(s: Surface, points: Float) -> Float:
+    """u, h, and the tangent at u (n, 4) of points (n, 2) or (n, 3)."""
+    found = np.empty((points.shape[0], 4))
+    for i in range(points.shape[0]):
+        found[i, 0], found[i, 1], found[i, 2], found[i, 3], _ = project(s, points[i, 0], points[i, 1])
+    return found
+
+
+@njit(cache=True)
+def edge_points(s: Surface, u: Float) -> Float:
+    """Plan position x, y of the lower edge and its unit tangent (n, 4) at u (n,)."""
+    found = np.empty((len(u), 4))
+    for i in range(len(u)):
+        found[i, 0], found[i, 1], found[i, 2], found[i, 3] = edge_point(s, u[i])
+    return found
 
 
 @njit(cache=True)

@@ -9,10 +9,11 @@ import numpy as np
 
 from workbench.geometry.poses import inverse
 from workbench.synthetic import raycast
-from workbench.synthetic.motion import PassMotion, move
+from workbench.synthetic.motion import PassMotion, generator, move
 from workbench.synthetic.recipe import Recipe, Scanner
 from workbench.synthetic.returns import disturb, intensities
 from workbench.synthetic.surface import build_surface, clamp_boxes, pose
+from workbench.synthetic.workpiece import Cut
 from workbench.units import AnyArray, Float, Float32
 
 BLOCK_FRAMES = 256
@@ -30,18 +31,18 @@ class Block:
     seen_u: Float  # where those frames that see the edge cross it
 
 
-def plan_motion(recipe: Recipe) -> list[PassMotion]:
-    """The motion of every pass, one after the other in time."""
+def plan_motion(recipe: Recipe, cut: Cut | None = None) -> list[PassMotion]:
+    """The motion of every pass, one after the other in time, past the part less what was cut."""
     surface, motions, start = build_surface(recipe.part, recipe.seed), [], 1.0
     for index in range(len(recipe.passes)):
-        motions.append(move(recipe, surface, index, start))
+        motions.append(move(recipe, surface, index, start, _repeat(cut)))
         start = float(max(motions[-1].time_s[-1], motions[-1].pose_time_s[-1])) + _PAUSE_S
     return motions
 
 
-def scan_pass(recipe: Recipe, motion: PassMotion, index: int) -> Iterator[tuple[int, Block]]:
+def scan_pass(recipe: Recipe, motion: PassMotion, index: int, cut: Cut | None = None) -> Iterator[tuple[int, Block]]:
     """The frames of pass `index` block by block: first frame, block. Random numbers are drawn per block."""
-    surface = build_surface(recipe.part, recipe.seed)
+    surface = build_surface(recipe.part, recipe.seed, cut)
     boxes, sensor = clamp_boxes(recipe.part, surface), sensor_of(recipe.scanner)
     table = -np.inf if recipe.part.table_gap_mm is None else -recipe.part.table_gap_mm
     offsets = column_offsets(recipe.scanner)
@@ -49,14 +50,18 @@ def scan_pass(recipe: Recipe, motion: PassMotion, index: int) -> Iterator[tuple[
     for number, first in enumerate(range(0, len(motion.time_s), BLOCK_FRAMES)):
         part_from_profiler = profiler_from @ motion.base_from_profiler[first : first + BLOCK_FRAMES]
         exact, faces, cosines, sight = raycast.cast(surface, boxes, table, sensor, part_from_profiler, offsets)
-        rng = np.random.default_rng([recipe.seed, 3, index, number])
+        rng = generator(recipe, 3, index, number, repeat=_repeat(cut))
         ranges = disturb(recipe, exact, cosines, rng)
         x, z = _coordinates(sensor, ranges, offsets)
         seen = (sight[:, 0] >= 2) & (sight[:, 2] < 0.4 * recipe.part.root_mm.lowest)
-        if surface.milled:
+        if surface.milled or cut is not None:
             seen &= sight[:, 1] >= 2
         grey = intensities(ranges, cosines, rng) if recipe.scanner.intensity else None
         yield first, Block(x, z, grey, faces, sight[seen, 3])
+
+
+def _repeat(cut: Cut | None) -> int:
+    return 0 if cut is None else cut.times
 
 
 def sensor_of(scanner: Scanner) -> raycast.Sensor:

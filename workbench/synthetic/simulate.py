@@ -18,6 +18,7 @@ from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import read_recipe
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.synthetic.truth import Truth, build_truth
+from workbench.synthetic.workpiece import Workpiece
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
@@ -25,8 +26,18 @@ Progress = Callable[[int, int], None]
 
 def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
     """The recording that `recipe` describes, and its truth. The same recipe gives the same numbers."""
-    motions = plan_motion(recipe)
-    blocks = [[block for _, block in scan_pass(recipe, motion, k)] for k, motion in enumerate(motions)]
+    return scan_workpiece(Workpiece(recipe))
+
+
+def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
+    """The recording of a workpiece as it is now, cut or not, and its truth.
+
+    A part that was milled is scanned by the same scanner on the same robot, with the same hand-eye error; all other
+    random numbers are new ones, after each milling.
+    """
+    recipe, cut = workpiece.recipe, workpiece.cut
+    motions = plan_motion(recipe, cut)
+    blocks = [[block for _, block in scan_pass(recipe, motion, k, cut)] for k, motion in enumerate(motions)]
     flat = [block for scan in blocks for block in scan]
     recording = Recording(
         source="synthetic",
@@ -44,7 +55,7 @@ def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
         else None,
         part_id=recipe.part_id,
     )
-    return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks])
+    return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
 
 
 def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> Truth:

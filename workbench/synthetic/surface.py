@@ -9,21 +9,23 @@ import numpy as np
 from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Course, Part, Placement
+from workbench.synthetic.workpiece import Cut
 from workbench.units import DEG, Float
 
 _BENDS = {"straight": raycast.STRAIGHT, "arc": raycast.ARC, "wavy": raycast.WAVY}
 _ROUGHNESS_WAVES = 16
+_CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 
 
-def build_surface(part: Part, seed: int = 0) -> raycast.Surface:
-    """The part's surface. `seed` draws the roughness; all else follows from the recipe."""
+def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.Surface:
+    """The part's surface, less what was cut. `seed` draws the roughness; all else follows from the recipe."""
     curve, length = part.curve, part.length_mm
     bend = 1.0 / curve.radius_mm if curve.shape == "arc" else 0.0
     rough = _roughness(part.roughness_mm, np.random.default_rng([seed, 0x50A]))
     burrs = np.array(
         [[float(b.edge == "upper"), b.from_mm, b.to_mm, b.height_mm, b.width_mm] for b in part.burrs]
     ).reshape(-1, 5)
-    return raycast.Surface(
+    surface = raycast.Surface(
         bend=_BENDS[curve.shape],
         curvature=bend if curve.sense == "convex" else -bend,
         wave_amplitude=curve.amplitude_mm,
@@ -44,6 +46,7 @@ def build_surface(part: Part, seed: int = 0) -> raycast.Surface:
         relax=_safe_step(rough, burrs),
         reserve=float(2 * np.sum(rough[:, 0]) + np.sum(burrs[:, 3])),
     )
+    return surface if cut is None else _less(surface, cut.terms)
 
 
 def clamp_boxes(part: Part, surface: raycast.Surface) -> Float:
@@ -61,7 +64,7 @@ def clamp_boxes(part: Part, surface: raycast.Surface) -> Float:
 def edge_frames(surface: raycast.Surface, u: Float) -> Float:
     """part_from_edge (n, 4, 4) at u: origin on the lower edge; x outwards (horizontal), y along t, z up."""
     frames = np.zeros((len(u), 4, 4))
-    x, y, tx, ty = np.array([raycast.edge_point(surface, float(value)) for value in u]).reshape(-1, 4).T
+    x, y, tx, ty = raycast.edge_points(surface, np.array(u, dtype=float)).T
     frames[:, 0, 0], frames[:, 1, 0] = ty, -tx
     frames[:, 0, 1], frames[:, 1, 1] = tx, ty
     frames[:, 2, 2] = frames[:, 3, 3] = 1.0
@@ -105,6 +108,14 @@ def _roughness(greatest: float, rng: np.random.Generator) -> Float:
     wave = 2 * math.pi / wavelength
     phase = rng.uniform(0, 2 * math.pi, _ROUGHNESS_WAVES)
     return np.stack([amplitude, wave * np.cos(direction), wave * np.sin(direction), phase], axis=1)
+
+
+def _less(surface: raycast.Surface, cut: raycast.CutTerms) -> raycast.Surface:
+    """The surface with a cut, and steps that are safe there: the cut face may be as steep as its heights differ."""
+    along, up = (np.max(np.abs(np.diff(cut.height, axis=axis))) for axis in (0, 1))
+    steepest = math.hypot(1.0, _CONVERGING * along / cut.u_step, up / cut.w_step)
+    relax = min(surface.relax or 1.0, 1.0 / (1.05 * steepest))
+    return surface._replace(cut=cut, relax=relax, reserve=surface.reserve + float(np.ptp(cut.height)))
 
 
 def _safe_step(rough: Float, burrs: Float) -> float:

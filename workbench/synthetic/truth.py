@@ -15,6 +15,7 @@ from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
 from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, pose
+from workbench.synthetic.workpiece import Cut, Workpiece, profile_sizes
 from workbench.units import DEG, Bool, Float
 
 STATION_MM = 0.5
@@ -25,7 +26,8 @@ FORMAT, VERSION = "bevel-truth", 1
 class Truth:
     """The part as built. Stations lie every 0.5 mm or so along the lower edge, from the part's start to its end.
 
-    Root size (mm) and bevel angle (deg) hold in the section plane, normal to the tangent; both are NaN on a raw edge.
+    Root size (mm) and bevel angle (deg) hold in the section plane, normal to the tangent; both are NaN on a raw edge,
+    and as cut on a part that was milled in simulation.
     Arc length counts from the part's start, seen or not: a measured edge begins at its first seen point.
     """
 
@@ -45,12 +47,16 @@ class Truth:
     def root_mm_at(self, position_mm: Float) -> Float:
         """Root size (...,) at the section of the base points (..., 3): that of the nearest point of the lower edge."""
         u = self._parameter_at(position_mm)
-        return course_values(self._surface.root, u) if self._surface.milled else np.full(u.shape, np.nan)
+        if self._surface.milled:
+            return course_values(self._surface.root, u)
+        return np.interp(u, self._parameter, self.root_mm)
 
     def bevel_deg_at(self, position_mm: Float) -> Float:
         """Bevel angle (...,) at the section of the base points (..., 3)."""
         u = self._parameter_at(position_mm)
-        return course_values(self._surface.bevel, u) / DEG if self._surface.milled else np.full(u.shape, np.nan)
+        if self._surface.milled:
+            return course_values(self._surface.bevel, u) / DEG
+        return np.interp(u, self._parameter, self.bevel_deg)
 
     def arc_length_mm_at(self, position_mm: Float) -> Float:
         """Arc length (...,) of the sections of the base points (..., 3), from the part's start."""
@@ -67,9 +73,8 @@ class Truth:
     def _parameter_at(self, position_mm: Float) -> Float:
         part_from_base = inverse(pose(self.recipe.part.base_from_part))
         points = np.asarray(position_mm, dtype=float) @ part_from_base[:3, :3].T + part_from_base[:3, 3]
-        flat = points.reshape(-1, 3)
-        u = [raycast.project(self._surface, float(x), float(y))[0] for x, y, _ in flat]
-        return np.array(u, dtype=float).reshape(points.shape[:-1])
+        u = raycast.project_all(self._surface, points.reshape(-1, 3))[:, 0]
+        return np.asarray(u.reshape(points.shape[:-1]))
 
     def document(self) -> dict[str, Any]:
         """The content of a truth file: strict JSON, null for what is not."""
@@ -82,7 +87,7 @@ class Truth:
             "version": VERSION,
             "frame": "base",
             "seed": self.recipe.seed,
-            "kind": self.recipe.part.kind,
+            "kind": "milled" if np.isfinite(self.root_mm).any() else "raw",
             **columns,
             "thickness_mm": _rounded(self.thickness_mm),
             "seen": self.seen.tolist(),
@@ -92,14 +97,14 @@ class Truth:
         }
 
 
-def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None) -> Truth:
-    """The truth of `recipe`; `seen_parameters`: u where each pass's frames saw the edge, none: all of it is seen."""
+def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None, cut: Cut | None = None) -> Truth:
+    """The truth of `recipe`, less what was cut; `seen_parameters`: where each pass's frames saw it, none: all of it."""
     part = recipe.part
     surface = build_surface(part, recipe.seed)
     u = np.linspace(0.0, part.length_mm, round(part.length_mm / STATION_MM) + 1)
     base_from_edge = pose(part.base_from_part) @ edge_frames(surface, u)
     outward, up = base_from_edge[:, :3, 0], base_from_edge[:, :3, 2]
-    milled = surface.milled
+    root, bevel_deg = _as_ordered(surface, u) if cut is None else profile_sizes(cut, u)
     return Truth(
         recipe=recipe,
         arc_length_mm=arc_length(surface, u),
@@ -107,13 +112,29 @@ def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None) -> T
         tangent=base_from_edge[:, :3, 1],
         normal=surface.tilt_cos * outward - surface.tilt_sin * up,
         across=surface.tilt_cos * up + surface.tilt_sin * outward,
-        root_mm=course_values(surface.root, u) if milled else np.full(len(u), np.nan),
-        bevel_deg=course_values(surface.bevel, u) / DEG if milled else np.full(len(u), np.nan),
+        root_mm=root,
+        bevel_deg=bevel_deg,
         thickness_mm=course_values(surface.thickness, u),
         seen=_seen(u, seen_parameters, recipe.robot.frame_pitch_mm),
         _parameter=u,
         _surface=surface,
     )
+
+
+def milled_truth(workpiece: Workpiece) -> Truth:
+    """The truth of a workpiece as it is now: root size and bevel angle as cut, NaN where no face was cut.
+
+    In each section a line is fitted to the cut profile between the root edge and the upper edge; the root ends where
+    it meets the end face. Between the stations both are interpolated.
+    """
+    return build_truth(workpiece.recipe, cut=workpiece.cut)
+
+
+def _as_ordered(surface: raycast.Surface, u: Float) -> tuple[Float, Float]:
+    """Root size and bevel angle (deg) at u as the recipe states them; NaN on a raw edge."""
+    if not surface.milled:
+        return np.full(len(u), np.nan), np.full(len(u), np.nan)
+    return course_values(surface.root, u), course_values(surface.bevel, u) / DEG
 
 
 def read_truth(path: str | Path) -> Truth:

@@ -1,1 +1,7 @@
-"""Stages of the simulated cell, whose truth is known: `twin.*`."""
+"""Stages of the simulated cell, whose truth is known: `twin.part`, `twin.mill`, `twin.scan`."""
+
+from workbench.twin.mill import mill
+from workbench.twin.part import part
+from workbench.twin.scan import scan
+
+__all__ = ["mill", "part", "scan"]

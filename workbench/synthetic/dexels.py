@@ -1,0 +1,111 @@
+"""Removing what a moving cutter sweeps from lines (dexels) normal to the bevel: one compiled kernel.
+
+The cutter stands still at steps along its path; each line is cut exactly, where it enters the cylinder. Between two
+steps, `step` apart, a ridge of at most step^2 / (8 radius) stays: 0.25 micrometres at 0.1 mm and a radius of 5 mm.
+(Dexels: T. Van Hook, Real-time shaded NC milling display, SIGGRAPH 1986, 15.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from workbench.units import Float, Int
+
+_ALMOST_PARALLEL = 1e-12
+
+
+class Lines(NamedTuple):
+    """The lines: (U, W) of them start at base + w across and run along up, in the part's frame; mm."""
+
+    base: Float  # (U, 3)
+    across: Float  # (U, 3) unit, up the bevel's plane
+    up: Float  # (U, 3) unit, the plane's outward normal
+    w_first: float
+    w_step: float
+    floor: Float  # (W,) height at which a line leaves the part below
+
+
+class Sweep(NamedTuple):
+    """A motion of the cutter through k poses, in the part's frame; between two of them it is linear."""
+
+    tip_frame: Float  # (k, 3) the frame's origin
+    x: Float  # (k, 3) unit, into the material: the axis runs `axis_offset` behind
+    z: Float  # (k, 3) unit, along the axis, from shank to tip
+    radius: Float  # (k,)
+    axis_offset: float
+    tip: float  # how far the cutter reaches beyond the frame's origin, along z; the shank has no end
+    first: Int  # (k-1,) columns of lines that each piece of the motion can reach: first, and
+    last: Int  # (k-1,) the one after the last
+
+
+@njit(cache=True)
+def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, radius: float, tip: float) -> None:
+    """Cut one column's lines by the cylinder of axis c + s a, s <= tip."""
+    ba, aa, bq, qa, q_aside, qq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        up, across, q = lines.up[column, k], lines.across[column, k], lines.base[column, k] - c[k]
+        ba += up * a[k]
+        aa += across * a[k]
+        bq += up * q
+        qa += q * a[k]
+        q_aside += q * across
+        qq += q * q
+    bb = 1.0 - ba * ba  # squared length of the line's direction across the axis
+    inner = qq - qa * qa - radius * radius
+    for row in range(height.shape[1]):
+        w = lines.w_first + row * lines.w_step
+        along = (bq - qa * ba) - w * aa * ba
+        outside = inner + 2.0 * w * (q_aside - qa * aa) + w * w * (1.0 - aa * aa)
+        below, above = -math.inf, math.inf
+        if bb > _ALMOST_PARALLEL:
+            reach = along * along - bb * outside
+            if reach <= 0.0:
+                continue
+            root = math.sqrt(reach)
+            below, above = (-along - root) / bb, (-along + root) / bb
+        elif outside >= 0.0:
+            continue
+        beyond = qa + w * aa - tip  # of the line's foot, beyond the tip
+        if abs(ba) > _ALMOST_PARALLEL:
+            if ba > 0.0:
+                above = min(above, -beyond / ba)
+            else:
+                below = max(below, -beyond / ba)
+        elif beyond > 0.0:
+            continue
+        if below < above and below < height[column, row] and above > lines.floor[row]:
+            height[column, row] = max(below, lines.floor[row])
+
+
+@njit(cache=True)
+def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
+    """Lower `height` (U, W) to what the sweep leaves, in place; the cutter is set down every `step` mm or closer."""
+    c, a, x = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(len(sweep.first)):
+        if sweep.last[i] <= sweep.first[i]:
+            continue
+        way, turn = 0.0, 0.0
+        for k in range(3):
+            way += (sweep.tip_frame[i + 1, k] - sweep.tip_frame[i, k]) ** 2
+            turn += (sweep.x[i + 1, k] - sweep.x[i, k]) ** 2 + (sweep.z[i + 1, k] - sweep.z[i, k]) ** 2
+        reach = sweep.axis_offset + (height.shape[1] * lines.w_step)
+        pieces = max(1, math.ceil((math.sqrt(way) + reach * math.sqrt(turn)) / step))
+        for piece in range(pieces + 1):
+            f = piece / pieces
+            a_length, x_length = 0.0, 0.0
+            for k in range(3):
+                a[k] = (1.0 - f) * sweep.z[i, k] + f * sweep.z[i + 1, k]
+                x[k] = (1.0 - f) * sweep.x[i, k] + f * sweep.x[i + 1, k]
+                a_length += a[k] * a[k]
+                x_length += x[k] * x[k]
+            for k in range(3):
+                origin = (1.0 - f) * sweep.tip_frame[i, k] + f * sweep.tip_frame[i + 1, k]
+                a[k] /= math.sqrt(a_length)
+                c[k] = origin - sweep.axis_offset * x[k] / math.sqrt(x_length)
+            radius = (1.0 - f) * sweep.radius[i] + f * sweep.radius[i + 1]
+            for column in range(sweep.first[i], sweep.last[i]):
+                _cut_column(height, lines, column, c, a, radius, sweep.tip)

@@ -1,0 +1,80 @@
+"""A part as the milling twin passes it on: its recipe, and what a cutter has left of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.synthetic.raycast import CutTerms
+from workbench.synthetic.recipe import Recipe
+from workbench.units import DEG, Float
+
+_CLEAR_MM = 0.5  # a height this far above the stock says the same as any greater one
+_CUT_MM = 1e-3  # less than this below the raw surface is not cut
+_LEAST_FACE_MM = 0.5  # a narrower face tells no angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """What milling has left of a raw part, as heights over the plane of a bevel (dexels).
+
+    In the section plane at u the plane starts on the end face, `root_mm` from the lower edge, at `bevel` to it; w
+    counts up the plane from there, heights along its outward normal. One height is the lowest that the cutter's surface
+    has reached on that line; where it lies above `stock_mm` nothing was cut. Material above a cutter that went *into*
+    the part counts as removed: such a slot is deeper than it is, never shallower.
+    """
+
+    height_mm: Float  # (U, W)
+    stock_mm: Float  # (U, W) of the raw part; -inf where the line misses it
+    u_step_mm: float  # column i of lines lies at u = i u_step_mm
+    w_first_mm: float
+    w_step_mm: float
+    root_mm: float
+    bevel: float  # rad
+    times: int  # how often the part was milled: every scan after it draws other random numbers
+
+    @property
+    def u(self) -> Float:
+        """u (U,) of the columns."""
+        return np.asarray(np.arange(self.height_mm.shape[0]) * self.u_step_mm)
+
+    @property
+    def w_mm(self) -> Float:
+        """w (W,) of the rows."""
+        return np.asarray(self.w_first_mm + np.arange(self.height_mm.shape[1]) * self.w_step_mm)
+
+    @property
+    def terms(self) -> CutTerms:
+        """The cut as the ray kernels see it."""
+        height = np.minimum(self.height_mm, np.maximum(self.stock_mm, 0.0) + _CLEAR_MM)
+        return CutTerms(height, self.u_step_mm, self.w_first_mm, self.w_step_mm, self.root_mm, math.cos(self.bevel),
+                        math.sin(self.bevel))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Workpiece:
+    """A part on its table, in its clamps, before the scanner and the robot that its recipe describes."""
+
+    recipe: Recipe
+    cut: Cut | None = None  # None: as the recipe made it
+
+
+def profile_sizes(cut: Cut, u: Float) -> tuple[Float, Float]:
+    """Root size (mm) and bevel angle (deg) at u, as cut; NaN where there is no face to speak of.
+
+    In each section a straight line, p = p0 + slope w, is fitted to the cut profile between the root edge and the upper
+    edge; the root ends where that line meets the end face, p = w tan(bevel).
+    """
+    on_face = cut.stock_mm - cut.height_mm > _CUT_MM
+    count, height = on_face.sum(axis=1), np.where(on_face, cut.height_mm, 0.0)
+    made = (count - 1) * cut.w_step_mm >= _LEAST_FACE_MM
+    some = np.where(made, count, 1)
+    mean_w, mean_p = on_face @ cut.w_mm / some, height.sum(axis=1) / some
+    aside = np.where(on_face, cut.w_mm - mean_w[:, None], 0.0)
+    slope = np.sum(aside * height, axis=1) / np.where(made, np.sum(aside**2, axis=1), 1.0)
+    foot = (mean_p - slope * mean_w) / (math.tan(cut.bevel) - slope)
+    root, bevel_deg = cut.root_mm + foot / math.cos(cut.bevel), (cut.bevel - np.arctan(slope)) / DEG
+    root[~made] = bevel_deg[~made] = np.nan
+    return np.interp(u, cut.u, root), np.interp(u, cut.u, bevel_deg)

@@ -1,0 +1,66 @@
+"""The milling cell at work: it moves the worn cutter along a path, as the mechanics let it, through the stock."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from workbench.artefacts import Layer, Toolpath, Travel
+from workbench.synthetic.milling import Stock
+from workbench.twin.mechanics import Mechanics, straight_moves
+from workbench.units import Bool, Float
+
+
+class Machine:
+    """Mills the layers and travels of one path, one after the other, out of `stock`."""
+
+    def __init__(self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, tip_mm: float) -> None:
+        self.stock, self._mechanics, self._tip_mm = stock, mechanics, tip_mm
+        self._radius_mm = toolpath.cutter.diameter_mm / 2.0
+        whole = sum(float(_cut_length(layer)[-1]) for layer in toolpath.layers)
+        self._wear = wear_mm / whole if whole > 0.0 else 0.0  # loss of radius a mm cut
+        self._cut_mm, self._motions = 0.0, 0
+
+    def travel(self, travel: Travel) -> Float:
+        """Go through the air; the greatest depth (U,) of material that was met all the same."""
+        before = self.stock.height_mm.copy()
+        if len(travel.position_mm) > 1:
+            poses = self._poses(travel, 0)
+            self._sweep(poses, np.full(len(poses), self._worn(self._cut_mm)))
+        return self.stock.depth_mm(before)
+
+    def mill(self, layer: Layer) -> Float:
+        """Mill a layer; the greatest depth (U,) that was removed by pieces of it that do not cut."""
+        poses, radius = self._poses(layer, layer.index), self._worn(self._cut_mm + _cut_length(layer))
+        idle = np.zeros(len(self.stock.u))
+        for first, last, cutting in _runs(layer.cutting[:-1] | layer.cutting[1:]):
+            before = self.stock.height_mm.copy()
+            self._sweep(poses[first : last + 1], radius[first : last + 1])
+            if not cutting:
+                idle = np.maximum(idle, self.stock.depth_mm(before))
+        self._cut_mm += float(_cut_length(layer)[-1])
+        return idle
+
+    def _poses(self, points: Layer | Travel, layer: int) -> Float:
+        self._motions += 1
+        return self._mechanics.poses(points.position_mm, points.quaternion_wxyz, layer, self._motions)
+
+    def _worn(self, cut_mm: Float | float) -> Float:
+        return np.asarray(np.maximum(self._radius_mm - self._wear * cut_mm, 0.0))
+
+    def _sweep(self, poses: Float, radius: Float) -> None:
+        fine, radius_mm = straight_moves(poses, radius)
+        self.stock.remove(fine, radius_mm, self._radius_mm, self._tip_mm)
+
+
+def _cut_length(layer: Layer) -> Float:
+    """Length (k,) that was cut from the layer's beginning to each of its points, mm."""
+    way = np.linalg.norm(np.diff(layer.position_mm, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(way * (layer.cutting[:-1] & layer.cutting[1:]))])
+
+
+def _runs(cutting: Bool) -> list[tuple[int, int, bool]]:
+    """Runs of pieces that cut, or do not: first point, last point, cutting."""
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(cutting)) + 1, [len(cutting)]]).tolist()
+    return [(a, b, bool(cutting[a])) for a, b in itertools.pairwise(bounds)]

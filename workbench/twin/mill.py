@@ -1,0 +1,142 @@
+"""`twin.mill`: a path milled in simulation, with the real cutter and, where asked, real errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Engagement, Layer, LayerEngagement, Toolpath
+from workbench.errors import InputError
+from workbench.stage import InputFile, Seed, stage
+from workbench.synthetic.milling import Stock
+from workbench.synthetic.workpiece import Workpiece
+from workbench.twin.deflections import read_deflections
+from workbench.twin.engagement import engage, layer_warnings, travel_warnings
+from workbench.twin.machine import Machine
+from workbench.twin.mechanics import Mechanics
+from workbench.units import DEG, Bool, Float
+
+Length = Annotated[float, Field(ge=-100, le=100)]
+Angle = Annotated[float, Field(ge=-180, le=180)]
+
+
+@stage("twin.mill")
+def mill(
+    workpiece: Workpiece,
+    toolpath: Toolpath,
+    *,
+    tip_mm: Annotated[
+        float | None,
+        Field(ge=-200, le=500, description="reach of the cutter beyond the tool frame; null: half its flutes"),
+    ] = None,
+    offset_mm: Annotated[
+        tuple[Length, Length, Length], Field(description="constant error of the tool's position, in the base")
+    ] = (0.0, 0.0, 0.0),
+    rotation_deg: Annotated[
+        tuple[Angle, Angle, Angle], Field(description="constant error of its orientation, rotation vector in the base")
+    ] = (0.0, 0.0, 0.0),
+    robot_noise_mm: Annotated[
+        float, Field(ge=0, le=10, description="standard deviation of the robot's smooth error, each axis")
+    ] = 0.0,
+    robot_noise_length_mm: Annotated[
+        float, Field(ge=1, le=10000, description="correlation length of that error along the path")
+    ] = 50.0,
+    deflection_mm: Annotated[
+        tuple[Length, Length, Length], Field(description="constant deflection of the tool, in its own frame")
+    ] = (0.0, 0.0, 0.0),
+    deflections: Annotated[
+        InputFile | None, Field(description="CSV or JSON file of further deflections, point by point; null: none")
+    ] = None,
+    wear_mm: Annotated[
+        float, Field(ge=0, le=10, description="loss of the cutter's radius by the end, growing with the length cut")
+    ] = 0.0,
+    seed: Seed = 0,
+) -> tuple[Workpiece, Engagement]:
+    """Mill a workpiece along a path and tell what the cutter met.
+
+    The cutter, a cylinder along the z axis of each point's frame at x = -radius, moves through travels and layers in
+    their order, straight from point to point; it removes what it meets, also where the path does not mean to cut. The
+    material is counted on lines normal to the required bevel (dexels: T. Van Hook, SIGGRAPH 1986), each cut exactly at
+    every 0.1 mm of the motion, which leaves ridges below 1 micrometre.
+
+    Args:
+        workpiece: the part as it is now.
+        toolpath: the path.
+        tip_mm: how far the cutter reaches beyond a frame's origin, along z; null: half the length of its flutes.
+        offset_mm: constant error of the tool's position in the base: hand-eye, tool or work object.
+        rotation_deg: constant error of its orientation, a rotation vector in the base, about the frame's origin.
+        robot_noise_mm: standard deviation of the robot's smooth error, each axis; each layer has its own.
+        robot_noise_length_mm: correlation length of that error along the path.
+        deflection_mm: constant deflection of the tool in its own frame.
+        deflections: a file of deflections in the tool's frame, point by point: layer, point, dx_mm, dy_mm, dz_mm.
+        wear_mm: what the cutter's radius has lost at the end of the path, growing with the length cut.
+        seed: of the robot's error.
+
+    Raises:
+        InputError: a path without layers, or an unusable file of deflections.
+    """
+    _refuse_empty(toolpath)
+    mechanics = Mechanics(
+        base_from_path=np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject,
+        offset_mm=np.array(offset_mm), rotation=np.array(rotation_deg) * DEG, noise_mm=robot_noise_mm,
+        noise_length_mm=robot_noise_length_mm, deflection_mm=np.array(deflection_mm),
+        deflections_mm={} if deflections is None else read_deflections(deflections, toolpath.layers),
+        seed=(seed, 0 if workpiece.cut is None else workpiece.cut.times),
+    )  # fmt: skip
+    stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
+    tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
+    engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, tip), toolpath)
+    return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings)
+
+
+def _refuse_empty(toolpath: Toolpath) -> None:
+    if not toolpath.layers or min(len(layer.position_mm) for layer in toolpath.layers) < 2:
+        raise InputError("toolpath", "expected layers of two points or more, found none")
+
+
+def _mill(machine: Machine, toolpath: Toolpath) -> tuple[tuple[LayerEngagement, ...], tuple[str, ...]]:
+    """Travels and layers in their order; the engagement of each layer, and all warnings."""
+    stock, radius = machine.stock, toolpath.cutter.diameter_mm / 2.0
+    engaged: list[LayerEngagement] = []
+    warnings: list[str] = []
+    for number, layer in enumerate(toolpath.layers):
+        at_points = stock.u_of(_in_base(toolpath, layer))
+        place = _arc_length_at(stock.u, at_points, layer)
+        if number < len(toolpath.travels):
+            warnings += travel_warnings(
+                f"travel to layer {layer.index}", machine.travel(toolpath.travels[number]), place
+            )
+        before = stock.height_mm.copy()
+        idle = machine.mill(layer)
+        removed = stock.removed_mm(before)
+        engaged.append(engage(layer, at_points, stock.u, removed, stock.w_step_mm))
+        beside = _beside(stock.u, at_points[layer.cutting], radius)
+        warnings += layer_warnings(layer, idle, removed.max(axis=1), beside, place, toolpath.depth_of_cut_mm)
+    for travel in toolpath.travels[len(toolpath.layers) :]:
+        warnings += travel_warnings("travel after the last layer", machine.travel(travel), place)
+    return tuple(engaged), tuple(warnings)
+
+
+def _in_base(toolpath: Toolpath, layer: Layer) -> Float:
+    """The layer's positions (k, 3) in the base, as planned."""
+    pose = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
+    return np.asarray(layer.position_mm @ pose[:3, :3].T + pose[:3, 3])
+
+
+def _arc_length_at(u: Float, at_points: Float, layer: Layer) -> Float:
+    """Arc length (U,) of the path's nearest point at each column of lines."""
+    order = np.argsort(at_points)
+    return np.interp(u, at_points[order], layer.arc_length_mm[order])
+
+
+def _beside(u: Float, cutting_u: Float, radius_mm: float) -> Bool:
+    """Whether each column (U,) is within a cutter's radius of a point that cuts."""
+    if len(cutting_u) == 0:
+        return np.zeros(len(u), dtype=bool)
+    ordered = np.sort(cutting_u)
+    after = np.clip(np.searchsorted(ordered, u), 1, max(len(ordered) - 1, 1)) if len(ordered) > 1 else 0
+    gap = np.minimum(np.abs(u - ordered[after]), np.abs(u - ordered[np.maximum(after - 1, 0)]))
+    return np.asarray(gap <= radius_mm)

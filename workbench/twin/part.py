@@ -1,0 +1,26 @@
+"""`twin.part`: a raw part, before it is milled."""
+
+from __future__ import annotations
+
+from workbench.errors import InputError
+from workbench.stage import InputFile, stage
+from workbench.synthetic import read_recipe
+from workbench.synthetic.workpiece import Workpiece
+
+
+@stage("twin.part")
+def part(*, recipe: InputFile) -> Workpiece:
+    """Put the raw part of a recipe on the table of the simulated cell (docs/simulation.md).
+
+    The recipe also says which scanner looks at it, how the robot carries it, and what goes wrong.
+
+    Args:
+        recipe: a recipe as for `workbench simulate`, its part of the kind `raw`.
+
+    Raises:
+        InputError: the file is no recipe, or the recipe of a part that is milled already.
+    """
+    found = read_recipe(recipe)
+    if found.part.kind != "raw":
+        raise InputError(f"{recipe}: part.kind", f"'raw', a part that is still to be milled, not '{found.part.kind}'")
+    return Workpiece(found)

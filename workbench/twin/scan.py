@@ -1,0 +1,47 @@
+"""`twin.scan`: the simulated scanner over the workpiece as it is now."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+from pydantic import Field
+
+from workbench.artefacts import Recording
+from workbench.stage import stage
+from workbench.synthetic.simulate import scan_workpiece
+from workbench.synthetic.workpiece import Workpiece
+
+Length = Annotated[float, Field(ge=-1000, le=1000)]
+
+
+@stage("twin.scan")
+def scan(
+    workpiece: Workpiece,
+    *,
+    elevation_deg: Annotated[
+        float | None,
+        Field(gt=-90, lt=90, description="of the sensor above the end face's normal; null: as the recipe says"),
+    ] = None,
+    aim_mm: Annotated[
+        tuple[Length, Length] | None,
+        Field(description="where every pass aims: outwards from the lower edge, and up; null: as the recipe says"),
+    ] = None,
+) -> Recording:
+    """Scan the workpiece as it is now, with the scanner, passes and robot of its recipe (docs/simulation.md).
+
+    Rays meet the raw surfaces and what milling has left of them, exactly. A raw part gives what `workbench simulate`
+    gives for the recipe; after each milling all random numbers but those of the hand-eye calibration are new.
+
+    Args:
+        workpiece: the part as it is now.
+        elevation_deg: elevation of the sensor in every pass, instead of the recipe's.
+        aim_mm: aim point (h, z) in the section in every pass, instead of the recipe's.
+    """
+    changed = {
+        name: value for name, value in (("elevation_deg", elevation_deg), ("aim_mm", aim_mm)) if value is not None
+    }
+    recipe = workpiece.recipe
+    passes = tuple(one.model_copy(update=changed) for one in recipe.passes)
+    aimed = dataclasses.replace(workpiece, recipe=recipe.model_copy(update={"passes": passes}))
+    return scan_workpiece(aimed)[0]

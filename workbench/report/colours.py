@@ -7,7 +7,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE
 from workbench.units import AnyArray
 
-INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
+INK, GREY, PALE, AIR = "#1b1f24", "#6b7280", "#c9ced6", "#98a1ad"
 MEASURED, TOLERANCE, LIMIT, REJECTED = "#0072b2", "#d9efe6", "#00664b", "#8c0f5b"
 
 FACES = {

@@ -42,10 +42,10 @@ def dimension_angle(axes: Axes, root: float, bevel_deg: float, text: str, radius
 
 
 def dimension_gap(axes: Axes, low: Float, high: Float, text: str, size: float) -> None:
-    """The distance of two points (2,) on parallel lines, with arrows from outside and the value beyond `high`."""
+    """The distance of two points (2,) on parallel lines, with arrows from outside and the value before `low`."""
     along = (high - low) / max(1e-9, float(np.linalg.norm(high - low)))
     for tip, turn in ((low, -1.0), (high, 1.0)):
         axes.annotate("", tuple(tip), tuple(tip + turn * 0.045 * size * along), arrowprops=ARROW)
     axes.plot(*np.array([low, high]).T, color=INK, linewidth=0.6)
-    beyond = high + 0.05 * size * along
-    axes.annotate(text, tuple(beyond), (2, 2), textcoords="offset points", va="bottom", fontsize=TEXT_SIZE)
+    before = low - 0.05 * size * along
+    axes.annotate(text, tuple(before), (-2, 0), textcoords="offset points", ha="right", va="center", fontsize=TEXT_SIZE)

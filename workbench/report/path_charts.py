@@ -16,6 +16,7 @@ from workbench.report.sample import face_ends
 from workbench.units import Bool, Float
 
 ALONG = "arc length along the lower edge, mm"
+LEAST_OFF_MM = 0.05  # a scale shows so much at least, that a straight edge looks straight
 ENGAGED = (
     ("radial_depth_mm", "radial depth,\nmm"),
     ("axial_depth_mm", "axial depth,\nmm"),
@@ -34,7 +35,7 @@ def edges_in_plane(cloud: Cloud, edge: Edge) -> bytes:
     with styled():
         figure = Figure(figsize=(5.2, 2.9))
         in_plane, off = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (2.0, 1.0)})
-        figure.subplots_adjust(0.12, 0.155, 0.985, 0.975, hspace=0.14)
+        figure.subplots_adjust(0.14, 0.155, 0.985, 0.975, hspace=0.14)
         for curve, points, colour, name in zip(
             curves, vertices, (LOWER_EDGE, UPPER_EDGE), ("lower edge", "upper edge"), strict=True
         ):
@@ -50,9 +51,13 @@ def edges_in_plane(cloud: Cloud, edge: Edge) -> bytes:
                 )  # fmt: skip
             off.plot(along, out, color=colour, linewidth=1.1)
         in_plane.margins(x=0.01, y=0.22)
+        low, high = off.get_ylim()
+        off.set_ylim(min(low, -LEAST_OFF_MM), max(high, LEAST_OFF_MM))
         in_plane.set_ylabel("across, mm")
         off.set_ylabel("off it, mm")
         off.set_xlabel("along the end face's plane, mm")
+        for axes_of in (in_plane, off):
+            axes_of.yaxis.set_label_coords(-0.11, 0.5)
         return svg(figure)
 
 
@@ -118,9 +123,3 @@ def _mark_cutting(axes: Axes, s: Float, cutting: Bool) -> None:
     change = np.flatnonzero(np.diff(np.r_[False, cutting, False]))
     bars = [(float(s[a]), float(s[b - 1] - s[a])) for a, b in zip(change[::2], change[1::2], strict=True)]
     axes.broken_barh(bars, (0.0, 0.035), transform=axes.get_xaxis_transform(), color=GREY, linewidth=0)
-    for start, width in bars:
-        if width > 0.1 * float(np.ptp(s)):
-            axes.annotate(
-                "cuts", (start + width / 2, 0.035), (0, 2), xycoords=("data", "axes fraction"),
-                textcoords="offset points", ha="center", fontsize=8, color=GREY,
-            )  # fmt: skip

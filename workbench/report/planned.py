@@ -29,7 +29,9 @@ class Run:
     @property
     def cutting_step(self) -> Bool:
         """(k,) whether the step to the point cuts: both its ends do."""
-        return self.cutting & np.roll(self.cutting, 1) & (self.layer == np.roll(self.layer, 1))
+        cuts = self.cutting.copy()
+        cuts[1:] &= self.cutting[:-1] & (np.diff(self.layer) == 0)
+        return cuts
 
     @property
     def layer_start(self) -> Int:

@@ -16,7 +16,7 @@ from workbench.units import AnyArray, Float, Int
 
 MOST_MM = 100.0  # of edge that these views show
 TOOL_FRAMES = 12  # drawn at most
-TOOL_AXIS_MM, AXIS_MM = 3.0, 5.0
+TOOL_AXIS_MM, AXIS_MM = 4.0, 5.0
 PANEL_PX = 1000
 LOOK = (-0.5, 0.8, 0.45)
 LIGHT, DARK = 225.0, 95.0  # grey of the highest and of the lowest point of the cloud

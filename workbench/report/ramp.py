@@ -9,7 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from workbench.artefacts import Toolpath
-from workbench.report.colours import GREY, rgb
+from workbench.report.colours import AIR, rgb
 from workbench.report.figures import styled, svg
 from workbench.report.planned import Run
 from workbench.report.values import alike
@@ -27,24 +27,25 @@ def ramp(fraction: Float) -> AnyArray:
 def layer_colours(layer: AnyArray, count: int) -> AnyArray:
     """(k, 3): light for the first layer, dark for the final one, grey for moves through the air between layers."""
     colour = ramp((count - np.asarray(layer)) / max(1, count - 1))
-    return np.where((np.asarray(layer) == 0)[:, None], rgb(GREY), colour)
+    return np.where((np.asarray(layer) == 0)[:, None], rgb(AIR), colour)
 
 
 def feed_colours(run: Run) -> AnyArray:
     """(k, 3): the darker the slower."""
     low, high = feed_range(run)
-    return ramp((run.feed_mm_s - low) / max(1e-9, high - low))
+    return ramp((run.feed_mm_s - low) / (high - low))
 
 
 def feed_range(run: Run) -> tuple[float, float]:
-    """Slowest and fastest feed of a path, mm/s."""
-    return float(run.feed_mm_s.min()), float(run.feed_mm_s.max())
+    """Slowest and fastest feed of a path, mm/s; from 0 where they are one."""
+    low, high = float(run.feed_mm_s.min()), float(run.feed_mm_s.max())
+    return (low, high) if high - low > 1e-3 * high else (0.0, high)
 
 
 def feed_scale(run: Run) -> bytes:
     """SVG of the colour bar of feeds."""
     low, high = feed_range(run)
-    return _scale(ScalarMappable(Normalize(low, max(high, low + 1e-9)), RAMP), "feed, mm/s")
+    return _scale(ScalarMappable(Normalize(low, high), RAMP), "feed, mm/s")
 
 
 def layer_scale(toolpath: Toolpath) -> bytes:
@@ -54,8 +55,8 @@ def layer_scale(toolpath: Toolpath) -> bytes:
     bar = ScalarMappable(BoundaryNorm(np.arange(0.5, count + 1.0), count), shades)
     heights = alike(*(round(layer.height_mm, 6) for layer in toolpath.layers))
     named = np.unique(np.linspace(1, count, min(count, MOST_NAMES)).round().astype(int))
-    names = [f"{k}: {heights[k - 1]}" for k in named]
-    return _scale(bar, "layer: its height above the finished bevel, mm", named, names)
+    names = [f"{k} ({heights[k - 1]} mm)" for k in named]
+    return _scale(bar, "layer (its height above the finished bevel)", named, names)
 
 
 def _scale(bar: ScalarMappable, label: str, at: AnyArray | None = None, names: list[str] | None = None) -> bytes:

@@ -16,8 +16,6 @@ from workbench.report.colours import INK
 from workbench.report.scene import AXES, View, aspect, extent
 from workbench.units import AnyArray, Float
 
-IN_FRONT, FORWARD_MM = 0.02, 1.0  # lines and dots stand before their points by this share of the depth, at most so far
-
 
 def main(names: list[str]) -> None:
     """Draw each of `names`."""
@@ -34,8 +32,8 @@ def draw(view: View, path: Path) -> None:
     shape = aspect(low, high)
     plotter: Any = pv.Plotter(off_screen=True, window_size=[int(view.width_px), round(view.width_px * shape)])
     plotter.set_background("white")
-    _add_points(plotter, view.points_mm, view.colour, size=2.5)
-    forward = min(IN_FRONT * depth, FORWARD_MM) * view.look
+    _add_points(plotter, view.points_mm, view.colour, size=3.0)
+    forward = depth * view.look  # in front of all points: a path runs inside the stock, and must be seen
     _add_points(plotter, view.dots_mm + forward, view.dot_colour, size=6.0)
     _add_lines(plotter, view, forward)
     for corners, colour, name in zip(view.planes_mm, view.plane_colour, view.names, strict=True):
@@ -43,7 +41,7 @@ def draw(view: View, path: Path) -> None:
     if view.axes_length_mm:
         _add_axes(plotter, view.axes, float(view.axes_length_mm))
     plotter.enable_parallel_projection()
-    plotter.camera_position = [tuple(centre + view.look * (depth + width)), tuple(centre), tuple(view.axes[2])]
+    plotter.camera_position = [tuple(centre + view.look * (2.0 * depth + width)), tuple(centre), tuple(view.axes[2])]
     plotter.camera.parallel_scale = 0.53 * max(height, width * shape)
     plotter.reset_camera_clipping_range()
     plotter.screenshot(str(path))

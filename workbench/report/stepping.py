@@ -25,7 +25,7 @@ from workbench.units import Float
 
 POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
 EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
-HEIGHT_IN, WIDTH_IN = 4.3, 7.2
+WIDTH_IN = 7.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,12 +73,15 @@ def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
 
 def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Stepped) -> bytes:
     """SVG of the section."""
-    size = 1.35 * max(stepped.thickness_mm, -stepped.cuts[0].upper[0], -stepped.cuts[-1].upper[0] * 0.8)
+    top, left = stepped.thickness_mm, -float(stepped.cuts[-1].upper[0])
+    size = 1.2 * max(top, 0.7 * left)
+    low, high = (-1.4 * left - 0.3 * size, -0.08 * size), (0.98 * size, top + 0.26 * size)
+    width, height = high[0] - low[0], high[1] - low[1]
     with styled():
-        figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN))
-        axes = figure.add_axes((0.085, 0.115, 0.9, 0.87), aspect="equal")
-        width = size * 0.9 * WIDTH_IN / (0.87 * HEIGHT_IN)
-        axes.set(xlim=(-0.62 * width, 0.38 * width), ylim=(-0.09 * size, 0.91 * size))
+        figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * 0.9 * height / width / 0.88))
+        axes = figure.add_axes((0.085, 0.105, 0.9, 0.88), aspect="equal")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.locator_params(integer=True)
         _draw_stock(axes, stepped, width)
         _draw_points(axes, cloud, edge, stepped)
         _draw_layers(axes, toolpath, stepped, size)
@@ -134,10 +137,11 @@ def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) 
         final = cut is stepped.cuts[-1]
         axes.plot(*np.array([cut.lower, cut.upper]).T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
         beyond = _beyond(cut, size)
-        axes.plot(*np.array([cut.upper, beyond]).T, color=colour, linewidth=0.6, zorder=1)
+        end = _beyond(cut, 1.75 * size) if cut in stepped.cuts[-2:] else beyond  # for the depth of cut
+        axes.plot(*np.array([cut.upper, end]).T, color=colour, linewidth=0.6, zorder=1)
         if cut.layer.index in named:
             axes.annotate(
-                f"{cut.layer.index}", tuple(beyond), (-3, 1), textcoords="offset points", ha="center", va="bottom",
+                f"{cut.layer.index}", tuple(beyond), (-5, -1), textcoords="offset points", ha="right", va="center",
                 fontsize=8, color=INK, fontweight="bold" if final else "normal",
             )  # fmt: skip
 
@@ -148,7 +152,7 @@ def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Steppe
     dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
     high_u = None if root_u is None or edge.position_u_mm is None else float(np.nanmedian(edge.position_u_mm[:, 1]))
     high = measured(stepped.thickness_mm, high_u, decimals([high_u]))
-    dimension_height(axes, stepped.thickness_mm, 0.42 * size, f"thickness\n{high} mm", size)
+    dimension_height(axes, stepped.thickness_mm, 0.52 * size, f"thickness\n{high} mm", size)
     angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
     radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - stepped.root_mm))
     axes.plot([0, 0], [stepped.root_mm, stepped.root_mm + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
@@ -156,7 +160,7 @@ def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Steppe
     if len(stepped.cuts) > 1:
         one, final = stepped.cuts[-2:]
         low, along = (
-            _beyond(final, 0.55 * size),
+            _beyond(final, 1.6 * size),
             (final.lower - final.upper) / np.linalg.norm(final.lower - final.upper),
         )
         off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left

@@ -12,7 +12,7 @@ from workbench.artefacts import Edge, Inspection, Section
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE, VERDICTS
 from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
 from workbench.report.values import COVERAGE, alike
-from workbench.units import Float
+from workbench.units import Bool, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,14 +60,18 @@ def angle_chart(edge: Edge, inspection: Inspection) -> bytes:
 
 def hidden_stretches(edge: Edge) -> list[tuple[float, float]]:
     """Arc lengths, mm, from the last station seen before each gap to the first one seen after it."""
-    change = np.flatnonzero(np.diff(edge.seen.astype(np.int8)))
-    s, last = edge.arc_length_mm, len(edge.arc_length_mm) - 1
-    starts = [int(k) for k in change if edge.seen[k]]
-    ends = [int(k) + 1 for k in change if not edge.seen[k]]
-    if len(s) and not edge.seen[0]:
+    return gaps(edge.arc_length_mm, edge.seen)
+
+
+def gaps(s: Float, seen: Bool) -> list[tuple[float, float]]:
+    """The stretches of `s` (n,) between what was `seen` (n,), from the last value seen to the next one."""
+    change = np.flatnonzero(np.diff(seen.astype(np.int8)))
+    starts = [int(k) for k in change if seen[k]]
+    ends = [int(k) + 1 for k in change if not seen[k]]
+    if len(s) and not seen[0]:
         starts.insert(0, 0)
-    if len(s) and not edge.seen[-1]:
-        ends.append(last)
+    if len(s) and not seen[-1]:
+        ends.append(len(s) - 1)
     return [(float(s[a]), float(s[b])) for a, b in zip(starts, ends, strict=True)]
 
 

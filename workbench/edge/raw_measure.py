@@ -134,4 +134,5 @@ def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, si
     lean = wrapped(
         lines.angle - tilt
     )  # of a line: known but for half a turn; the plate lies at -n, a quarter turn back
-    return float(wrapped(np.array(_mean_angle(2.0 * lean) / 2.0 + np.pi / 2)) - np.pi / 2)
+    turn = _mean_angle(2.0 * lean) / 2.0  # of a line, which has two senses
+    return turn if math.sin(turn) < 0.0 else turn - math.pi

@@ -1,0 +1,46 @@
+"""The stage `report.closed_loop`: the chapter on what was asked, planned and measured on the milled part."""
+
+from __future__ import annotations
+
+from workbench.artefacts import Chapter, Engagement, Inspection, Rework, Toolpath
+from workbench.errors import InputError, one_line
+from workbench.stage import stage
+
+
+@stage("report.closed_loop")
+def closed_loop(
+    inspection: Inspection, toolpath: Toolpath, rework: Rework | None = None, engagement: Engagement | None = None
+) -> Chapter:
+    """The closed loop as a chapter: root size and bevel angle as asked, as planned, as measured; and the rework.
+
+    Planned is what the plane of the path's final layer makes in each inspected section, taken in that section's own
+    axes as measured on the milled part; so measured less planned is what milling and the two scans have added.
+    Uncertainties are expanded, U = 2 u. The verdict is the inspection's.
+
+    Args:
+        inspection: of the milled part.
+        toolpath: that it was milled along.
+        rework: what the inspection asks to be milled again; without it the page says so.
+        engagement: of the cutter along the path, from a simulation.
+
+    Raises:
+        InputError: no section, or a path without layers.
+    """
+    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    from workbench.report.closed_loop_text import closed_loop_html, closed_loop_summary, contradictions
+    from workbench.report.loop import compared, loop_chart
+
+    if not inspection.sections:
+        raise InputError("inspection", "expected at least one section to report")
+    if not toolpath.layers:
+        raise InputError(toolpath.source or "path", "expected at least one layer")
+    rows = compared(inspection, toolpath)
+    chart = loop_chart(inspection, toolpath, rows)
+    return Chapter(
+        title="Closed loop",
+        html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),
+        verdict=inspection.verdict,
+        summary=closed_loop_summary(inspection, toolpath, rework),
+        part=toolpath.part_id or "",
+        warnings=tuple(map(one_line, [*contradictions(inspection, toolpath), *(rework.warnings if rework else ())])),
+    )

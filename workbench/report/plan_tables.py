@@ -1,0 +1,128 @@
+"""What stands in the tables of a plan, as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from workbench.artefacts import Edge, Gate, Moves, Toolpath
+from workbench.errors import one_line
+from workbench.report.along import hidden_stretches
+from workbench.report.planned import Run, planned_bevel, planned_u, thickness_mm
+from workbench.report.values import COVERAGE, decimals, span
+
+Row = tuple[str, str]
+
+
+def constant_time_s(toolpath: Toolpath, run: Run) -> float:
+    """Time of the whole path at the cutting feed throughout."""
+    return float(run.length_mm.sum()) / toolpath.v_slow_mm_s
+
+
+def thickness(edge: Edge) -> str:
+    """Height of the end face along the edge."""
+    return span(thickness_mm(edge), 2, " mm")
+
+
+def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, str, str]]:
+    """Root and angle: name, required, planned lowest and highest along the final layer, expanded uncertainty."""
+    bevel = planned_bevel(toolpath, edge)
+    rows = (
+        ("Root size", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath.bevel_deg)[0]),
+        ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, planned_u(edge, toolpath.bevel_deg)[1]),
+    )
+    for name, unit, nominal, values, u in rows:
+        places = decimals([u])
+        known = values[np.isfinite(values)]
+        ends = [f"{end:.{places}f}{unit}" for end in (known.min(), known.max())] if len(known) else ["–", "–"]
+        expanded = "–" if u is None else f"± {COVERAGE * u:.{places}f}{unit}"
+        yield (name, f"{nominal:g}{unit}", ends[0], ends[1], expanded)
+
+
+def plan_rows(toolpath: Toolpath, run: Run) -> Iterator[Row]:
+    """The path in numbers."""
+    cutter, cut = toolpath.cutter, run.cutting_step
+    length, time, at_slow = float(run.length_mm.sum()), float(run.time_s.sum()), constant_time_s(toolpath, run)
+    heights = [layer.height_mm for layer in toolpath.layers]
+    final = toolpath.layers[-1]
+    steps = np.diff(final.arc_length_mm[final.measured & (final.arc_length_mm >= 0.0)])
+    yield "Cutter", f"⌀ {cutter.diameter_mm:g} mm, {cutter.flutes} flutes of {cutter.flute_length_mm:g} mm"
+    yield (
+        "Layers",
+        f"{len(heights)}, depth of cut {toolpath.depth_of_cut_mm:g} mm, the first {max(heights):g} mm above the "
+        "finished bevel",
+    )
+    yield "Length of the path", f"{length:,.0f} mm, of which {run.length_mm[cut].sum():,.0f} mm cutting"
+    yield (
+        "Points",
+        f"{len(run.layer):,}, of which {int(run.cutting.sum()):,} cutting"
+        + (f"; key points {np.median(steps):.2f} mm apart along the lower edge" if len(steps) else ""),
+    )
+    yield "Feed", f"{run.feed_mm_s.min():.3g} to {run.feed_mm_s.max():.3g} mm/s, cutting {toolpath.v_slow_mm_s:g} mm/s"
+    yield "Time", duration(time)
+    yield (
+        "Cutting share",
+        f"{100.0 * run.time_s[cut].sum() / time:.0f} % of the time, "
+        f"{100.0 * run.length_mm[cut].sum() / length:.0f} % of the way",
+    )
+    yield f"Time at constant {toolpath.v_slow_mm_s:g} mm/s", duration(at_slow)
+    yield "Time saved", f"{duration(at_slow - time)} ({100.0 * (1.0 - time / at_slow):.0f} %)"
+
+
+def move_rows(moves: Moves | None) -> Iterator[Row]:
+    """What simplification made of the points."""
+    if moves is None:
+        yield "Targets after simplification", "not simplified"
+        return
+    count, arcs = len(moves.circular), int(moves.circular.sum())
+    yield (
+        "Targets after simplification",
+        f"{count:,} ({moves.points_before / max(1, count):.1f} times fewer), {arcs:,} of them circular; within "
+        f"{moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g}° of the points",
+    )
+
+
+def layer_rows(toolpath: Toolpath, run: Run) -> Iterator[tuple[str, ...]]:
+    """A row a layer: index, height, width of its face, length cut, points, feed, time."""
+    for layer in toolpath.layers:
+        here = run.layer == layer.index
+        width = layer.width_mm[layer.cutting]
+        yield (
+            f"{layer.index}",
+            f"{layer.height_mm:.2f}",
+            span(width, 2, ""),
+            f"{run.length_mm[here & run.cutting_step].sum():.1f}",
+            f"{int(here.sum()):,}",
+            span(layer.feed_mm_s, 2, ""),
+            duration(float(run.time_s[here].sum())),
+        )
+    air = run.layer == 0
+    if air.any():
+        yield (
+            "between",
+            "–",
+            "–",
+            "–",
+            f"{int(air.sum()):,}",
+            span(run.feed_mm_s[air], 2, ""),
+            duration(float(run.time_s[air].sum())),
+        )
+
+
+def refused(edge: Edge, toolpath: Toolpath, gate: Gate | None) -> Iterator[tuple[str, str]]:
+    """What is not milled, and why: what, where or why."""
+    if gate is not None and not gate.passed:
+        yield "The whole path", one_line(gate.reason)
+    for what in toolpath.refused:
+        yield "Not milled", one_line(what)
+    for start, end in hidden_stretches(edge):
+        yield "Not seen", f"arc length {start:.1f} to {end:.1f} mm: nothing is cut where nothing was measured"
+
+
+def duration(seconds: float) -> str:
+    """'1 h 4 min', '12 min 5 s', '8.3 s'."""
+    if seconds < 59.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

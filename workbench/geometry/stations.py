@@ -23,17 +23,15 @@ class SectionTable(NamedTuple):
     """Sections of the stock at n stations, `step` mm apart from arc length 0, as the kernels see them."""
 
     step: float
-    position: Float  # (n, 3) lower edge
-    tangent: Float  # (n, 3)
-    normal: Float  # (n, 3)
-    across: Float  # (n, 3)
-    upper: Float  # (n, 2) upper edge, along n and m
-    inward: Float  # (n, 2) unit, along the upper surface into the plate
+    axes: Float  # (n, 12) lower edge, t, n, m in the base
+    stock: Float  # (n, 4) upper edge, and the unit direction along the upper surface into the plate, along n and m
 
 
-def section_table(step: float, *arrays: Float) -> SectionTable:
-    """A table of read-only, contiguous arrays, so that each kernel is compiled once."""
-    return SectionTable(float(step), *(as_input(a.astype(np.float64, copy=False)) for a in arrays))
+def section_table(step: float, position_mm: Float, tangent: Float, normal: Float, across: Float, upper_mm: Float,
+                  inward: Float) -> SectionTable:  # fmt: skip
+    """A table from the lower edge (n, 3) mm, its axes (n, 3), the upper edge (n, 2) mm and `inward` (n, 2)."""
+    axes = np.concatenate([position_mm, tangent, normal, across], axis=1)
+    return SectionTable(float(step), as_input(axes), as_input(np.concatenate([upper_mm, inward], axis=1)))
 
 
 def foreign_points(x_mm: Float32, z_mm: Float32, usable: Bool, base_from_profiler: Float, sections: SectionTable,
@@ -52,45 +50,37 @@ def foreign_points(x_mm: Float32, z_mm: Float32, usable: Bool, base_from_profile
         tolerance_mm: (n,) at each station: burrs and roughness stand out less.
     """
     out = np.zeros(x_mm.shape, np.bool_)
-    args = (as_input(x_mm), as_input(z_mm), as_input(usable), as_input(base_from_profiler), sections, as_input(start))
-    over_blocks(partial(_stand_out, *args, as_input(tolerance_mm), out), out.shape)
+    grid = (as_input(x_mm), as_input(z_mm), as_input(usable), as_input(base_from_profiler))
+    stock = (sections.axes, sections.stock, sections.step)
+    over_blocks(partial(_stand_out, *grid, *stock, as_input(start), as_input(tolerance_mm), out), out.shape)
     supported = np.zeros_like(out)
     over_blocks(partial(_support, as_input(out), supported), out.shape)
     rows, columns = np.nonzero(supported)
     return rows, columns
 
 
-@njit(nogil=True, cache=True)
-def _section_of(q0: float, q1: float, q2: float, j: int, sections: SectionTable) -> tuple[int, float, float, float]:
+@njit(nogil=True, cache=True, inline="always")
+def _section_of(q0: float, q1: float, q2: float, i: int, axes: Float, step: float) -> tuple[int, float, float, float]:
     """Station nearest to a point, its distance beyond it along t, and its place along n and m there."""
-    last = sections.position.shape[0] - 1
-    along, i = 0.0, j
+    along = 0.0
     for _ in range(6):
-        p, t = sections.position[i], sections.tangent[i]
-        along = (q0 - p[0]) * t[0] + (q1 - p[1]) * t[1] + (q2 - p[2]) * t[2]
-        k = i + int(np.floor(along / sections.step + 0.5))
-        k = min(max(k, 0), last)
+        along = (q0 - axes[i, 0]) * axes[i, 3] + (q1 - axes[i, 1]) * axes[i, 4] + (q2 - axes[i, 2]) * axes[i, 5]
+        if abs(along) <= 0.5 * step:
+            break
+        k = min(max(i + int(np.floor(along / step + 0.5)), 0), axes.shape[0] - 1)
         if k == i:
             break
         i = k
-    p, n, m = sections.position[i], sections.normal[i], sections.across[i]
-    d0, d1, d2 = q0 - p[0], q1 - p[1], q2 - p[2]
-    return i, along, d0 * n[0] + d1 * n[1] + d2 * n[2], d0 * m[0] + d1 * m[1] + d2 * m[2]
+    d0, d1, d2 = q0 - axes[i, 0], q1 - axes[i, 1], q2 - axes[i, 2]
+    h = d0 * axes[i, 6] + d1 * axes[i, 7] + d2 * axes[i, 8]
+    return i, along, h, d0 * axes[i, 9] + d1 * axes[i, 10] + d2 * axes[i, 11]
 
 
 @njit(nogil=True, cache=True)
-def _outside(h: float, v: float, upper: Float, inward: Float) -> float:
-    """How far a point (h, v) of the section stands out of the stock: of its end face, upper or lower surface."""
-    above = (v - upper[1]) * -inward[0] + (h - upper[0]) * inward[1]  # left of the way in, seen along the edge
-    lean = h - upper[0] * v / max(upper[1], 1e-6)  # of the line from the lower to the upper edge
-    return max(max(above, lean), -v)
-
-
-@njit(nogil=True, cache=True)
-def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, sections: SectionTable, start: Int,
+def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, axes: Float, stock: Float, step: float, start: Int,
                tolerance: Float, out: Bool, first: int, last: int) -> None:  # fmt: skip
     for i in range(first, last):
-        a, j0 = poses[i], start[i]
+        a, k = poses[i], start[i]
         for j in range(x.shape[1]):
             if not usable[i, j]:
                 continue
@@ -98,10 +88,12 @@ def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, sections: Sec
             q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
             q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
             q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
-            k, _, h, v = _section_of(q0, q1, q2, j0, sections)
-            j0 = k
+            k, _, h, v = _section_of(q0, q1, q2, k, axes, step)
+            d, e = stock[k, 2], stock[k, 3]
+            above = (h - stock[k, 0]) * e - (v - stock[k, 1]) * d  # the upper surface
+            lean = h - stock[k, 0] * v / max(stock[k, 1], 1e-6)  # the line from the lower to the upper edge
             reach = 0.03 * np.sqrt(h * h + v * v)  # the surfaces' directions are not known better, far from the edge
-            out[i, j] = _outside(h, v, sections.upper[k], sections.inward[k]) > tolerance[k] + reach
+            out[i, j] = max(above, lean, -v) > tolerance[k] + reach
 
 
 @njit(nogil=True, cache=True)
@@ -116,6 +108,56 @@ def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
                 for c in range(max(j - half, 0), min(j + half + 1, marked.shape[1])):
                     count += marked[r, c]
             out[i, j] = count > LEAST_SUPPORT
+
+
+def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler: Float, sections: SectionTable,
+                    start: Int, bevel: tuple[float, float, float], face_mm: Float,
+                    reach_mm: Float) -> AnyArray:  # fmt: skip
+    """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point, 65535 all of them.
+
+    Layer i takes a point away that lies above its face, and not beyond the tip of the cutter, where it cuts.
+
+    Args:
+        x_mm, z_mm, keep: (N, M) the grid in the profiler frame.
+        base_from_profiler: (N, 4, 4).
+        sections: at n stations.
+        start: (N,) station near each frame.
+        bevel: cosine and sine of the bevel's angle, and the place of the finished face along its normal, mm.
+        face_mm: (n, layers) height above the finished face to which each layer cuts; infinite where it does not.
+        reach_mm: (n,) how far down the bevel's slope the tip reaches, from the lower edge.
+    """
+    out = np.zeros(x_mm.shape, np.uint16)
+    grid = (as_input(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
+    slope = (float(bevel[0]), float(bevel[1]), float(bevel[2]))
+    cut = (as_input(face_mm), as_input(np.min(face_mm, axis=1)), as_input(reach_mm))
+    stock = (sections.axes, sections.step, as_input(start))
+    over_blocks(partial(_standing, *grid, *stock, slope, *cut, out), out.shape)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, step: float, start: Int,
+              slope: tuple[float, float, float], face: Float, lowest: Float, reach: Float, out: AnyArray, first: int,
+              last: int) -> None:  # fmt: skip
+    half, (cosine, sine, finished) = 0.5 * step, slope
+    for i in range(first, last):
+        a, k = poses[i], start[i]
+        for j in range(x.shape[1]):
+            if not keep[i, j]:
+                continue
+            u, w = np.float64(x[i, j]), np.float64(z[i, j])
+            q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
+            q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
+            q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
+            k, along, h, v = _section_of(q0, q1, q2, k, axes, step)
+            out[i, j] = 65535
+            height = cosine * h + sine * v - finished
+            if abs(along) > half + 1e-6 or height <= lowest[k] or sine * h - cosine * v > reach[k]:
+                continue
+            layer = 0
+            while height <= face[k, layer]:
+                layer += 1
+            out[i, j] = layer + 1
 
 
 def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Float, outward: Float, axis: Float,
@@ -133,22 +175,23 @@ def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Fl
         reach: radius, clearance, and how far along the axis the tip reaches from the origin, mm.
     """
     height = np.full(len(origin_mm), -np.inf)
-    frames = (as_input(v) for v in (origin_mm, tangent, outward, axis))
-    _needed(as_input(points_mm), as_input(station), *frames, *map(float, reach), height)
+    places = np.concatenate([origin_mm, tangent, outward, axis], axis=1)
+    sizes = (float(reach[0]), float(reach[1]), float(reach[2]))
+    _needed(as_input(points_mm), as_input(station), as_input(places), sizes, height)
     return height
 
 
 @njit(nogil=True, cache=True)
-def _needed(points: Float, station: Int, origin: Float, tangent: Float, outward: Float, axis: Float, radius: float,
-            clearance: float, tip: float, out: Float) -> None:  # fmt: skip
+def _needed(points: Float, station: Int, places: Float, sizes: tuple[float, float, float], out: Float) -> None:
+    radius, clearance, tip = sizes
     wide = radius + clearance
     window = int(1.5 * wide) + 3
     for i in range(points.shape[0]):
-        for k in range(max(station[i] - window, 0), min(station[i] + window + 1, origin.shape[0])):
+        for k in range(max(station[i] - window, 0), min(station[i] + window + 1, places.shape[0])):
             y, b, along = 0.0, 0.0, 0.0
             for c in range(3):
-                d = points[i, c] - origin[k, c]
-                y, b, along = y + d * tangent[k, c], b + d * outward[k, c], along + d * axis[k, c]
+                d = points[i, c] - places[k, c]
+                y, b, along = y + d * places[k, 3 + c], b + d * places[k, 6 + c], along + d * places[k, 9 + c]
             if abs(y) < wide and along < tip + clearance:
                 out[k] = max(out[k], b - radius + np.sqrt(wide * wide - y * y))
 
@@ -162,15 +205,15 @@ def place(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, rows: Int, co
 def nearest_stations(points_mm: Float, start: Int, sections: SectionTable) -> tuple[Int, Float, Float]:
     """Station (p,), arc length (p,) and section coordinates (p, 2) of points (p, 3) mm; `start` (p,) is a guess."""
     station, arc, section = np.empty(len(points_mm), np.int64), np.empty(len(points_mm)), np.empty((len(points_mm), 2))
-    _stations(as_input(points_mm), as_input(start), sections, station, arc, section)
+    _stations(as_input(points_mm), as_input(start), sections.axes, sections.step, station, arc, section)
     return station, arc, section
 
 
 @njit(nogil=True, cache=True)
-def _stations(points: Float, start: Int, sections: SectionTable, station: Int, arc: Float, section: Float) -> None:
+def _stations(points: Float, start: Int, axes: Float, step: float, station: Int, arc: Float, section: Float) -> None:
     for i in range(points.shape[0]):
-        k, along, h, v = _section_of(points[i, 0], points[i, 1], points[i, 2], start[i], sections)
-        station[i], arc[i] = k, k * sections.step + along
+        k, along, h, v = _section_of(points[i, 0], points[i, 1], points[i, 2], start[i], axes, step)
+        station[i], arc[i] = k, k * step + along
         section[i, 0], section[i, 1] = h, v
 
 

@@ -1,6 +1,7 @@
 """Stages that plan the milling path: `path.*`."""
 
+from workbench.path.feed import feed
 from workbench.path.layers import layers
 from workbench.path.simplify import simplify
 
-__all__ = ["layers", "simplify"]
+__all__ = ["feed", "layers", "simplify"]

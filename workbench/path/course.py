@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -38,8 +38,32 @@ class Course:
         return np.asarray(section[:, :1] * self.normal + section[:, 1:] * self.across)
 
 
+def lower_course(edge: Edge, s: Float) -> Course:
+    """The lower edge of any `edge` at arc lengths s (k,) mm, ascending; the stock above it is left open (0).
+
+    Raises:
+        InputError: fewer than two stations were seen.
+    """
+    stations, length = edge.arc_length_mm, float(edge.arc_length_mm[-1])
+    seen = edge.seen & np.isfinite(edge.position_mm).all(axis=1)
+    if seen.sum() < 2:
+        raise InputError("edge", "expected an edge of 1 mm or more to plan for")
+    at = np.clip(s, 0.0, length)
+    tangent, normal, across = _axes(edge, at)
+    lower = CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
+    inside = (s > -1e-9) & (s < length + 1e-9)
+    return Course(
+        arc_length_mm=s,
+        position_mm=lower(np.clip(at, *stations[seen][[0, -1]])) + (s - at)[:, None] * tangent,
+        tangent=tangent, normal=normal, across=across,
+        upper_mm=np.zeros((s.size, 2)), inward=np.tile([-1.0, 0.0], (s.size, 1)),
+        curvature=np.where(inside[:, None], _curvature(edge, at, normal, across), 0.0),
+        seen=_seen(stations, seen, at),
+    )  # fmt: skip
+
+
 def edge_course(edge: Edge, s: Float, smoothing_mm: float) -> Course:
-    """The course of a raw `edge` at arc lengths s (k,) mm, ascending.
+    """The course of a raw `edge` at arc lengths s (k,) mm, ascending, with the stock above it.
 
     The upper edge is smoothed along the edge over `smoothing_mm` on each side (its roughness would shake the path).
 
@@ -48,23 +72,10 @@ def edge_course(edge: Edge, s: Float, smoothing_mm: float) -> Course:
     """
     if edge.kind != "raw":
         raise InputError("edge", "expected a raw edge to plan for, found a milled one")
-    stations, length = edge.arc_length_mm, float(edge.arc_length_mm[-1])
-    seen = edge.seen & np.isfinite(edge.position_mm).all(axis=1)
-    if seen.sum() < 2:
-        raise InputError("edge", "expected an edge of 1 mm or more to plan for")
-    at = np.clip(s, 0.0, length)
-    tangent, normal, across = _axes(edge, at)
-    lower = CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
+    course = lower_course(edge, s)
+    stations, at = edge.arc_length_mm, np.clip(s, 0.0, edge.arc_length_mm[-1])
     upper, inward = _upper(edge, smoothing_mm)
-    inside = (s > -1e-9) & (s < length + 1e-9)
-    return Course(
-        arc_length_mm=s,
-        position_mm=lower(np.clip(at, *stations[seen][[0, -1]])) + (s - at)[:, None] * tangent,
-        tangent=tangent, normal=normal, across=across,
-        upper_mm=CubicSpline(stations, upper)(at), inward=unit(CubicSpline(stations, inward)(at)),
-        curvature=np.where(inside[:, None], _curvature(edge, at, normal, across), 0.0),
-        seen=_seen(stations, seen, at),
-    )  # fmt: skip
+    return replace(course, upper_mm=CubicSpline(stations, upper)(at), inward=unit(CubicSpline(stations, inward)(at)))
 
 
 def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:

@@ -33,14 +33,14 @@ def layers(
     flutes: Annotated[int, Field(ge=1, le=20, description="count of the cutter's flutes")] = 4,
     flute_length_mm: Annotated[
         float | None,
-        Field(gt=0, le=200, description="cutting length, centred on the bevel face; null: 2 mm more than that at each end"),
+        Field(gt=0, le=200, description="cutting length, centred on the face; null: 2 mm over the widest at each end"),
     ] = None,
     v_slow_mm_s: Annotated[float, Field(gt=0, le=1000, description="feed while cutting")] = 1.0,
     clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height above stock and clamps in the air")] = 5.0,
     side_clearance_mm: Annotated[
         float, Field(ge=0.1, le=50, description="how near the cutter comes to a clamp beside it")
     ] = 2.0,
-    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises or falls")] = 5.0,
+    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
     lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 10.0,
     smoothing_mm: Annotated[
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")

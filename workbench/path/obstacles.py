@@ -13,8 +13,8 @@ from workbench.geometry.stations import (
     SectionTable,
     foreign_points,
     frame_stations,
-    needed_heights,
     nearest_stations,
+    needed_heights,
     place,
     section_table,
 )
@@ -39,7 +39,7 @@ class Foreign:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lift:
-    """A stretch of the edge that the cutter passes above: full height from `from_mm` to `to_mm`, a ramp on each side."""
+    """A stretch that the cutter passes above: at full height from `from_mm` to `to_mm`, with a ramp on each side."""
 
     from_mm: float
     to_mm: float

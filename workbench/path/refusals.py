@@ -47,8 +47,8 @@ def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_
     width = bevel.width_mm(course, 0.0)
     widest = int(np.argmax(np.where(at, width, -1.0)))
     if width[widest] > cutter.flute_length_mm:
-        raise InputError("flute_length_mm", f"{cutter.flute_length_mm:g} mm of flute do not reach over the bevel "
-                         f"face, {width[widest]:.2f} mm wide at arc length {course.arc_length_mm[widest]:.1f} mm")  # fmt: skip
+        where = f"{width[widest]:.2f} mm wide at arc length {course.arc_length_mm[widest]:.1f} mm"
+        raise InputError("flute_length_mm", f"{cutter.flute_length_mm:g} mm do not reach over the bevel face, {where}")
 
 
 def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: Cutter) -> None:
@@ -56,7 +56,7 @@ def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: C
     stretch = stretch_factor(course, bevel, height_mm, cutter.diameter_mm / 2.0)
     worst = int(np.argmin(stretch))
     if stretch[worst] < LEAST_STRETCH:
-        bend = float(np.linalg.norm(course.curvature[worst]))
-        raise InputError("edge", f"arc length {course.arc_length_mm[worst]:.1f} mm: concave with a radius of "
-                         f"{1.0 / bend:.1f} mm, too tight for a cutter of {cutter.diameter_mm:g} mm that passes "
-                         f"{height_mm[worst]:.1f} mm above the finished bevel: its path would cross itself")  # fmt: skip
+        radius = 1.0 / float(np.linalg.norm(course.curvature[worst]))
+        where = f"arc length {course.arc_length_mm[worst]:.1f} mm: concave with a radius of {radius:.1f} mm"
+        raise InputError("edge", f"{where}, too tight: a cutter of {cutter.diameter_mm:g} mm, "
+                         f"{height_mm[worst]:.1f} mm above the finished bevel, would cross its path")  # fmt: skip

@@ -1,0 +1,28 @@
+"""Feeds along a path that respect an acceleration."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from workbench.geometry.blocks import as_input
+from workbench.units import Float
+
+
+def limit_acceleration(feed_mm_s: Float, step_mm: Float, acceleration_mm_s2: float) -> Float:
+    """The greatest feeds (k,) not above `feed_mm_s` between which |v dv/ds| stays within the acceleration.
+
+    `step_mm` (k,) is the distance to each point from the one before it. v^2 may change by twice acceleration times
+    distance: one pass forwards for speeding up, one backwards for slowing down.
+    """
+    square = np.square(feed_mm_s)
+    _limit(square, as_input(step_mm), 2.0 * float(acceleration_mm_s2))
+    return np.sqrt(square)
+
+
+@njit(nogil=True, cache=True)
+def _limit(square: Float, step: Float, slope: float) -> None:
+    for k in range(1, square.size):
+        square[k] = min(square[k], square[k - 1] + slope * step[k])
+    for k in range(square.size - 1, 0, -1):
+        square[k - 1] = min(square[k - 1], square[k] + slope * step[k])

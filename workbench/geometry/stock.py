@@ -1,0 +1,262 @@
+"""How far a cutter's axis is from the stock that still stands: exact, by branch and bound on the scanner's grid.
+
+The grid is the index. Blocks of 8 frames x 16 columns get a sphere around their points, 2 x 2 blocks a sphere around
+theirs, and so on to the top. A query goes down where the sphere is nearer than the best distance so far, nearest first,
+beginning with the block that answered the query before it.
+
+A cut takes points away layer by layer: point and block know for how many layers they still stand.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+
+from workbench.geometry.blocks import as_input, in_order, over_blocks
+from workbench.units import AnyArray, Float, Float32, Int
+
+Axis: TypeAlias = tuple[float, float, float, float, float, float, float]  # start, unit direction, length
+
+LEAF_FRAMES, LEAF_COLUMNS = 8, 16
+ALWAYS = 2**16 - 1  # layers for which a point stands that no layer takes away
+QUERIES = 2048  # in a row, so that each may begin with the answer of the one before it
+MOST_NODES = 128  # that wait at a time: less than four a level
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stock:
+    """The points of a cloud as an index for distances."""
+
+    x_mm: Float32  # (N, M)
+    z_mm: Float32  # (N, M)
+    base_from_profiler: Float  # (N, 4, 4)
+    stands: AnyArray  # (N, M) uint16: it still stands for the layers before this one; 0: not a point
+    spheres: Float  # (b, 4) centre and radius of each block, level by level from the leaves; radius -1: empty
+    block_stands: AnyArray  # (b,) uint16: the longest of its points
+    shape: Int  # (levels, 3) first block, blocks along the frames, blocks along the columns
+
+
+def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands: AnyArray) -> Stock:
+    """The index over the points of a cloud: one pass.
+
+    Args:
+        x_mm, z_mm: (N, M) the grid in the profiler frame.
+        base_from_profiler: (N, 4, 4).
+        stands: (N, M) uint16, number of layers before which each point stands; 0: no point, `ALWAYS`: none takes it.
+    """
+    shape = _levels(*x_mm.shape)
+    count = int(shape[-1, 0] + shape[-1, 1] * shape[-1, 2])
+    spheres, block_stands = np.empty((count, 4)), np.zeros(count, np.uint16)
+    x, z, poses = as_input(x_mm), as_input(z_mm), as_input(base_from_profiler)
+    leaves = partial(_leaves, x, z, poses, as_input(stands), spheres, block_stands)
+    over_blocks(leaves, (int(shape[0, 1]), max(x_mm.shape[1] * LEAF_FRAMES, 1)))
+    _parents(shape, spheres, block_stands)
+    return Stock(x, z, poses, as_input(stands), as_input(spheres), as_input(block_stands), as_input(shape))
+
+
+def axis_distances(stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float) -> Float:
+    """Least distance (k,) of axes, straight from `start_mm` to `end_mm` (k, 3), to the points that still stand.
+
+    Args:
+        stock: the points.
+        start_mm, end_mm: (k, 3) ends of each axis; neighbours in the list are best neighbours in space.
+        layer: (k,) number of layers that are done by then.
+        bound_mm: (k,) no distance is greater than this (infinite: not known).
+    """
+    out = np.array(bound_mm, dtype=np.float64)
+    grid = (stock.x_mm, stock.z_mm, stock.base_from_profiler, stock.stands)
+    tree = (stock.spheres, stock.block_stands, stock.shape)
+    ask = partial(_ask, *grid, *tree, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), out)
+    list(in_order(ask, len(out), QUERIES))
+    return out
+
+
+def _levels(frames: int, columns: int) -> Int:
+    """(levels, 3) first block and counts of blocks, from the leaves to a single block."""
+    rows, across, first, out = -(-frames // LEAF_FRAMES), -(-columns // LEAF_COLUMNS), 0, []
+    while True:
+        out.append((first, rows, across))
+        if rows <= 1 and across <= 1:
+            return np.array(out, np.int64)
+        first, rows, across = first + rows * across, -(-rows // 2), -(-across // 2)
+
+
+@njit(nogil=True, cache=True)
+def _leaves(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray,
+            first: int, last: int) -> None:  # fmt: skip
+    """Spheres of the leaves in rows first to last of the blocks: about the corners of x and z, in every frame."""
+    frames, columns = x.shape
+    across = (columns + LEAF_COLUMNS - 1) // LEAF_COLUMNS
+    for row in range(first, last):
+        i0, i1 = row * LEAF_FRAMES, min((row + 1) * LEAF_FRAMES, frames)
+        middle = poses[(i0 + i1) // 2]
+        for block in range(across):
+            x0, x1, z0, z1, longest = np.inf, -np.inf, np.inf, -np.inf, 0
+            for i in range(i0, i1):
+                for j in range(block * LEAF_COLUMNS, min((block + 1) * LEAF_COLUMNS, columns)):
+                    if stands[i, j] > 0:
+                        u, w = x[i, j], z[i, j]
+                        x0, x1, z0, z1 = min(x0, u), max(x1, u), min(z0, w), max(z1, w)
+                        longest = max(longest, stands[i, j])
+            index = row * across + block
+            block_stands[index] = longest
+            spheres[index, 3] = -1.0
+            if x0 > x1:
+                continue
+            u, w = 0.5 * (x0 + x1), 0.5 * (z0 + z1)
+            for c in range(3):
+                spheres[index, c] = middle[c, 0] * u + middle[c, 2] * w + middle[c, 3]
+            far = 0.0
+            for i in range(i0, i1):
+                for corner in range(4):
+                    u, w = x0 if corner < 2 else x1, z0 if corner % 2 else z1
+                    off = 0.0
+                    for c in range(3):
+                        d = poses[i, c, 0] * u + poses[i, c, 2] * w + poses[i, c, 3] - spheres[index, c]
+                        off += d * d
+                    far = max(far, off)
+            spheres[index, 3] = np.sqrt(far) + 1e-9
+
+
+@njit(nogil=True, cache=True)
+def _parents(shape: Int, spheres: Float, block_stands: AnyArray) -> None:
+    for level in range(1, shape.shape[0]):
+        first, rows, across = shape[level]
+        below, rows_below, across_below = shape[level - 1]
+        for r in range(rows):
+            for c in range(across):
+                index = first + r * across + c
+                spheres[index, 3] = -1.0
+                for a in range(2 * r, min(2 * r + 2, rows_below)):
+                    for b in range(2 * c, min(2 * c + 2, across_below)):
+                        child = below + a * across_below + b
+                        _enclose(spheres[index], spheres[child])
+                        block_stands[index] = max(block_stands[index], block_stands[child])
+
+
+@njit(nogil=True, cache=True)
+def _enclose(ball: Float, other: Float) -> None:
+    """Make `ball` the least sphere around itself and `other`."""
+    if other[3] < 0.0:
+        return
+    if ball[3] < 0.0:
+        ball[:] = other
+        return
+    d0, d1, d2 = other[0] - ball[0], other[1] - ball[1], other[2] - ball[2]
+    apart = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    if apart + other[3] <= ball[3]:
+        return
+    if apart + ball[3] <= other[3]:
+        ball[:] = other
+        return
+    radius = 0.5 * (apart + ball[3] + other[3])
+    share = (radius - ball[3]) / apart
+    ball[0], ball[1], ball[2] = ball[0] + share * d0, ball[1] + share * d1, ball[2] + share * d2
+    ball[3] = radius + 1e-9
+
+
+@njit(nogil=True, cache=True)
+def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray, shape: Int,
+         start: Float, end: Float, layer: Int, out: Float, first: int, last: int) -> None:  # fmt: skip
+    levels = shape.shape[0]
+    top = shape[levels - 1, 0]
+    nodes, bounds = np.empty((MOST_NODES, 3), np.int64), np.empty(MOST_NODES)
+    warm = -1
+    for k in range(first, last):
+        length = 0.0
+        for c in range(3):
+            length += (end[k, c] - start[k, c]) ** 2
+        length = math.sqrt(length)
+        share = 1.0 / max(length, 1e-12)
+        e0, e1, e2 = end[k, 0] - start[k, 0], end[k, 1] - start[k, 1], end[k, 2] - start[k, 2]
+        axis = (start[k, 0], start[k, 1], start[k, 2], e0 * share, e1 * share, e2 * share, length)
+        best = out[k]
+        if warm >= 0 and block_stands[warm] > layer[k]:
+            best = _nearest(x, z, poses, stands, warm, shape[0, 2], axis, layer[k], best)
+        waiting = 1
+        nodes[0, 0], nodes[0, 1], nodes[0, 2] = levels - 1, 0, 0
+        bounds[0] = _bound(spheres[top], axis)
+        while waiting > 0:
+            waiting -= 1
+            if bounds[waiting] >= best:
+                continue
+            level, r, c = nodes[waiting, 0], nodes[waiting, 1], nodes[waiting, 2]
+            if level == 0:
+                leaf = r * shape[0, 2] + c
+                nearer = _nearest(x, z, poses, stands, leaf, shape[0, 2], axis, layer[k], best)
+                if nearer < best:
+                    best, warm = nearer, leaf
+                continue
+            waiting = _open(spheres, block_stands, shape, axis, layer[k], best, level, r, c, nodes, bounds, waiting)
+        out[k] = best
+
+
+@njit(nogil=True, cache=True)
+def _open(spheres: Float, block_stands: AnyArray, shape: Int, axis: Axis, layer: int, best: float, level: int,
+          r: int, c: int, nodes: Int, bounds: Float, waiting: int) -> int:  # fmt: skip
+    """Put the children that may hold something nearer on the stack, the nearest on top; how many wait then."""
+    below, rows, across = shape[level - 1, 0], shape[level - 1, 1], shape[level - 1, 2]
+    floor = waiting
+    for a in range(2 * r, min(2 * r + 2, rows)):
+        for b in range(2 * c, min(2 * c + 2, across)):
+            child = below + a * across + b
+            if block_stands[child] <= layer:
+                continue
+            bound = _bound(spheres[child], axis)
+            if bound >= best:
+                continue
+            at = waiting
+            while at > floor and bounds[at - 1] < bound:
+                bounds[at] = bounds[at - 1]
+                nodes[at, 0], nodes[at, 1], nodes[at, 2] = nodes[at - 1, 0], nodes[at - 1, 1], nodes[at - 1, 2]
+                at -= 1
+            bounds[at] = bound
+            nodes[at, 0], nodes[at, 1], nodes[at, 2] = level - 1, a, b
+            waiting += 1
+    return waiting
+
+
+@njit(nogil=True, cache=True)
+def _bound(sphere: Float, axis: Axis) -> float:
+    """No point of a sphere is nearer to the axis than this."""
+    d0, d1, d2 = sphere[0] - axis[0], sphere[1] - axis[1], sphere[2] - axis[2]
+    along = min(max(d0 * axis[3] + d1 * axis[4] + d2 * axis[5], 0.0), axis[6])
+    d0, d1, d2 = d0 - along * axis[3], d1 - along * axis[4], d2 - along * axis[5]
+    return math.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - float(sphere[3])
+
+
+@njit(nogil=True, cache=True)
+def _nearest(x: Float32, z: Float32, poses: Float, stands: AnyArray, leaf: int, across: int, axis: Axis,
+             layer: int, best: float) -> float:  # fmt: skip
+    """The least of `best` and the distances of a leaf's points that still stand.
+
+    In a frame both the place along the axis and the square of the distance from its start are polynomials of x and z.
+    """
+    i0, j0 = leaf // across * LEAF_FRAMES, leaf % across * LEAF_COLUMNS
+    i1, j1 = min(i0 + LEAF_FRAMES, x.shape[0]), min(j0 + LEAF_COLUMNS, x.shape[1])
+    least = best * best
+    for i in range(i0, i1):
+        p = poses[i]
+        o0, o1, o2 = p[0, 3] - axis[0], p[1, 3] - axis[1], p[2, 3] - axis[2]
+        ox = o0 * p[0, 0] + o1 * p[1, 0] + o2 * p[2, 0]
+        oz = o0 * p[0, 2] + o1 * p[1, 2] + o2 * p[2, 2]
+        oo = o0 * o0 + o1 * o1 + o2 * o2
+        ex = axis[3] * p[0, 0] + axis[4] * p[1, 0] + axis[5] * p[2, 0]
+        ez = axis[3] * p[0, 2] + axis[4] * p[1, 2] + axis[5] * p[2, 2]
+        eo = axis[3] * o0 + axis[4] * o1 + axis[5] * o2
+        xx = p[0, 0] ** 2 + p[1, 0] ** 2 + p[2, 0] ** 2  # 1 but for the rounding of a calibration
+        zz = p[0, 2] ** 2 + p[1, 2] ** 2 + p[2, 2] ** 2
+        xz = p[0, 0] * p[0, 2] + p[1, 0] * p[1, 2] + p[2, 0] * p[2, 2]
+        for j in range(j0, j1):
+            u, w = np.float64(x[i, j]), np.float64(z[i, j])
+            place = ex * u + ez * w + eo
+            along = min(max(place, 0.0), axis[6])
+            square = u * (xx * u + 2.0 * (xz * w + ox)) + w * (zz * w + 2.0 * oz) + oo - along * (2.0 * place - along)
+            if square < least and stands[i, j] > layer:
+                least = square
+    return math.sqrt(max(least, 0.0)) if least < best * best else best

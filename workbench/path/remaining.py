@@ -1,0 +1,93 @@
+"""The stock that still stands before each layer of a path, and how far the cutter's axis is from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
+from workbench.geometry.segments import LineIndex, index_lines, line_distances
+from workbench.geometry.stations import frame_stations, standing_layers
+from workbench.geometry.stock import Stock, axis_distances, build_stock
+from workbench.path.course import Course, lower_course
+from workbench.path.obstacles import sections_of
+from workbench.path.poses import cutter_ends, poses_of
+from workbench.path.section import Bevel, bevel_of
+from workbench.units import AnyArray, Bool, Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remaining:
+    """Points of the cloud that no earlier layer took away, and the face that each layer leaves."""
+
+    stock: Stock
+    faces: tuple[LineIndex | None, ...]  # of each layer once it is cut: a line across it at each key point
+
+
+def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
+    """What stands along a path. A point is gone once a layer cut below it, within the reach of the cutter's tip."""
+    stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, standing(toolpath, cloud, edge))
+    return Remaining(stock, tuple(_face_lines(toolpath, layer) for layer in toolpath.layers))
+
+
+def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> AnyArray:
+    """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`)."""
+    bevel, stations = bevel_of(toolpath.root_mm, toolpath.bevel_deg), edge.arc_length_mm
+    sections = sections_of(edge, lower_course(edge, stations))
+    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, stations.size)
+    cosine, sine = bevel.normal
+    final = toolpath.layers[-1]
+    course = lower_course(edge, final.arc_length_mm)
+    face = np.stack([_cut_heights(toolpath, layer, course, bevel, stations) for layer in toolpath.layers], axis=1)
+    down = (_from_edge(toolpath, final, course) @ np.array([[sine], [-cosine]]))[:, 0]
+    reach = np.interp(stations, final.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
+    return standing_layers(cloud.x_mm, cloud.z_mm, cloud.keep, cloud.base_from_profiler, sections, start,
+                           (cosine, sine, bevel.root_mm * sine), face, reach)  # fmt: skip
+
+
+def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int,
+                    at: Bool | None = None) -> Float:  # fmt: skip
+    """d_min of equation (26): distance (k,) mm of the cutter's axis to the stock after `done` layers.
+
+    The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false.
+    """
+    mask = np.ones(len(points.position_mm), bool) if at is None else at
+    start, end = (ends[mask] for ends in cutter_ends(toolpath, poses_of(toolpath, points)))
+    face = remaining.faces[done - 1] if done else None
+    bound = np.full(len(start), np.inf) if face is None else line_distances(face, start, end)
+    out = np.full(mask.shape, np.nan)
+    out[mask] = axis_distances(remaining.stock, start, end, np.full(len(start), done), bound)
+    return out
+
+
+def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
+    """Every travel and layer in the order in which they run, and how many layers are done by then."""
+    moves: list[tuple[Layer | Travel, int]] = []
+    for done, travel in enumerate(toolpath.travels):
+        moves.append((travel, done))
+        moves.extend([(toolpath.layers[done], done)] if done < len(toolpath.layers) else [])
+    return moves
+
+
+def _from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:
+    """A layer's origins in the section plane (k, 2), along n and m, from the lower edge."""
+    off = poses_of(toolpath, layer).origin_mm - course.position_mm
+    return np.stack([(off * course.normal).sum(axis=1), (off * course.across).sum(axis=1)], axis=1)
+
+
+def _cut_heights(toolpath: Toolpath, layer: Layer, course: Course, bevel: Bevel, stations: Float) -> Float:
+    """Height (n,) above the finished face to which a layer cuts at the stations; infinite where it does not."""
+    height = np.where(layer.cutting, bevel.height_mm(_from_edge(toolpath, layer, course)), np.inf)
+    s = layer.arc_length_mm
+    after = np.clip(np.searchsorted(s, stations), 1, s.size - 1)
+    nearest = np.where(stations - s[after - 1] < s[after] - stations, after - 1, after)
+    inside = (stations >= s[0] - 0.5) & (stations <= s[-1] + 0.5)
+    return np.where(inside, height[nearest], np.inf)
+
+
+def _face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:
+    poses, half = poses_of(toolpath, layer), layer.width_mm[:, None] / 2.0
+    cut = layer.cutting
+    return index_lines((poses.origin_mm + half * poses.z)[cut], (poses.origin_mm - half * poses.z)[cut])

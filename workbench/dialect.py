@@ -78,26 +78,31 @@ class ProgramJob:
 
 
 class Dialect(Protocol):
-    """The language of one maker's controllers. Lines are without their ends; i counts the moves from 0."""
+    """One job in the language of one maker's controllers. Lines are without their ends; i counts the moves from 0."""
+
+    @property
+    def job(self) -> ProgramJob:
+        """What is to be written."""
+        ...
 
     @property
     def suffix(self) -> str:
         """Of the program's file, with its dot."""
         ...
 
-    def head(self, job: ProgramJob) -> Iterable[str]:
+    def head(self) -> Iterable[str]:
         """All before the first move: declarations, tool, work object."""
         ...
 
-    def start(self, job: ProgramJob) -> Iterable[str]:
+    def start(self) -> Iterable[str]:
         """To the first target."""
         ...
 
-    def straight(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def straight(self, i: int) -> Iterable[str]:
         """A straight move to target i."""
         ...
 
-    def circular(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def circular(self, i: int) -> Iterable[str]:
         """A circular move over via i to target i."""
         ...
 
@@ -105,34 +110,34 @@ class Dialect(Protocol):
         """A comment; `text` is plain."""
         ...
 
-    def foot(self, job: ProgramJob) -> Iterable[str]:
+    def foot(self) -> Iterable[str]:
         """All after the last move."""
         ...
 
 
-def write_program(job: ProgramJob, dialect: Dialect, gate: Gate) -> Document | None:
-    """The program as a file; None where the path did not pass its own checks: then no robot may run it.
+def write_program(dialect: Dialect, gate: Gate) -> Document | None:
+    """The dialect's job as a file; None where the path did not pass its own checks: then no robot may run it.
 
     Raises:
         InputError: no moves, or values that no controller could take.
     """
     if not gate.passed:
         return None
-    moves = job.moves
+    name, moves = dialect.job.name, dialect.job.moves
     columns = (moves.position_mm, moves.quaternion_wxyz, moves.feed_mm_s, moves.via_position_mm[moves.circular])
     if not len(moves.layer) or not all(np.isfinite(column).all() for column in columns) or moves.feed_mm_s.min() <= 0:
-        raise InputError(job.name, "expected moves with finite targets and feeds above 0")
-    text = "\n".join([*dialect.head(job), *_moves(job, dialect), *dialect.foot(job)]) + "\n"
-    return Document(job.name + dialect.suffix, text.encode("ascii"))
+        raise InputError(name, "expected moves with finite targets and feeds above 0")
+    text = "\n".join([*dialect.head(), *_moves(dialect), *dialect.foot()]) + "\n"
+    return Document(name + dialect.suffix, text.encode("ascii"))
 
 
-def _moves(job: ProgramJob, dialect: Dialect) -> Iterator[str]:
-    circular, layer = job.moves.circular.tolist(), job.moves.layer.tolist()
-    yield from dialect.start(job)
+def _moves(dialect: Dialect) -> Iterator[str]:
+    circular, layer = dialect.job.moves.circular.tolist(), dialect.job.moves.layer.tolist()
+    yield from dialect.start()
     for i in range(1, len(layer)):
         if layer[i] != layer[i - 1]:
             yield dialect.remark(f"layer {layer[i]}" if layer[i] else "through the air")
-        yield from dialect.circular(job, i) if circular[i] else dialect.straight(job, i)
+        yield from dialect.circular(i) if circular[i] else dialect.straight(i)
 
 
 def plain(text: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.artefacts import Toolpath
+from workbench.artefacts import Layer, Toolpath
 from workbench.errors import InputError
 from workbench.path import simplify
 
@@ -68,7 +68,7 @@ def test_a_controller_off_its_circle_is_noticed() -> None:
     """The tests above rest on it."""
     path = mill_path(SHAPES["convex 300"])
     moves = simplify(path)
-    assert run(path, replace(moves, via_position_mm=moves.via_position_mm + [0, 0, 0.03]))[0].max() > 0.02
+    assert run(path, replace(moves, via_position_mm=moves.via_position_mm + np.array([0, 0, 0.03])))[0].max() > 0.02
     turned = np.where(moves.cutting[:, None], moves.quaternion_wxyz @ np.eye(4)[[1, 0, 2, 3]], moves.quaternion_wxyz)
     assert run(path, replace(moves, quaternion_wxyz=turned))[1].max() > 1
 
@@ -153,8 +153,8 @@ def way(moves, k):
 def with_points(path: Toolpath, position, quaternion) -> Toolpath:
     """A path of one layer through poses, without travels."""
     n = len(position)
-    layer = replace(path.layers[0], arc_length_mm=np.arange(float(n)), position_mm=position, quaternion_wxyz=quaternion,
-                    feed_mm_s=np.ones(n), cutting=np.ones(n, bool), measured=np.ones(n, bool), width_mm=np.ones(n))  # fmt: skip
+    layer = Layer(1, 0.0, np.arange(float(n)), position, quaternion, np.ones(n), np.ones(n, bool), np.ones(n, bool),
+                  np.ones(n))  # fmt: skip
     return replace(path, layers=(layer,), travels=())
 
 
@@ -186,9 +186,9 @@ def test_five_metres_of_ten_layers_take_less_than_half_a_second() -> None:
     simplify(mill_path(Shape(length_mm=10)))  # compiled before
     seconds = []
     for _ in range(3):
-        begin = time.perf_counter()
+        begin = time.process_time()
         moves = simplify(path)
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
     assert moves.points_before > 50_000
     assert min(seconds) < 0.5
 

@@ -47,7 +47,7 @@ def mill_path(shape: Shape = Shape(), **more) -> Toolpath:
     x = np.cross(y, z)
     whole = Rotation.from_rotvec(shape.turn)
     turned = whole * Rotation.from_matrix(np.stack([x, y, z], axis=2))
-    points, x, q = whole.apply(points) + [900, -200, 700], whole.apply(x), turned.as_quat(scalar_first=True)
+    points, x, q = whole.apply(points) + np.array([900, -200, 700]), whole.apply(x), turned.as_quat(scalar_first=True)
     inside, measured = (s >= 0) & (s <= shape.length_mm), np.full(len(s), True)
     lift = np.zeros(len(s))
     if shape.lifted_mm:

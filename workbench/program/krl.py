@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -67,7 +68,7 @@ def krl(
     """
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
     job = ProgramJob(name, moves, spindle, zone_mm)
-    return write_program(job, Krl(job), gate)
+    return write_program(Krl(job), gate)
 
 
 @dataclass
@@ -76,19 +77,26 @@ class Krl:
 
     job: ProgramJob
     suffix: str = ".src"
-    frames: list[str] = field(init=False)  # of the targets
-    vias: list[str] = field(init=False)
-    feeds: list[float] = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Write all frames at once."""
-        moves = self.job.moves
-        self.frames = frames(moves.position_mm, moves.quaternion_wxyz)
-        self.vias = frames(moves.via_position_mm, moves.via_quaternion_wxyz)
-        self.feeds = rounded_feeds(moves.feed_mm_s).tolist()
+    @functools.cached_property
+    def frames(self) -> list[str]:
+        """Of the targets."""
+        return frames(self.job.moves.position_mm, self.job.moves.quaternion_wxyz)
 
-    def head(self, job: ProgramJob) -> Iterator[str]:
+    @functools.cached_property
+    def vias(self) -> list[str]:
+        """Of the middles of arcs."""
+        return frames(self.job.moves.via_position_mm, self.job.moves.via_quaternion_wxyz)
+
+    @functools.cached_property
+    def feeds(self) -> list[float]:
+        """Of the moves, mm/s."""
+        rounded: list[float] = rounded_feeds(self.job.moves.feed_mm_s).tolist()
+        return rounded
+
+    def head(self) -> Iterator[str]:
         """MillingTool, load, base and how to move."""
+        job = self.job
         x, y, z = job.tool.centre_of_gravity_mm
         yield from ("&ACCESS RVP", f"DEF {job.name} ( )")
         yield from (f"  ; {remark}" for remark in job.remarks)
@@ -99,15 +107,15 @@ class Krl:
         yield f"  $BASE={frame(*job.work_object)}"
         yield from ("  $IPO_MODE=#BASE", "  $ORI_TYPE=#VAR", "  $CIRC_TYPE=#BASE", f"  $APO.CDIS={job.zone_mm:g}")
 
-    def start(self, job: ProgramJob) -> Iterable[str]:
+    def start(self) -> Iterable[str]:
         """A program must begin with PTP: to where the robot stands."""
         return ["  PTP $AXIS_ACT", f"  $VEL.CP={self.feeds[0] / 1000:.9g}", f"  LIN {self.frames[0]}"]
 
-    def straight(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def straight(self, i: int) -> Iterable[str]:
         """LIN."""
         return [*self._feed(i), f"  LIN {self.frames[i]}{self._blend(i)}"]
 
-    def circular(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def circular(self, i: int) -> Iterable[str]:
         """CIRC."""
         return [*self._feed(i), f"  CIRC {self.vias[i]},{self.frames[i]}{self._blend(i)}"]
 
@@ -115,7 +123,7 @@ class Krl:
         """Up to the end of the line."""
         return f"  ; {text}"
 
-    def foot(self, job: ProgramJob) -> Iterable[str]:
+    def foot(self) -> Iterable[str]:
         """The end."""
         return ["END"]
 

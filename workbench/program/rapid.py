@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -72,7 +73,7 @@ def rapid(
         raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
     job = ProgramJob(module, moves, spindle, zone_mm)
-    return write_program(job, Rapid(job, procedure, tool_name, work_object_name), gate)
+    return write_program(Rapid(job, procedure, tool_name, work_object_name), gate)
 
 
 @dataclass
@@ -84,19 +85,25 @@ class Rapid:
     tool_name: str
     work_object_name: str
     suffix: str = ".mod"
-    feeds: Float = field(init=False)  # (f,) distinct, mm/s
-    ends: list[str] = field(init=False)  # of each move: speed, zone, tool and work object
 
-    def __post_init__(self) -> None:
-        """Name the feeds, and say for each move all that stands behind its target."""
-        self.feeds, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
+    @functools.cached_property
+    def feeds(self) -> tuple[Float, Int]:
+        """The distinct feeds in mm/s, and which of them each move has."""
+        distinct, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
+        return distinct, which
+
+    @functools.cached_property
+    def ends(self) -> list[str]:
+        """All that stands behind the target of each move: speed, zone, tool and work object."""
+        which = self.feeds[1].tolist()
         zones = ["zonePath" if self.job.zone_mm else "fine"] * len(which)
         zones[0] = zones[-1] = "fine"
         tail = f"{self.tool_name}\\WObj:={self.work_object_name};"
-        self.ends = [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which.tolist(), zones, strict=True)]
+        return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
 
-    def head(self, job: ProgramJob) -> Iterator[str]:
+    def head(self) -> Iterator[str]:
         """Declarations: tool, work object, zone, speeds, targets."""
+        job = self.job
         load = f"[{job.tool.mass_kg:g},{_vector(job.tool.centre_of_gravity_mm)},[1,0,0,0],0,0,0]"
         frame = _pose(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
         z = job.zone_mm
@@ -106,7 +113,7 @@ class Rapid:
         yield f'  TASK PERS wobjdata {self.work_object_name}:=[FALSE,TRUE,"",{_pose(*job.work_object)},{NO_POSE}];'
         if z:
             yield f"  CONST zonedata zonePath:=[FALSE,{z:g},{z:g},{z:g},{z / 10:g},{z:g},{z / 10:g}];"
-        for i, feed in enumerate(self.feeds.tolist(), 1):
+        for i, feed in enumerate(self.feeds[0].tolist(), 1):
             yield f"  CONST speeddata feed{i}:=[{feed:.7g},{TURN_DEG_S},5000,1000];"
         yield from _targets("p", np.arange(len(job.moves.layer)), job.moves.position_mm, job.moves.quaternion_wxyz,
                             job.turntable_deg)  # fmt: skip
@@ -115,15 +122,15 @@ class Rapid:
         yield f"  PROC {self.procedure}()"
         yield from ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
 
-    def start(self, job: ProgramJob) -> Iterable[str]:
+    def start(self) -> Iterable[str]:
         """From wherever the robot stands."""
         return [f"    MoveJ p1,{self.ends[0]}"]
 
-    def straight(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def straight(self, i: int) -> Iterable[str]:
         """MoveL."""
         return [f"    MoveL p{i + 1},{self.ends[i]}"]
 
-    def circular(self, job: ProgramJob, i: int) -> Iterable[str]:
+    def circular(self, i: int) -> Iterable[str]:
         """MoveC."""
         return [f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
 
@@ -131,7 +138,7 @@ class Rapid:
         """Up to the end of the line."""
         return f"    ! {text}"
 
-    def foot(self, job: ProgramJob) -> Iterable[str]:
+    def foot(self) -> Iterable[str]:
         """Settings as the controller starts with them."""
         return ["    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
 

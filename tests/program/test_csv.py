@@ -1,0 +1,39 @@
+"""`program.csv`: every point, in the order of motion."""
+
+import csv as comma_separated
+import io
+
+import numpy as np
+
+from workbench.program import csv
+
+from .conftest import PASSED, REJECTED
+from .paths import Shape, all_points, mill_path
+
+
+def test_read_back_the_points_are_the_same() -> None:
+    path = mill_path(Shape(bend=1 / 300, length_mm=60, lifted_mm=(20, 40)))
+    document = csv(path, PASSED)
+    assert document is not None
+    assert document.name == "toolpath.csv"
+    rows = list(comma_separated.DictReader(io.StringIO(document.content.decode("ascii"), newline="")))
+    position, quaternion, feed = all_points(path)
+
+    def column(*names: str) -> np.ndarray:
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    assert np.abs(column("x_mm", "y_mm", "z_mm") - position).max() < 1e-6
+    assert np.abs(column("qw", "qx", "qy", "qz") - quaternion).max() < 1e-8
+    assert np.abs(column("feed_mm_s")[:, 0] - feed).max() < 1e-6
+    for layer in path.layers:
+        mine = [row for row in rows if row["layer"] == str(layer.index)]
+        assert [float(row["arc_length_mm"]) for row in mine] == layer.arc_length_mm.tolist()
+        assert [row["cutting"] == "1" for row in mine] == layer.cutting.tolist()
+        assert [row["measured"] == "1" for row in mine] == layer.measured.tolist()
+    between = [row for row in rows if row["layer"] == "0"]
+    assert len(between) == sum(len(travel.feed_mm_s) for travel in path.travels)
+    assert {(row["arc_length_mm"], row["cutting"]) for row in between} == {("", "0")}
+
+
+def test_nothing_is_written_for_a_path_that_failed_its_checks() -> None:
+    assert csv(mill_path(Shape(length_mm=10)), REJECTED) is None

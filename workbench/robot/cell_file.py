@@ -26,8 +26,8 @@ class _Part(BaseModel):
 class Placed(_Part):
     """A pose: origin and orientation."""
 
-    position_mm: Point = Field((0.0, 0.0, 0.0), description="origin")
-    quaternion_wxyz: Quaternion = Field((1.0, 0.0, 0.0, 0.0), description="orientation, scalar first")
+    position_mm: Point = Field(default=(0.0, 0.0, 0.0), description="origin")
+    quaternion_wxyz: Quaternion = Field(default=(1.0, 0.0, 0.0, 0.0), description="orientation, scalar first")
 
     @model_validator(mode="after")
     def _unit(self) -> Placed:
@@ -43,19 +43,21 @@ class RobotPart(_Part):
     """The robot."""
 
     urdf: str = Field(description="its URDF, relative to this file")
-    base_frame: str = Field("base_link", description="the URDF's frame in which the controller reports poses")
-    flange_frame: str = Field("tool0", description="the URDF's frame of the mounting flange")
+    base_frame: str = Field(default="base_link", description="the URDF's frame in which the controller reports poses")
+    flange_frame: str = Field(default="tool0", description="the URDF's frame of the mounting flange")
 
 
 class ShapePart(_Part):
     """A collision shape: exactly one of its kinds, and where it is."""
 
-    pose: Pose = Field(Placed(), description="of the shape's middle, in the frame of what it belongs to")
-    box_mm: tuple[Size, Size, Size] | None = Field(None, description="edge lengths along x, y, z")
-    capsule_mm: tuple[Size, Size] | None = Field(None, description="radius, and length along z without the caps")
-    cylinder_mm: tuple[Size, Size] | None = Field(None, description="radius, and length along z")
-    sphere_mm: Size | None = Field(None, description="radius")
-    mesh: str | None = Field(None, description="an STL, OBJ or PLY file in mm, relative to this file")
+    pose: Pose = Field(default=Placed(), description="of the shape's middle, in the frame of what it belongs to")
+    box_mm: tuple[Size, Size, Size] | None = Field(default=None, description="edge lengths along x, y, z")
+    capsule_mm: tuple[Size, Size] | None = Field(
+        default=None, description="radius, and length along z without the caps"
+    )
+    cylinder_mm: tuple[Size, Size] | None = Field(default=None, description="radius, and length along z")
+    sphere_mm: Size | None = Field(default=None, description="radius")
+    mesh: str | None = Field(default=None, description="an STL, OBJ or PLY file in mm, relative to this file")
 
     @model_validator(mode="after")
     def _one_kind(self) -> ShapePart:
@@ -72,16 +74,16 @@ class ToolPart(_Part):
     """Spindle and cutter."""
 
     flange_from_cutter: Pose = Field(description="the cutter's tip: z along its axis from shank to tip")
-    shapes: list[ShapePart] = Field([], description="collision shapes, in the flange frame")
+    shapes: list[ShapePart] = Field(default=[], description="collision shapes, in the flange frame")
 
 
 class TurntablePart(_Part):
     """The turntable under the workpiece."""
 
     base_from_turntable: Pose = Field(description="its frame at 0 deg; it turns about z")
-    limits_deg: tuple[float, float] = Field((-180.0, 180.0), description="lowest and highest angle")
-    speed_deg_s: float = Field(30.0, gt=0, description="largest speed")
-    shapes: list[ShapePart] = Field([], description="collision shapes, in the turntable's frame")
+    limits_deg: tuple[float, float] = Field(default=(-180.0, 180.0), description="lowest and highest angle")
+    speed_deg_s: float = Field(default=30.0, gt=0, description="largest speed")
+    shapes: list[ShapePart] = Field(default=[], description="collision shapes, in the turntable's frame")
 
     @model_validator(mode="after")
     def _rising(self) -> TurntablePart:
@@ -93,15 +95,15 @@ class TurntablePart(_Part):
 class WorkpiecePart(_Part):
     """The workpiece on the turntable, or on the base where there is none."""
 
-    pose: Pose = Field(Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
-    mesh: str | None = Field(None, description="an STL, OBJ or PLY file in mm; null: no workpiece to run into")
+    pose: Pose = Field(default=Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
+    mesh: str | None = Field(default=None, description="an STL, OBJ or PLY file in mm; null: no workpiece to run into")
 
 
 class FixturePart(ShapePart):
     """Something that stands in the cell."""
 
     name: str = Field(min_length=1, description="for messages")
-    on: Literal["base", "turntable"] = Field("base", description="what it stands on")
+    on: Literal["base", "turntable"] = Field(default="base", description="what it stands on")
 
 
 class LoadingPart(_Part):
@@ -109,13 +111,13 @@ class LoadingPart(_Part):
 
     flange_from_sensor: Pose = Field(description="frame of the force and torque sensor")
     flange_from_tool: Pose = Field(description="the tool frame, whose displacement is given in six dimensions")
-    targets_mm: list[Point] = Field([], description="tracked points p1, p2, ... in the flange frame")
-    load_points_mm: list[Point] = Field([], description="where a force can be applied, in the flange frame")
-    force_noise_n: float = Field(0.5, gt=0, description="each axis")
-    torque_noise_nm: float = Field(0.05, gt=0, description="each axis")
-    displacement_noise_mm: float = Field(0.015, gt=0, description="of the tool frame, each axis")
-    rotation_noise_deg: float = Field(0.003, gt=0, description="of the tool frame, each axis")
-    target_noise_mm: float = Field(0.015, gt=0, description="of a tracked point, each axis")
+    targets_mm: list[Point] = Field(default=[], description="tracked points p1, p2, ... in the flange frame")
+    load_points_mm: list[Point] = Field(default=[], description="where a force can be applied, in the flange frame")
+    force_noise_n: float = Field(default=0.5, gt=0, description="each axis")
+    torque_noise_nm: float = Field(default=0.05, gt=0, description="each axis")
+    displacement_noise_mm: float = Field(default=0.015, gt=0, description="of the tool frame, each axis")
+    rotation_noise_deg: float = Field(default=0.003, gt=0, description="of the tool frame, each axis")
+    target_noise_mm: float = Field(default=0.015, gt=0, description="of a tracked point, each axis")
 
 
 class CellPart(_Part):
@@ -129,9 +131,11 @@ class CellPart(_Part):
     turntable: TurntablePart | None = None
     workpiece: WorkpiecePart = WorkpiecePart()
     fixtures: list[FixturePart] = []
-    loading: LoadingPart | None = Field(None, description="needed by loading tests only")
-    may_touch: list[tuple[str, str]] = Field([], description="pairs of bodies whose contact is no collision")
-    margin_mm: float = Field(0.0, ge=0, le=1000, description="clearance below which a posture counts as colliding")
+    loading: LoadingPart | None = Field(default=None, description="needed by loading tests only")
+    may_touch: list[tuple[str, str]] = Field(default=[], description="pairs of bodies whose contact is no collision")
+    margin_mm: float = Field(
+        default=0.0, ge=0, le=1000, description="clearance below which a posture counts as colliding"
+    )
 
 
 def matrix_of(pose: Pose) -> Float | None:

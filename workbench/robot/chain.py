@@ -1,4 +1,4 @@
-"""The kinematic chain of a six-axis robot: its axes in the base with all joints at zero. Lengths in mm, angles in rad."""
+"""The kinematic chain of a six-axis robot: its axes in the base, all joints at zero. Lengths in mm, angles in rad."""
 
 from __future__ import annotations
 

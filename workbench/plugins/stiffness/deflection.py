@@ -1,0 +1,94 @@
+"""`stiffness.deflection`: how far the cutter gives way under a wrench at a posture."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    AngleConvention,
+    Cell,
+    Document,
+    Float,
+    InputError,
+    abb_angles,
+    forward_kinematics,
+    stage,
+)
+from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness
+from workbench.plugins.stiffness.values import Deflection, JointStiffness
+from workbench.plugins.stiffness.writing import strict_json
+
+Vector = tuple[float, float, float]
+Method = Literal["balance", "second_order", "linear_kc", "linear"]
+Joints = tuple[float, float, float, float, float, float]
+
+
+@stage("stiffness.deflection")
+def deflection(
+    cell: Cell,
+    stiffness: JointStiffness,
+    *,
+    joints_deg: Annotated[Joints, Field(description="the posture, unloaded")] = (0, -3, 5, 45, -45, 225),
+    angle_convention: Annotated[AngleConvention, Field(description="how the angles count")] = "abb",
+    force_n: Annotated[Vector, Field(description="acts on the cutter's tip")] = (0, 0, -200),
+    torque_nm: Annotated[Vector, Field(description="acts there as well")] = (0, 0, 0),
+    axes: Annotated[Literal["base", "cutter"], Field(description="whose axes force and torque have")] = "base",
+    method: Annotated[
+        Method, Field(description="how the load's own effect on the robot's stiffness counts")
+    ] = "balance",
+) -> tuple[Deflection, Document]:
+    """Displacement of the cutter's tip under a wrench, and the tangent stiffness (17) there (the paper's section 5.1).
+
+    Args:
+        cell: the robot cell.
+        stiffness: of the joints.
+        joints_deg: the posture; default: the first of the paper's Table A1.
+        angle_convention: of these angles: the controller's (abb) or one of two Denavit-Hartenberg readings.
+        force_n: acts on the tip.
+        torque_nm: acts on the tip.
+        axes: whose axes force and torque have; they keep their direction in space while the robot gives way.
+        method: `balance`: springs and load in balance, solved; `second_order`: with K_c and the curvature of the way;
+            `linear_kc`: J (K - K_c)^-1 J^T F; `linear`: J K^-1 J^T F, eq. (22) put right.
+
+    Raises:
+        InputError: the load is so large that the robot finds no balance.
+    """
+    joints = abb_angles(np.array(joints_deg, float) * DEG, angle_convention)
+    tip = cell.flange_from_cutter[:3, 3]
+    wrench = np.array([*force_n, *torque_nm], float)
+    if axes == "cutter":
+        rotation = (forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[:3, :3]
+        wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
+    k = stiffness.nm_per_rad
+    moved, dq = _moved(cell, k, joints, tip, wrench, method)
+    loaded = np.zeros(6) if method == "linear" else wrench
+    found = Deflection(moved[:3], moved[3:], dq, tangent_stiffness(cell.chain, k, joints + dq, tip, loaded))
+    return found, Document("deflection.json", _document(found))
+
+
+def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, method: Method) -> tuple[Float, Float]:
+    if method == "balance":
+        try:
+            return balance(cell.chain, k, joints, tip, wrench)
+        except (ValueError, np.linalg.LinAlgError):
+            raise InputError("stiffness.deflection", f"no balance under {wrench}: expected a smaller load") from None
+    order, with_kc = (2 if method == "second_order" else 1), method != "linear"
+    return give_way(cell.chain, k, joints, tip, wrench, order=order, with_kc=with_kc)
+
+
+def _document(found: Deflection) -> bytes:
+    return strict_json(
+        {
+            "format": "deflection",
+            "version": 1,
+            "frame": "base",
+            "displacement_mm": found.displacement_mm,
+            "rotation_deg": found.rotation / DEG,
+            "joint_deflection_deg": found.joints / DEG,
+            "tangent_stiffness_n_per_m_nm_per_rad": found.tangent_stiffness,
+        }
+    )

@@ -1,0 +1,116 @@
+"""The elastic robot: rigid links, joints as torsion springs (Salisbury 1980; K_c after Chen and Kao 2000).
+
+A wrench is six numbers: force in N, moment in Nm about the loaded point, both in base axes, constant while the robot
+gives way. Jacobians are in mm/rad and rad/rad, so torques divide by 1000. J is never inverted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.api import (
+    Chain,
+    Float,
+    forward_kinematics,
+    jacobian_at,
+    jacobian_derivative,
+    joint_axes,
+    vector_from_rotation,
+)
+
+MM = 1e3  # mm per m
+
+
+def tip_of(chain: Chain, joints: Float, point_mm: Float) -> Float:
+    """Where the flange's point `point_mm` (3,) is in the base (..., 3)."""
+    flange = forward_kinematics(chain, joints)
+    return np.asarray(flange[..., :3, :3] @ point_mm + flange[..., :3, 3])
+
+
+def torques(jacobian: Float, wrench: Float) -> Float:
+    """Joint torques J^T F (..., 6) in Nm, of a wrench (..., 6) at the Jacobian's point."""
+    scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
+    return np.asarray((np.swapaxes(jacobian, -1, -2) @ scaled[..., None])[..., 0])
+
+
+def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
+    """K_c (..., 6, 6) in Nm/rad, eq. (16): K_c[i, j] = d(J^T F)_i / dq_j. Its moment part is not symmetric."""
+    scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
+    return np.asarray(np.einsum("...rij,...r->...ij", derivative, scaled))
+
+
+def give_way(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float, *,
+             order: int = 2, with_kc: bool = True) -> tuple[Float, Float]:  # fmt: skip
+    """Displacement (..., 6) of a flange point, mm and rotation vector in rad, and joint deflection (..., 6) in rad.
+
+    Order 1 is J dq, eq. (22) put right as J K^-1 J^T F, with K_c in K where asked for. Order 2 adds
+    1/2 dq^T (dJ/dq) dq: K - K_c is a tangent, and the way from the unloaded robot is curved.
+
+    Args:
+        chain: the robot.
+        stiffness: (6,) Nm/rad.
+        joints: (..., 6) rad, unloaded.
+        point_mm: (3,) the loaded point, in the flange frame.
+        wrench: (..., 6) acts on the robot at that point, base axes.
+        order: 1 or 2.
+        with_kc: whether the load's own stiffness K_c counts.
+    """
+    axes, points = joint_axes(chain, joints)
+    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
+    derivative = jacobian_derivative(axes, jacobian)
+    load = torques(jacobian, wrench)
+    if with_kc:
+        tangent = np.diag(stiffness) - geometric_stiffness(derivative, wrench)
+        dq = np.linalg.solve(tangent, load[..., None])[..., 0]
+    else:
+        dq = load / stiffness
+    moved = (jacobian @ dq[..., None])[..., 0]
+    if order == 2:
+        moved = moved + 0.5 * np.einsum("...rij,...i,...j->...r", derivative, dq, dq)
+    return moved, dq
+
+
+def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> tuple[Float, Float]:
+    """Displacement (6,) and joint deflection (6,) at which springs and load are in balance, to 1e-14 rad, by Newton.
+
+    Raises:
+        ValueError: the robot buckles under the load: there is no balance near its unloaded posture.
+    """
+    dq: Float = np.zeros(6)
+    for _ in range(50):
+        axes, points = joint_axes(chain, joints + dq)
+        jacobian = jacobian_at(axes, points, tip_of(chain, joints + dq, point_mm))
+        tangent = np.diag(stiffness) - geometric_stiffness(jacobian_derivative(axes, jacobian), wrench)
+        step = np.linalg.solve(tangent, torques(jacobian, wrench) - stiffness * dq)
+        dq = np.asarray(dq + step)
+        if np.abs(step).max() < 1e-14:
+            before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
+            way = (after @ [*point_mm, 1.0] - before @ [*point_mm, 1.0])[:3]
+            return np.concatenate([way, vector_from_rotation(after[:3, :3] @ before[:3, :3].T)]), dq
+    raise ValueError("no balance")
+
+
+def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> Float:
+    """K_x (6, 6) of eq. (17) at a posture that is in balance with `wrench`: N and Nm per m and rad, base axes.
+
+    Inverted from the compliance J (K - K_c)^-1 J^T, which exists at singular postures too; entries are infinite there.
+    """
+    axes, points = joint_axes(chain, joints)
+    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
+    kc = geometric_stiffness(jacobian_derivative(axes, jacobian), wrench)
+    in_metres = jacobian / np.array([MM] * 3 + [1.0] * 3)[:, None]
+    compliance = in_metres @ np.linalg.solve(np.diag(stiffness) - kc, in_metres.T)
+    if np.linalg.cond(compliance) > 1 / np.finfo(float).eps:
+        return np.full((6, 6), np.inf)
+    return np.linalg.inv(compliance)
+
+
+def wrench_at(rotation: Float, lever_mm: Float, wrench: Float) -> Float:
+    """A sensor's wrench (..., 6) as the wrench at another point: eqs. (27), (28) put right.
+
+    f_e = R f, tau_e = R tau + p x (R f), with R (..., 3, 3) from the sensor's axes to the wanted ones and p the lever
+    (..., 3) from the point to the sensor, mm, in the wanted axes. The paper's (28) drops the sensor's own torque.
+    """
+    force = (rotation @ wrench[..., :3, None])[..., 0]
+    moment = (rotation @ wrench[..., 3:, None])[..., 0] + np.cross(lever_mm, force) / MM
+    return np.concatenate([force, moment], axis=-1)

@@ -1,0 +1,89 @@
+"""Weighted least squares for the joints' compliance, with gross errors found and put aside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from workbench.api import Float
+from workbench.plugins.stiffness.equations import Equations, covariances, curvature
+
+GROSS = 1e-4  # chance that a sound set of loads loses one
+ITERATIONS = 6
+TYPICAL = 1e-6  # rad/Nm, scales the unknowns
+WIDE = 1e-3  # rad/Nm, standard deviation of a prior that decides nothing: it keeps what no load determines finite
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Compliance of the joints and what the loads say about it."""
+
+    compliance: Float  # (6,) rad/Nm
+    covariance: Float  # (6, 6)
+    misfit: Float  # (L,) chi-square of each load
+    rows: Float  # (L,) how many rows each has
+    residual: Float  # (L, r) measured minus modelled
+    scale2: float  # variance of the residuals over what the noise predicts
+    freedom: float  # its degrees of freedom
+
+    @property
+    def u(self) -> Float:
+        """Standard uncertainties (6,), rad/Nm."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def solve(eq: Equations, use: Float) -> Estimate:
+    """Compliance from the loads with `use` (L,) 1; weights and second order follow the estimate until it rests.
+
+    The noise of the wrench acts through the compliance itself, so weights depend on it. A joint that no load turns gets
+    a compliance near 0 and a huge variance, not an error.
+    """
+    compliance: Float = np.full(6, TYPICAL)
+    for iteration in range(ITERATIONS):
+        whitened = _whiten(eq, np.abs(compliance)) * use[:, None, None]
+        extra = curvature(eq, compliance) if iteration else 0.0
+        a = (whitened @ eq.a).reshape(-1, 6) * TYPICAL
+        y = (whitened @ (eq.y - extra)[..., None]).reshape(-1)
+        information = a.T @ a + np.eye(6) * (TYPICAL / WIDE) ** 2
+        found = np.asarray(TYPICAL * np.linalg.solve(information, a.T @ y))
+        resting = np.abs(found - compliance).max() < 1e-10 * np.abs(found).max()
+        compliance = found
+        if resting:
+            break
+    residual = (eq.y - curvature(eq, compliance) - eq.a @ compliance) * eq.seen
+    misfit = np.sum((_whiten(eq, np.abs(compliance)) @ residual[..., None])[..., 0] ** 2, axis=1)
+    rows = eq.seen.sum(axis=1)
+    freedom = max(float((rows * use).sum()) - 6, 1.0)
+    return Estimate(compliance, np.linalg.inv(information) * TYPICAL**2, misfit, rows, residual,
+                    float((misfit * use).sum()) / freedom, freedom)  # fmt: skip
+
+
+def _whiten(eq: Equations, compliance: Float) -> Float:
+    """(L, r, r) that turns rows into independent ones of variance 1; what was not seen becomes 0."""
+    covariance = covariances(eq, compliance)
+    both = eq.seen[:, :, None] * eq.seen[:, None, :]
+    hidden = (1 - eq.seen)[:, :, None] * np.eye(eq.seen.shape[1])
+    lower = np.linalg.cholesky(covariance * both + hidden)
+    return np.asarray(np.linalg.inv(lower) * eq.seen[:, None, :])
+
+
+def robust(eq: Equations) -> tuple[Estimate, Float]:
+    """The estimate, and which loads it rests on (L,): the worst is put aside as long as chance does not explain it.
+
+    Judged against the noise or, where all loads fit worse than that, against the spread of most of them.
+    """
+    use = np.ones(len(eq.y))
+    found = solve(eq, use)
+    limit = len(use) // 5
+    for _ in range(limit):
+        inside = use > 0
+        level = chi2.ppf(1 - GROSS / len(use), found.rows)
+        spread = max(1.0, float(np.median(found.misfit[inside] / chi2.median(found.rows[inside]))))
+        excess = np.where(inside, found.misfit / (level * spread), 0.0)
+        if excess.max() <= 1:
+            break
+        use[int(np.argmax(excess))] = 0.0
+        found = solve(eq, use)
+    return found, use

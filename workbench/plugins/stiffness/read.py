@@ -1,0 +1,95 @@
+"""`stiffness.read`: joint stiffness from a `stiffness.json`, or given as six numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import Document, Float, InputError, InputFile, read_json, stage
+from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, JointStiffness
+
+Positive = Annotated[float, Field(gt=0, le=1e12)]
+KEYS = ("joint_stiffness_nm_per_rad", "covariance", "condition_number", "postures", "loads")
+
+
+@stage("stiffness.read")
+def read(
+    *,
+    stiffness: Annotated[InputFile | None, Field(description="a stiffness.json; null: the numbers given here")] = None,
+    joint_stiffness_nm_per_rad: Annotated[
+        tuple[Positive, Positive, Positive, Positive, Positive, Positive],
+        Field(description="stiffness of the six joints, where no file is named"),
+    ] = TABLE_2_NM_PER_RAD,
+) -> JointStiffness:
+    """Take the robot's joint stiffness from a file, or as given (default: the paper's Table 2).
+
+    Args:
+        stiffness: a `stiffness.json`, as `stiffness.identify` writes it.
+        joint_stiffness_nm_per_rad: six numbers, exact, where no file is named.
+
+    Raises:
+        InputError: a stiffness of zero or less, a covariance that is none.
+    """
+    if stiffness is not None:
+        return read_stiffness(stiffness)
+    return JointStiffness(np.array(joint_stiffness_nm_per_rad), np.zeros((6, 6)), 0.0, 0, 0, "given")
+
+
+def read_stiffness(path: Path) -> JointStiffness:
+    """The stiffness in a file; raises InputError with the place and what was expected."""
+    document = read_json(path)
+    missing = [key for key in KEYS[:2] if key not in document]
+    if missing:
+        raise InputError(f"{path}: $", f"expected the key '{missing[0]}'")
+    where = f"{path}: $.joint_stiffness_nm_per_rad"
+    k = _numbers(document["joint_stiffness_nm_per_rad"], (6,), where)
+    for joint, value in enumerate(k, 1):
+        if value <= 0:
+            raise InputError(where, f"expected stiffness above 0, found {value:g} Nm/rad for joint {joint}")
+    where = f"{path}: $.covariance"
+    covariance = _numbers(document["covariance"], (6, 6), where)
+    scale = np.sqrt(np.abs(np.diag(covariance))) + 1e-300
+    if (
+        not np.allclose(covariance, covariance.T, rtol=1e-6)
+        or np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() < -1e-6
+    ):
+        raise InputError(where, "expected a symmetric positive semi-definite 6x6 matrix")
+    count = [document.get(key) for key in KEYS[2:]]
+    condition, postures, loads = (value if isinstance(value, int | float) else 0 for value in count)
+    return JointStiffness(k, covariance, float(condition), int(postures), int(loads), str(path))
+
+
+def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
+    """`stiffness.json` (docs/pipelines.md); `more`: what the identification adds."""
+    from workbench.plugins.stiffness.writing import strict_json
+
+    return Document(
+        "stiffness.json",
+        strict_json(
+            {
+                "format": "joint-stiffness",
+                "version": 1,
+                "joint_stiffness_nm_per_rad": stiffness.nm_per_rad,
+                "covariance": stiffness.covariance,
+                "standard_uncertainty_nm_per_rad": stiffness.u_nm_per_rad,
+                "condition_number": stiffness.condition_number,
+                "postures": stiffness.postures,
+                "loads": stiffness.loads,
+                **more,
+                "warnings": list(stiffness.warnings),
+            }
+        ),
+    )
+
+
+def _numbers(value: Any, shape: tuple[int, ...], where: str) -> Float:
+    try:
+        array = np.array(value, float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(where, f"expected finite numbers of shape {shape}")
+    return array

@@ -16,6 +16,7 @@ from numba import njit
 from workbench.units import Float, Int
 
 _ALMOST_PARALLEL = 1e-12
+_ALONG = 0.1  # an axis that leans more than this out of the plane is not looked at twice
 
 
 class Lines(NamedTuple):
@@ -82,9 +83,46 @@ def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, ra
 
 
 @njit(cache=True)
+def _passes_above(lines: Lines, rows: int, column: int, c: Float, a: Float, radius: float, highest: float) -> bool:
+    """Whether the cylinder surely stays above `highest` on all lines of a column: then nothing is to be cut.
+
+    Where it is `aside` from the column's plane, it reaches down sqrt(radius^2 - aside^2) from its axis at most.
+    """
+    up, across, forward, height, w, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        n, m = (k + 1) % 3, (k + 2) % 3
+        tangent = lines.up[column, n] * lines.across[column, m] - lines.up[column, m] * lines.across[column, n]
+        q = c[k] - lines.base[column, k]
+        up += lines.up[column, k] * a[k]
+        across += lines.across[column, k] * a[k]
+        forward += tangent * a[k]
+        height += lines.up[column, k] * q
+        w += lines.across[column, k] * q
+        aside += tangent * q
+    if abs(across) < _ALONG:
+        return False
+    low = (lines.w_first - radius - w) / across  # the stretch of the axis that can come near these lines
+    high = (lines.w_first + (rows - 1) * lines.w_step + radius - w) / across
+    nearest = min(abs(aside + low * forward), abs(aside + high * forward))
+    if (aside + low * forward) * (aside + high * forward) < 0.0:
+        nearest = 0.0
+    down = math.sqrt(max(radius * radius - nearest * nearest, 0.0))
+    return nearest >= radius or height + min(low * up, high * up) - down >= highest
+
+
+@njit(cache=True)
+def _highest(heights: Float) -> float:
+    best = -math.inf
+    for value in heights:
+        best = max(best, value)
+    return best
+
+
+@njit(cache=True)
 def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
     """Lower `height` (U, W) to what the sweep leaves, in place; the cutter is set down every `step` mm or closer."""
-    c, a, x = np.empty(3), np.empty(3), np.empty(3)
+    c, a, x, rows = np.empty(3), np.empty(3), np.empty(3), height.shape[1]
+    highest = np.array([_highest(column) for column in height])
     for i in range(len(sweep.first)):
         if sweep.last[i] <= sweep.first[i]:
             continue
@@ -92,7 +130,7 @@ def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
         for k in range(3):
             way += (sweep.tip_frame[i + 1, k] - sweep.tip_frame[i, k]) ** 2
             turn += (sweep.x[i + 1, k] - sweep.x[i, k]) ** 2 + (sweep.z[i + 1, k] - sweep.z[i, k]) ** 2
-        reach = sweep.axis_offset + (height.shape[1] * lines.w_step)
+        reach = sweep.axis_offset + rows * lines.w_step
         pieces = max(1, math.ceil((math.sqrt(way) + reach * math.sqrt(turn)) / step))
         for piece in range(pieces + 1):
             f = piece / pieces
@@ -108,4 +146,6 @@ def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
                 c[k] = origin - sweep.axis_offset * x[k] / math.sqrt(x_length)
             radius = (1.0 - f) * sweep.radius[i] + f * sweep.radius[i + 1]
             for column in range(sweep.first[i], sweep.last[i]):
-                _cut_column(height, lines, column, c, a, radius, sweep.tip)
+                if not _passes_above(lines, rows, column, c, a, radius, highest[column]):
+                    _cut_column(height, lines, column, c, a, radius, sweep.tip)
+                    highest[column] = _highest(height[column])

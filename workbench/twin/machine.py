@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.artefacts import Layer, Toolpath, Travel
-from workbench.synthetic.milling import Stock
+from workbench.synthetic.milling import Hit, Motion, Stock
 from workbench.twin.mechanics import Mechanics, straight_moves
 from workbench.units import Bool, Float
+
+
+class Met(NamedTuple):
+    """What a motion met: depth (U,) of material removed at each u, and what it must not touch at all."""
+
+    depth_mm: Float
+    hits: tuple[Hit, ...]
 
 
 class Machine:
@@ -22,25 +30,24 @@ class Machine:
         self._wear = wear_mm / whole if whole > 0.0 else 0.0  # loss of radius a mm cut
         self._cut_mm, self._motions = 0.0, 0
 
-    def travel(self, travel: Travel) -> Float:
-        """Go through the air; the greatest depth (U,) of material that was met all the same."""
-        before = self.stock.height_mm.copy()
-        if len(travel.position_mm) > 1:
-            poses = self._poses(travel, 0)
-            self._sweep(poses, np.full(len(poses), self._worn(self._cut_mm)))
-        return self.stock.depth_mm(before)
+    def travel(self, travel: Travel) -> Met:
+        """Go through the air."""
+        if len(travel.position_mm) < 2:
+            return Met(np.zeros(len(self.stock.u)), ())
+        poses = self._poses(travel, 0)
+        return self._sweep(poses, np.full(len(poses), self._worn(self._cut_mm)))
 
-    def mill(self, layer: Layer) -> Float:
-        """Mill a layer; the greatest depth (U,) that was removed by pieces of it that do not cut."""
+    def mill(self, layer: Layer) -> Met:
+        """Mill a layer; what its pieces met that do not cut, and what clamps and table."""
         poses, radius = self._poses(layer, layer.index), self._worn(self._cut_mm + _cut_length(layer))
         idle = np.zeros(len(self.stock.u))
+        hits: list[Hit] = []
         for first, last, cutting in _runs(layer.cutting[:-1] | layer.cutting[1:]):
-            before = self.stock.height_mm.copy()
-            self._sweep(poses[first : last + 1], radius[first : last + 1])
-            if not cutting:
-                idle = np.maximum(idle, self.stock.depth_mm(before))
+            met = self._sweep(poses[first : last + 1], radius[first : last + 1])
+            idle = idle if cutting else np.maximum(idle, met.depth_mm)
+            hits += met.hits
         self._cut_mm += float(_cut_length(layer)[-1])
-        return idle
+        return Met(idle, tuple(hits))
 
     def _poses(self, points: Layer | Travel, layer: int) -> Float:
         self._motions += 1
@@ -49,9 +56,11 @@ class Machine:
     def _worn(self, cut_mm: Float | float) -> Float:
         return np.asarray(np.maximum(self._radius_mm - self._wear * cut_mm, 0.0))
 
-    def _sweep(self, poses: Float, radius: Float) -> None:
+    def _sweep(self, poses: Float, radius: Float) -> Met:
         fine, radius_mm = straight_moves(poses, radius)
-        self.stock.remove(fine, radius_mm, self._radius_mm, self._tip_mm)
+        motion, before = Motion(fine, radius_mm, self._radius_mm, self._tip_mm), self.stock.height_mm.copy()
+        self.stock.remove(motion)
+        return Met(self.stock.depth_mm(before), tuple(self.stock.hits(motion)))
 
 
 def _cut_length(layer: Layer) -> Float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Annotated
 
 import numpy as np
@@ -14,10 +15,11 @@ from workbench.stage import InputFile, Seed, stage
 from workbench.synthetic.milling import Stock
 from workbench.synthetic.workpiece import Workpiece
 from workbench.twin.deflections import read_deflections
-from workbench.twin.engagement import engage, layer_warnings, travel_warnings
+from workbench.twin.engagement import engage
 from workbench.twin.machine import Machine
 from workbench.twin.mechanics import Mechanics
-from workbench.units import DEG, Bool, Float
+from workbench.twin.watch import Watch
+from workbench.units import DEG, Float
 
 Length = Annotated[float, Field(ge=-100, le=100)]
 Angle = Annotated[float, Field(ge=-180, le=180)]
@@ -99,24 +101,21 @@ def _refuse_empty(toolpath: Toolpath) -> None:
 
 def _mill(machine: Machine, toolpath: Toolpath) -> tuple[tuple[LayerEngagement, ...], tuple[str, ...]]:
     """Travels and layers in their order; the engagement of each layer, and all warnings."""
-    stock, radius = machine.stock, toolpath.cutter.diameter_mm / 2.0
+    stock, radius, travels = machine.stock, toolpath.cutter.diameter_mm / 2.0, iter(toolpath.travels)
     engaged: list[LayerEngagement] = []
     warnings: list[str] = []
-    for number, layer in enumerate(toolpath.layers):
+    for layer in toolpath.layers:
         at_points = stock.u_of(_in_base(toolpath, layer))
-        place = _arc_length_at(stock.u, at_points, layer)
-        if number < len(toolpath.travels):
-            warnings += travel_warnings(
-                f"travel to layer {layer.index}", machine.travel(toolpath.travels[number]), place
-            )
+        watch = Watch(layer, at_points, stock.u, radius, toolpath.depth_of_cut_mm)
+        for travel in itertools.islice(travels, 1):
+            warnings += watch.travel(f"travel to layer {layer.index}", machine.travel(travel))
         before = stock.height_mm.copy()
-        idle = machine.mill(layer)
+        met = machine.mill(layer)
         removed = stock.removed_mm(before)
+        warnings += watch.layer(met, removed.max(axis=1))
         engaged.append(engage(layer, at_points, stock.u, removed, stock.w_step_mm))
-        beside = _beside(stock.u, at_points[layer.cutting], radius)
-        warnings += layer_warnings(layer, idle, removed.max(axis=1), beside, place, toolpath.depth_of_cut_mm)
-    for travel in toolpath.travels[len(toolpath.layers) :]:
-        warnings += travel_warnings("travel after the last layer", machine.travel(travel), place)
+    for travel in travels:
+        warnings += watch.travel("travel after the last layer", machine.travel(travel))
     return tuple(engaged), tuple(warnings)
 
 
@@ -124,19 +123,3 @@ def _in_base(toolpath: Toolpath, layer: Layer) -> Float:
     """The layer's positions (k, 3) in the base, as planned."""
     pose = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
     return np.asarray(layer.position_mm @ pose[:3, :3].T + pose[:3, 3])
-
-
-def _arc_length_at(u: Float, at_points: Float, layer: Layer) -> Float:
-    """Arc length (U,) of the path's nearest point at each column of lines."""
-    order = np.argsort(at_points)
-    return np.interp(u, at_points[order], layer.arc_length_mm[order])
-
-
-def _beside(u: Float, cutting_u: Float, radius_mm: float) -> Bool:
-    """Whether each column (U,) is within a cutter's radius of a point that cuts."""
-    if len(cutting_u) == 0:
-        return np.zeros(len(u), dtype=bool)
-    ordered = np.sort(cutting_u)
-    after = np.clip(np.searchsorted(ordered, u), 1, max(len(ordered) - 1, 1)) if len(ordered) > 1 else 0
-    gap = np.minimum(np.abs(u - ordered[after]), np.abs(u - ordered[np.maximum(after - 1, 0)]))
-    return np.asarray(gap <= radius_mm)

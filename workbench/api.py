@@ -1,8 +1,10 @@
-"""All that a plug-in imports: the stage decorator, its special parameters, artefacts, errors.
+"""All that a plug-in imports: the stage decorator, its special parameters, artefacts, errors, poses, array types.
 
 A plug-in is a distribution with an entry point in the group `workbench.stages`: the name is its family, the value the
 module that defines its stages (docs/pipelines.md).
 """
+
+from typing import TYPE_CHECKING, Any
 
 from workbench.artefacts import (
     Chapter,
@@ -33,12 +35,53 @@ from workbench.artefacts import (
 from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.poses import (
+    interpolate_poses,
+    inverse,
+    pose_from,
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    rotation_from_vector,
+    rpy_from_rotation,
+    vector_from_rotation,
+)
 from workbench.stage import InputFile, Progress, Seed, stage
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
-__all__ = [
+if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
+    from workbench.robot import (
+        AngleConvention,
+        Cell,
+        Chain,
+        Clearance,
+        CollisionModel,
+        LoadingSetup,
+        Turntable,
+        abb_angles,
+        forward_kinematics,
+        inverse_kinematics,
+        jacobian,
+        jacobian_at,
+        jacobian_derivative,
+        joint_axes,
+        read_cell,
+        read_json,
+        turntable_pose,
+        within_limits,
+    )
+
+__all__ = [  # noqa: RUF022  (as Python sorts)
+    "AngleConvention",
+    "AnyArray",
+    "Bool",
+    "Cell",
+    "Chain",
     "Chapter",
+    "Clearance",
     "Cloud",
+    "CollisionModel",
     "Cutter",
+    "DEG",
     "Dialect",
     "Document",
     "Edge",
@@ -46,13 +89,17 @@ __all__ = [
     "EdgeProfile",
     "Engagement",
     "FaceLines",
+    "Float",
+    "Float32",
     "Gate",
     "HandEye",
     "InputError",
     "InputFile",
     "Inspection",
+    "Int",
     "Layer",
     "LayerEngagement",
+    "LoadingSetup",
     "MillingTool",
     "Moves",
     "OutputError",
@@ -68,9 +115,38 @@ __all__ = [
     "Stretch",
     "Toolpath",
     "Travel",
+    "Turntable",
     "Verdict",
     "WorkbenchError",
+    "abb_angles",
+    "forward_kinematics",
     "frozen",
+    "interpolate_poses",
+    "inverse",
+    "inverse_kinematics",
+    "jacobian",
+    "jacobian_at",
+    "jacobian_derivative",
+    "joint_axes",
+    "pose_from",
+    "read_cell",
+    "read_json",
+    "rotation_from_quaternion",
+    "rotation_from_rpy",
+    "rotation_from_vector",
+    "rpy_from_rotation",
     "stage",
+    "turntable_pose",
+    "vector_from_rotation",
+    "within_limits",
     "write_program",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the robot cell's names on first use."""
+    if name in __all__:
+        from workbench import robot
+
+        return getattr(robot, name)
+    raise AttributeError(f"module 'workbench.api' has no attribute {name!r}")

@@ -1,0 +1,106 @@
+"""Sphere recordings by formula: the laser plane cuts the sphere exactly; poses and points get their noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.api import Recording, pose_from
+
+RADIUS = 5.0
+TRUE = pose_from(Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(),
+                 np.array([126.92, 9.44, 41.48]))  # the paper's  # fmt: skip
+CENTER = np.array([1890.33, 241.48, 1079.72])
+NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
+
+
+@dataclass
+class Cell:
+    """A simulated set of postures: true and recorded poses, sphere centres in the profiler frame, circles."""
+
+    true_poses: Any  # (k, 4, 4)
+    poses: Any  # (k, 4, 4) as recorded
+    centre: Any  # (k, 3) true
+    radius: float = RADIUS
+
+
+def postures(rng: np.random.Generator, k: int, turn_deg: float = 25.0, off_plane: float = 1.5) -> tuple[Any, Any]:
+    """k random flange orientations (k, 3, 3) and sphere centres in the profiler frame (k, 3)."""
+    turns = Rotation.from_rotvec(rng.uniform(-1, 1, (k, 3)) * np.radians(turn_deg)) * NOMINAL
+    h = rng.uniform(off_plane, 0.85 * RADIUS, k) * rng.choice([-1.0, 1.0], k)
+    centre = np.column_stack([rng.uniform(-10, 10, k), h, rng.uniform(-15, 15, k)])
+    return turns.as_matrix(), centre
+
+
+def cell(rng: np.random.Generator, turns: Any, centre: Any, pose_mm: float = 0.07, pose_deg: float = 0.01) -> Cell:
+    """Poses that bring the sphere's centre to `centre` in the profiler frame, and what the robot says of them."""
+    k = len(turns)
+    position = CENTER - np.einsum("kij,kj->ki", turns, centre @ TRUE[:3, :3].T + TRUE[:3, 3])
+    noise = Rotation.from_rotvec(rng.normal(0, np.radians(pose_deg), (k, 3)))
+    recorded = (Rotation.from_matrix(turns) * noise).as_matrix()
+    return Cell(pose_from(turns, position), pose_from(recorded, position + rng.normal(0, pose_mm, (k, 3))), centre)
+
+
+def circles(rng: np.random.Generator, made: Cell, noise_mm: float = 0.015, pitch_mm: float = 0.05) -> tuple[Any, Any]:
+    """Circles (k, 3) = x_c, z_c, w and the covariance (k, 3, 3) that range noise on their points makes."""
+    w = made.radius**2 - made.centre[:, 1] ** 2
+    circle, covariance = np.column_stack([made.centre[:, 0], made.centre[:, 2], w]), []
+    for value in w:
+        r = np.sqrt(value)
+        dx = np.arange(-0.95 * r, 0.95 * r, pitch_mm)
+        q = np.sqrt(value - dx**2)
+        J = np.column_stack([-dx / q, np.ones_like(dx), -1 / (2 * q)])
+        covariance.append(np.linalg.inv(J.T @ J) * noise_mm**2)
+    covariance = np.array(covariance)
+    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), rng.normal(size=circle.shape))
+    return circle + noise, covariance
+
+
+def profile(rng: np.random.Generator, center: Any, radius: float = RADIUS, *, columns: int = 1200,
+            pitch_mm: float = 0.05, noise_mm: float = 0.015, sense: int = -1, background: bool = False,
+            outliers: float = 0.0) -> Any:  # fmt: skip
+    """x, z (columns,) of one profile: the sphere about `center` in the profiler frame, from the side of the sense.
+
+    `background`: a tilted table below; `outliers`: share of points that lie anywhere.
+    """
+    x = (np.arange(columns) - columns / 2) * pitch_mm
+    q2 = radius**2 - center[1] ** 2 - (x - center[0]) ** 2
+    steep = q2 > 0.03 * (radius**2 - center[1] ** 2)
+    z = np.full(columns, np.nan)
+    z[steep] = center[2] + sense * np.sqrt(q2[steep])
+    if background:
+        table = ~(q2 > 0)
+        z[table] = center[2] - sense * (radius + 12.0) + 0.08 * x[table]
+    z += rng.normal(0, noise_mm, columns)
+    stray = rng.random(columns) < outliers
+    z[stray] = center[2] + rng.uniform(-25, 25, stray.sum())
+    return x, z
+
+
+def recording(rng: np.random.Generator, made: Cell, design: Any = TRUE, **how: Any) -> Recording:
+    """A calibration recording of postures held still, one frame each."""
+    grids = [profile(rng, c, made.radius, **how) for c in made.centre]
+    k = len(grids)
+    quaternion = Rotation.from_matrix(made.poses[:, :3, :3]).as_quat(scalar_first=True)
+    return Recording(
+        source="sphere.h5", time_s=np.arange(k) * 1.0, x_mm=np.array([g[0] for g in grids], np.float32),
+        z_mm=np.array([g[1] for g in grids], np.float32), pass_index=np.arange(k), robot_time_s=np.arange(k) * 1.0,
+        robot_position_mm=made.poses[:, :3, 3], robot_quaternion_wxyz=quaternion, robot_pass=np.arange(k),
+        flange_from_profiler=design, sphere_diameter_mm=2 * RADIUS,
+    )  # fmt: skip
+
+
+def off_design(rng: np.random.Generator, turn_deg: float = 20.0, shift_mm: float = 50.0) -> Any:
+    """The true hand-eye pose, wrong by so much in a random direction."""
+    axis, way = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turn = Rotation.from_rotvec(axis * np.radians(turn_deg)).as_matrix()
+    return pose_from(turn @ TRUE[:3, :3], TRUE[:3, 3] + shift_mm * way)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)

@@ -1,0 +1,154 @@
+"""Maximum likelihood on (x_c, z_c, w): Gauss-Newton from an answer of the sign search, gross postures left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from workbench.api import Bool, Float
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise, whitened
+from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.plugins.calibration.signs import GATE, distances
+
+STEPS = 30
+CONVERGED = 1e-8  # of a step's length in standard deviations, squared
+GROSS = float(chi2.ppf(1 - 1e-5, 3))  # squared distance of a posture, left out of the fit, that is no chance
+NO_CHANCE = 1e-3  # probability below which a misfit is no chance
+GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit and what it rests on: k observations, P unknowns."""
+
+    estimate: Estimate
+    covariance: Float  # (P, P)
+    chi2: float
+    freedom: int
+    used: Bool  # (k,)
+
+
+def fit(start: Estimate, seen: Observations | Passes, noise: Noise, *, used: Bool | None = None,
+        with_offset: bool = False, shared: Float | None = None) -> Fit:  # fmt: skip
+    """Least squares from `start` on the observations `used` (k,), None: all.
+
+    Every step weights with the noise predicted at the estimate. The sphere's radius is pulled to the stated one; the
+    pull is an observation like any other. `with_offset`: `seen` are passes whose clock offset is estimated too.
+    """
+
+    def place(estimate: Estimate) -> Observations:
+        all_ = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
+        return all_ if used is None else all_.subset(used)
+
+    def system(estimate: Estimate) -> tuple[Float, Float]:
+        r, J = whitened(linearise(estimate, here := place(estimate), noise, with_offset), here, noise, shared)
+        return _with_prior(r, J, estimate, noise)
+
+    estimate = start
+    r, J = system(estimate)
+    for _ in range(STEPS):
+        information = J.T @ J
+        scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))  # mm and rad differ in size
+        step = scale * np.linalg.lstsq(scale[:, None] * information * scale, scale * (J.T @ r), rcond=1e-13)[0]
+        step *= min(1.0, 0.5 / max(float(np.linalg.norm(step[3:6])), 1e-12))
+        moved, new_r, new_J = estimate, r, J
+        for _ in range(6):
+            moved = estimate.moved(step)
+            new_r, new_J = system(moved)
+            if new_r @ new_r < 1.5 * (r @ r) + 1.0:  # weights move with the estimate, so it may rise a little
+                break
+            step = step / 3
+        length = float(step @ information @ step)
+        estimate, r, J = moved, new_r, new_J
+        if length < CONVERGED:
+            break
+    count = (len(r) - 1) // 3
+    keep = np.ones(count, bool) if used is None else used
+    return Fit(estimate, _inverse(J.T @ J), float(r @ r), len(r) - J.shape[1], keep)
+
+
+def _with_prior(r: Float, J: Float, estimate: Estimate, noise: Noise) -> tuple[Float, Float]:
+    prior = np.zeros((1, J.shape[1]))
+    prior[0, SIZE - 1] = 1 / noise.radius_u_mm
+    return np.append(r, (noise.radius_mm - estimate.radius_mm) / noise.radius_u_mm), np.concatenate([J, prior])
+
+
+def _inverse(information: Float) -> Float:
+    """Inverse of an information matrix; huge, not infinite, in directions that nothing determines."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))
+    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
+    values = np.maximum(values, 1e-14)
+    return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
+
+
+def without_gross(start: Estimate, seen: Observations, noise: Noise) -> Fit:
+    """The fit without gross postures: begun with those that agree with `start`, settled one posture at a time.
+
+    A posture is judged by its distance from the fit of the others. Where more than a quarter would go, none does: then
+    it is not some postures that are off, but what is known about all of them.
+    """
+    count = len(seen)
+    most = int(GROSS_SHARE * count) if count > 6 else 0
+    near = distances(start, seen, noise) < 4 * GATE
+    used = near if count - near.sum() <= most else np.ones(count, bool)
+    result = fit(start, seen, noise, used=used)
+    for _ in range(2 * most + 1):
+        off = left_out(result, seen, noise) > GROSS
+        worst = np.argmax(np.where(used & off, left_out(result, seen, noise), 0.0))
+        back = ~used & ~off
+        if back.any():
+            used = used | back
+        elif (used & off).any() and (~used).sum() < most:
+            used = used.copy()
+            used[worst] = False
+        else:
+            break
+        result = fit(result.estimate, seen, noise, used=used)
+    if (left_out(result, seen, noise)[used] > GROSS).any() or (~used).sum() > most:
+        return fit(result.estimate, seen, noise)
+    return result
+
+
+def misfits(result: Fit) -> bool:
+    """Whether the residuals are larger than the noise explains."""
+    return bool(result.freedom > 0 and chi2.sf(result.chi2, result.freedom) < NO_CHANCE)
+
+
+def matched(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
+    """The fit with the robot's noise as large as the residuals say, so that profiles keep their due weight."""
+    for _ in range(10):
+        ratio = result.chi2 / result.freedom
+        if abs(ratio - 1) < 0.02:
+            break
+        factor = float(np.clip(np.sqrt(ratio), 0.3, 10.0))
+        noise = replace(noise, pose_mm=factor * noise.pose_mm, pose_deg=factor * noise.pose_deg)
+        result = fit(result.estimate, seen, noise, used=result.used)
+    return result, noise
+
+
+def left_out(result: Fit, seen: Observations, noise: Noise) -> Float:
+    """Squared distance (k,) of every observation from the fit of the others (of all that count, for one left out)."""
+    linear = linearise(result.estimate, seen, noise)
+    J = linear.jacobian
+    from_fit = J @ result.covariance[:SIZE, :SIZE] @ np.swapaxes(J, 1, 2)
+    sign = np.where(result.used, -1.0, 1.0)[:, None, None]
+    spread = linear.covariance + sign * from_fit
+    r = linear.residual
+    values, vectors = np.linalg.eigh(spread)  # a posture that alone determines a direction leaves no residual there
+    values = np.where(values > 1e-6 * values[:, -1:], values, np.inf)
+    along = (np.swapaxes(vectors, 1, 2) @ r[..., None])[..., 0]
+    return np.asarray(np.sum(along**2 / values, axis=1))
+
+
+def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Float:
+    """Sphere centres (k, 3) in the profiler frame: measured x_c, z_c and |h|, which side by the answer."""
+    h = np.sqrt(np.maximum(estimate.radius_mm**2 - seen.circle[:, 2], 0.0))
+    return np.stack([seen.circle[:, 0], np.copysign(h, linear.centre[:, 1]), seen.circle[:, 1]], axis=1)
+
+
+def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
+    """Points (k, 3) of the profiler frame in the base."""
+    flange = centre @ estimate.rotation.T + estimate.translation_mm
+    return np.asarray((seen.base_from_flange[:, :3, :3] @ flange[..., None])[..., 0] + seen.base_from_flange[:, :3, 3])

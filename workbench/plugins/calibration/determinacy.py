@@ -1,0 +1,108 @@
+"""Do the postures determine the answer? Asked of the predicted uncertainty, and answered in words.
+
+The rank of a matrix does not tell (noise makes degenerate sets full rank) and the scatter of the sphere centres does
+not either (it is small along what nothing determines). The predicted uncertainty does: of the translation where the
+sphere was seen, and of the rotation as a displacement at the field's edge.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
+from workbench.plugins.calibration.model import FIELD_MM, Estimate, cross_matrix
+from workbench.plugins.calibration.observations import Observations, distinct_postures
+
+MIN_POSTURES = 4
+LEVER_MM = float(np.hypot(*FIELD_MM) / np.sqrt(3))  # RMS distance of the field's points from its middle
+ALIKE_RAD = 3 * DEG  # orientations that differ by less hardly count
+ALIKE_MM = 1.5  # sphere centres likewise
+
+
+def directions(covariance: Float, estimate: Estimate, centre: Float) -> tuple[tuple[str, float], ...]:
+    """The six principal directions of the uncertainty, worst first: in words, and the uncertainty in mm.
+
+    From the hand-eye covariance (6, 6) and the sphere centres (k, 3) in the profiler frame. Rotations are
+    about the middle of the sphere centres and count by what they move at the RMS distance of the field of view.
+    """
+    R = estimate.rotation
+    change = np.zeros((6, 6))  # to the profiler's axes: translation of the middle, rotation times lever
+    change[:3, :3] = R.T
+    change[:3, 3:] = -R.T @ cross_matrix(R @ centre.mean(axis=0))
+    change[3:, 3:] = LEVER_MM * R.T
+    values, vectors = np.linalg.eigh(change @ covariance @ change.T)
+    return tuple((_words(vectors[:, i]), float(np.sqrt(max(values[i], 0.0)))) for i in range(5, -1, -1))
+
+
+def check_postures(seen: Observations, where: str) -> None:
+    """Refuse fewer than four postures; frames of a scan are judged by the uncertainty alone."""
+    if any(len(rows) > 1 for rows, _ in seen.groups):
+        return
+    count = distinct_postures(seen.base_from_flange)
+    if count < MIN_POSTURES:
+        raise InputError(
+            where,
+            f"expected at least {MIN_POSTURES} distinct postures that see the sphere, found {count} (of {len(seen)} "
+            "passes; repeats of a posture do not count): the hand-eye pose and the sphere's centre remain "
+            "undetermined; turn the flange about two axes and move the sphere through the field of view",
+        )
+
+
+def check_determined(found: tuple[tuple[str, float], ...], estimate: Estimate, seen: Observations, centre: Float,
+                     limit_mm: float, where: str, with_offset: bool = False) -> None:  # fmt: skip
+    """Refuse a set whose worst direction is more uncertain than the limit; the direction and its cause are named."""
+    words, u = found[0]
+    if u <= limit_mm:
+        return
+    also = sum(u > limit_mm for _, u in found[1:])
+    more = f" and {also} more direction{'s' * (also > 1)}" if also else ""
+    size = f"{u:.3g} mm" if u < 1000 else "more than a metre"
+    raise InputError(
+        where,
+        f"the postures do not determine {words}{more}: predicted uncertainty {size} over the field of view, "
+        f"allowed {limit_mm:g} mm; {_cause(estimate, seen, centre, with_offset)}",
+    )
+
+
+def _words(v: Float) -> str:
+    """A direction (6,) of translation and scaled rotation in the profiler's axes, in words."""
+    turns = float(v[3:] @ v[3:]) > 0.5
+    part = v[3:] if turns else v[:3]
+    part = part / np.linalg.norm(part)
+    part = part * np.sign(part[np.argmax(np.abs(part))])
+    axis = "xyz"[int(np.argmax(np.abs(part)))]
+    along = (
+        f"the profiler's {axis}"
+        if np.abs(part).max() > 0.97
+        else "({:.2f}, {:.2f}, {:.2f}) in profiler axes".format(*part)
+    )
+    return f"the rotation about {along}" if turns else f"the translation along {along}"
+
+
+def _cause(estimate: Estimate, seen: Observations, centre: Float, with_offset: bool) -> str:
+    """Why a set is weak, and what would mend it."""
+    between = inverse(seen.base_from_flange[:1]) @ seen.base_from_flange
+    turns = vector_from_rotation(between[:, :3, :3])
+    turning = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
+    spread = np.linalg.svd(centre - centre.mean(axis=0), compute_uv=False) / np.sqrt(len(centre))
+    if turning[0] < ALIKE_RAD:
+        return "all postures have nearly the same orientation: turn the flange about two different axes"
+    if turning[1] < ALIKE_RAD:
+        if _two_clusters(turns):
+            return "there are only two orientations: add a third, turned about another axis"
+        return "all postures turn about one axis: turn the flange about a second one"
+    if spread[0] < ALIKE_MM:
+        return "the sphere lies at one point of the profile in all postures: move it through the field of view"
+    if spread[1] < ALIKE_MM:
+        return "the sphere's centres lie on one line of the field of view: spread them over its width and depth"
+    if with_offset:
+        return ("all scans move alike, so the clock's offset cannot be told from a shift along the motion: scan back "
+                "and forth, and across")  # fmt: skip
+    return "add postures that differ in orientation and in where the sphere lies in the profile"
+
+
+def _two_clusters(turns: Float) -> bool:
+    """Whether rotation vectors (k, 3) gather in two places."""
+    far = np.linalg.norm(turns - turns[0], axis=1)
+    other = turns[np.argmax(far)]
+    return bool((np.minimum(far, np.linalg.norm(turns - other, axis=1)) < ALIKE_RAD).all())

@@ -1,0 +1,177 @@
+"""`calibrate.hand_eye`: the profiler's pose on the flange, from the circles of a fixed sphere in many postures."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import Document, Float, HandEye, InputError, Recording, Seed, frozen, pose_from, stage
+from workbench.plugins.calibration import bundle, methods
+from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration.correlated import correlated
+from workbench.plugins.calibration.determinacy import directions
+from workbench.plugins.calibration.document import hand_eye_document
+from workbench.plugins.calibration.model import Estimate, Linear, Noise, field_of_view, linearise, volume_u
+from workbench.plugins.calibration.observations import Observations, Passes, by_pass
+from workbench.plugins.calibration.solve import Answer, solve, solve_with_offset
+from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
+from workbench.plugins.calibration.verdicts import rejections, warnings
+
+NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
+
+
+@stage("calibrate.hand_eye")
+def hand_eye(
+    profiles: SphereProfiles,
+    recording: Recording,
+    *,
+    method: Annotated[
+        Method, Field(description="'bundle': maximum likelihood; the others are for comparison")
+    ] = "bundle",
+    pose_noise_mm: Annotated[
+        float, Field(gt=0, le=5, description="standard deviation of a recorded flange position, each axis")
+    ] = 0.07,
+    pose_noise_deg: Annotated[
+        float, Field(ge=0, le=1, description="standard deviation of a recorded flange orientation, each axis")
+    ] = 0.01,
+    sphere_radius_u_mm: Annotated[
+        float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
+    ] = 0.02,
+    robot_error: Annotated[
+        Literal["independent", "correlated"],
+        Field(description="'correlated': near postures share errors of the robot, whose size the data tell"),
+    ] = "independent",
+    max_u_mm: Annotated[
+        float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
+    ] = 1.0,
+    seed: Seed = 0,
+) -> tuple[HandEye, Calibration, Document]:
+    """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
+
+    The signs of h are searched; then maximum likelihood on (x_c, z_c, w = r^2) with w = R^2 - h^2 - Var h, weighted by
+    the circles' covariance and the robot's pose noise, the sphere's radius estimated with its prior. Gross postures
+    are left out and named. With the profiles on their own clock its offset is estimated from scans over the sphere.
+
+    Args:
+        profiles: circles from `calibrate.circles`.
+        recording: flange poses; /hand_eye, if there, is the design's pose to begin with, off by up to 20 deg and 50 mm.
+        method: 'bundle', or for comparison 'joint' (least squares on centres), 'analytic' (Kabsch on pairs of pure
+            translation), 'genetic' (the paper's two steps).
+        pose_noise_mm: the robot's repeatability in position, each axis.
+        pose_noise_deg: the same in orientation.
+        sphere_radius_u_mm: how well the sphere's radius is known; set free where the data contradict it.
+        robot_error: whether postures err independently, or near ones alike (systematic errors).
+        max_u_mm: a recording that cannot determine the answer this well is refused.
+        seed: of the genetic algorithm.
+
+    Raises:
+        InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.
+    """
+    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
+    passes = by_pass(profiles, recording)
+    where = f"{recording.source}: /robot"
+    answer = _solve(passes, recording, noise, where, max_u_mm)
+    result, systematic_mm = answer.fit, None
+    if robot_error == "correlated":
+        result, systematic_mm = correlated(answer.fit, answer.seen, noise)
+    if method != "bundle":
+        result = _by_method(method, answer, recording.flange_from_profiler, seed, where)
+    found = _calibration(method, result, answer, profiles, recording, passes, noise, systematic_mm)
+    return found.hand_eye, found, hand_eye_document(found)
+
+
+def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float) -> Answer:
+    """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
+    design = recording.flange_from_profiler
+    if recording.clock == "own" and len(passes.scans):
+        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm)
+    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm)
+
+
+def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Fit:
+    """Another method's pose, on the postures and signs that the bundle found, with the errors that it propagates."""
+    fit, seen = answer.fit, answer.seen.subset(answer.fit.used)
+    linear = linearise(fit.estimate, seen, answer.noise)
+    P = bundle.signed_centres(fit.estimate, linear, seen)
+    centres = methods.Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
+    begin = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
+    if method == "analytic":
+        pose = methods.analytic(centres, where)
+        spread = methods.propagated(methods.analytic, centres, _centre_covariance(linear))
+    elif method == "joint":
+        pose = methods.joint(begin, centres)
+        spread = methods.propagated(lambda c: methods.joint(begin, c), centres, _centre_covariance(linear))
+    else:
+        if design is None:
+            raise InputError(where, "method 'genetic' searches about the design's pose: /hand_eye is missing")
+        pose = methods.genetic(design, centres, seed)
+        spread = methods.propagated(lambda c: methods.two_step(begin, c), centres, _centre_covariance(linear))
+    estimate = dataclasses.replace(fit.estimate, rotation=pose[:3, :3], translation_mm=pose[:3, 3])
+    center = bundle.to_base(P, estimate, seen).mean(axis=0)
+    covariance = fit.covariance.copy()
+    covariance[:6], covariance[:, :6] = 0.0, 0.0
+    covariance[:6, :6] = spread
+    return dataclasses.replace(fit, covariance=covariance,
+                               estimate=dataclasses.replace(estimate, center_mm=center))  # fmt: skip
+
+
+def _centre_covariance(linear: Linear) -> Float:
+    """Covariance (k, 3, 3) of sphere centres in the profiler frame, from that of (x_c, z_c, w)."""
+    h = linear.centre[:, 1]
+    h = np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h)
+    change = np.zeros((len(h), 3, 3))
+    change[:, 0, 0] = change[:, 2, 1] = 1.0
+    change[:, 1, 2] = -1 / (2 * h)
+    return np.asarray(change @ linear.covariance @ np.swapaxes(change, 1, 2))
+
+
+def _calibration(method: Method, result: Fit, answer: Answer, profiles: SphereProfiles, recording: Recording,
+                 passes: Passes, stated: Noise, systematic_mm: float | None) -> Calibration:  # fmt: skip
+    estimate, seen, noise = result.estimate, answer.seen, answer.noise
+    linear = linearise(estimate, seen, noise)
+    covariance = result.covariance[:6, :6]
+    pose = pose_from(estimate.rotation, estimate.translation_mm)
+    used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
+    off = bundle.left_out(result, seen, noise)
+    offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
+    return Calibration(
+        hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source), method=method,
+        sphere_center_mm=estimate.center_mm, sphere_radius_mm=estimate.radius_mm, covariance=frozen(covariance),
+        volume_u_mm=volume_u(covariance, *field_of_view(estimate, linear.centre[result.used])),
+        directions=directions(covariance, estimate, linear.centre[result.used]),
+        time_offset_s=estimate.offset_s if answer.with_offset else None, time_offset_u_s=offset_u,
+        frames=seen.frames, centre_mm=bundle.signed_centres(estimate, linear, seen),
+        center_base_before_mm=_before(recording.flange_from_profiler, estimate, linear, seen),
+        center_base_mm=bundle.to_base(bundle.signed_centres(estimate, linear, seen), estimate, seen),
+        residual=linear.residual, distance=np.sqrt(off), used=result.used,
+        residual_rms_mm=_point_rms(profiles, recording, estimate, linear, seen, result),
+        misfit=answer.stated.chi2 / max(answer.stated.freedom, 1), systematic_mm=systematic_mm,
+        frames_used=tuple(sorted(used)),
+        frames_rejected=rejections(profiles, passes, result, seen, linear, off),
+        warnings=warnings(result, answer, profiles, stated, systematic_mm, method),
+    )  # fmt: skip
+
+
+def _before(design: Float | None, estimate: Estimate, linear: Linear, seen: Observations) -> Float:
+    """Sphere centres (k, 3) in the base by the design's hand-eye pose; NaN without one."""
+    centre = bundle.signed_centres(estimate, linear, seen)
+    if design is None:
+        return np.full_like(centre, np.nan)
+    start = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
+    return bundle.to_base(centre, start, seen)
+
+
+def _point_rms(profiles: SphereProfiles, recording: Recording, estimate: Estimate, linear: Linear, seen: Observations,
+               result: Fit) -> float:  # fmt: skip
+    """RMS distance of the measured points from the sphere, over the postures that count."""
+    squares = []
+    for frames, centre, good in zip(seen.frames, linear.centre, result.used, strict=True):
+        for frame in frames if good else ():
+            here = profiles.on_arc[frame]
+            x, z = recording.x_mm[frame, here].astype(float), recording.z_mm[frame, here].astype(float)
+            distance = np.sqrt((x - centre[0]) ** 2 + centre[1] ** 2 + (z - centre[2]) ** 2)
+            squares.append((distance - estimate.radius_mm) ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares))))

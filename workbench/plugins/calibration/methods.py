@@ -1,0 +1,167 @@
+"""The other methods, on sphere centres whose signs are known: least squares, the analytic way, and the paper's GA.
+
+All take the centres P_i (k, 3) in the profiler frame and the flange's poses (r_i, t_i), and give R and t. Of equations
+(6) and (8) the corrected forms are used: (6) as printed compares R (P_i - P_j) with r^-1 (t_j - t_i) and holds only
+for pairs that share the orientation r; for any pair, with a the axis of r_i^T r_j,
+a . [R (P_i - P_j) - r_i^T (t_j - t_i)] = 0. And (8) reads (r_j - r_i) t = r_i R P_i - r_j R P_j + t_i - t_j.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import differential_evolution, least_squares
+
+from workbench.api import DEG, Float, InputError, pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.api import vector_from_rotation as vector
+
+SHARED_RAD = 0.1 * DEG  # orientations that differ by less count as one: pairs of pure translation
+BOX_RAD, BOX_MM = 20 * DEG, 50.0  # how far from the design the genetic algorithm looks
+POPULATION, GENERATIONS = 100, 100
+
+
+@dataclass(frozen=True)
+class Centres:
+    """Sphere centres in the profiler frame (k, 3), flange orientations (k, 3, 3) and positions (k, 3)."""
+
+    P: Float
+    r: Float
+    t: Float
+
+
+def translation(R: Float, seen: Centres) -> Float:
+    """t (3,) given R: linear least squares on r_i t - C = -(r_i R P_i + t_i), equation (8) with C kept."""
+    k = len(seen.P)
+    matrix = np.concatenate([seen.r.reshape(-1, 3), np.tile(-np.eye(3), (k, 1))], axis=1)
+    side = -((seen.r @ (seen.P @ R.T)[..., None])[..., 0] + seen.t).ravel()
+    return np.asarray(np.linalg.lstsq(matrix, side, rcond=None)[0][:3])
+
+
+def analytic(seen: Centres, where: str = "postures") -> Float:
+    """Hand-eye pose (4, 4): Kabsch on the pairs of pure translation, then the translation by linear least squares.
+
+    Raises:
+        InputError: the pairs that share the flange's orientation do not span two directions.
+    """
+    i, j = np.triu_indices(len(seen.P), 1)
+    turn = np.linalg.norm(vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j]), axis=1)
+    i, j = i[turn < SHARED_RAD], j[turn < SHARED_RAD]
+    seen_by = seen.P[i] - seen.P[j]
+    moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
+    U, size, V = np.linalg.svd(moved.T @ seen_by)
+    if len(i) < 2 or size[1] < 1e-3 * size[0]:
+        raise InputError(where, "method 'analytic' needs postures that share the flange's orientation, moved in two "
+                                "directions; take 'bundle'")  # fmt: skip
+    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))]) @ V
+    return pose_from(R, translation(R, seen))
+
+
+def joint(start: Float, seen: Centres) -> Float:
+    """Hand-eye pose (4, 4): least squares on the centres, r_i (R P_i + t) + t_i = C for all postures."""
+
+    def residual(step: Float) -> Float:
+        R = rotation_from_vector(step) @ start[:3, :3]
+        t = translation(R, seen)
+        centre = (seen.r @ (seen.P @ R.T + t)[..., None])[..., 0] + seen.t
+        return np.asarray((centre - centre.mean(axis=0)).ravel())
+
+    step = least_squares(residual, np.zeros(3), method="lm", xtol=1e-12, ftol=1e-12).x
+    R = rotation_from_vector(step) @ start[:3, :3]
+    return pose_from(R, translation(R, seen))
+
+
+def genetic(design: Float, seen: Centres, seed: int) -> Float:
+    """Hand-eye pose (4, 4) by the paper's two steps, equations (4) to (8) put right: rotation first, then translation.
+
+    Floating-point genes within a box about the design; differential evolution (Storn and Price 1997), as scipy
+    keeps it, with 100 generations of 100.
+    """
+    pairs = _Pairs(seen)
+    rpy = np.array(rpy_from_rotation(design[:3, :3]))
+
+    def rotation(genes: Float) -> Float:
+        return np.array([rotation_from_rpy(*one) for one in np.atleast_2d(genes.T)])
+
+    angles = _evolve(lambda genes: np.sum(pairs.rotation_residual(rotation(genes)) ** 2, axis=1), rpy, BOX_RAD, seed)
+    R = rotation_from_rpy(*angles)
+    shift = _evolve(lambda genes: pairs.translation_cost(R, np.atleast_2d(genes.T)), design[:3, 3], BOX_MM, seed)
+    return pose_from(R, shift)
+
+
+def two_step(start: Float, seen: Centres) -> Float:
+    """Where the genetic algorithm's objectives have their minimum near `start`: what it would find given for ever."""
+    pairs = _Pairs(seen)
+
+    def residual(step: Float) -> Float:
+        return np.asarray(pairs.rotation_residual((rotation_from_vector(step) @ start[:3, :3])[None])[0])
+
+    R = rotation_from_vector(least_squares(residual, np.zeros(3), method="lm").x) @ start[:3, :3]
+    return pose_from(R, pairs.best_translation(R))
+
+
+def propagated(rule: Callable[[Centres], Float], seen: Centres, covariance: Float) -> Float:
+    """Covariance (6, 6) of the pose that `rule` gives, by differences, from that of each centre in its frame (k, 3, 3).
+
+    Errors of the flange's poses are part of the centres' covariance.
+    """
+    pose = rule(seen)
+    out = np.zeros((6, 6))
+    step = 1e-3
+    for i in range(len(seen.P)):
+        columns = []
+        for axis in range(3):
+            both = []
+            for sign in (1, -1):
+                P = seen.P.copy()
+                P[i, axis] += sign * step
+                moved = rule(Centres(P, seen.r, seen.t))
+                both.append(np.concatenate([moved[:3, 3], vector(moved[:3, :3] @ pose[:3, :3].T)]))
+            columns.append((both[0] - both[1]) / (2 * step))
+        J = np.stack(columns, axis=1)
+        out += J @ covariance[i] @ J.T
+    return out
+
+
+class _Pairs:
+    """All pairs of postures, prepared for equations (6) and (8)."""
+
+    def __init__(self, seen: Centres) -> None:
+        i, j = np.triu_indices(len(seen.P), 1)
+        turn = vector(np.swapaxes(seen.r[i], 1, 2) @ seen.r[j])
+        angle = np.linalg.norm(turn, axis=1)
+        axis = turn / np.maximum(angle, 1e-12)[:, None]
+        along = axis[:, :, None] * axis[:, None, :]
+        self.project = np.where((angle < SHARED_RAD)[:, None, None], np.eye(3), along)  # (6): which part holds
+        self.seen_by = seen.P[i] - seen.P[j]
+        self.moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
+        self.difference = seen.r[j] - seen.r[i]
+        self.i, self.j, self.seen = i, j, seen
+
+    def rotation_residual(self, R: Float) -> Float:
+        """Residuals (s, 3 pairs) of equation (6), as it holds for any pair, for rotations (s, 3, 3)."""
+        off = np.einsum("sab,kb->ska", R, self.seen_by) - self.moved
+        return np.asarray(np.einsum("kab,skb->ska", self.project, off).reshape(len(R), -1))
+
+    def _side(self, R: Float) -> Float:
+        turned = (self.seen.r @ (self.seen.P @ R.T)[..., None])[..., 0] + self.seen.t
+        return np.asarray(turned[self.i] - turned[self.j])
+
+    def translation_cost(self, R: Float, t: Float) -> Float:
+        """Sum of squares of equation (8) for translations (s, 3)."""
+        off = np.einsum("kab,sb->ska", self.difference, t) - self._side(R)
+        return np.asarray(np.sum(off**2, axis=(1, 2)))
+
+    def best_translation(self, R: Float) -> Float:
+        """Its minimum."""
+        return np.asarray(np.linalg.lstsq(self.difference.reshape(-1, 3), self._side(R).ravel(), rcond=None)[0])
+
+
+def _evolve(cost: Callable[[Float], Float], middle: Float, half: float, seed: int) -> Float:
+    """Minimum of `cost` over genes (3, s) within a box about `middle`."""
+    found = differential_evolution(
+        cost, [(m - half, m + half) for m in middle], popsize=POPULATION // 3, maxiter=GENERATIONS, tol=0.0,
+        polish=False, vectorized=True, updating="deferred", rng=np.random.default_rng(seed),
+    )  # fmt: skip
+    return np.asarray(found.x)

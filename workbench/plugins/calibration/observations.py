@@ -1,0 +1,169 @@
+"""Circles joined with the flange's poses: one observation a posture held still, one a frame of a scan.
+
+Repeats of a still posture share its pose error, so they are averaged. The poses of a scan are interpolated between
+recorded ones, and so are their errors: frames of one pass are correlated by W W^T, W the interpolation's weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import Bool, Float, InputError, Int, Recording, interpolate_poses, inverse, vector_from_rotation
+from workbench.plugins.calibration.values import Rejected, SphereProfiles
+
+REPEAT_GATE = 25.0  # squared Mahalanobis distance of a repeat from the median of its posture: 3 degrees of freedom
+DIFFERENCE_S = 1e-4  # for velocities
+SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
+
+
+@dataclass(frozen=True)
+class Observations:
+    """k observations: circles with their covariance, and the pose of the flange at each, with what its errors share."""
+
+    circle: Float  # (k, 3) x_c, z_c mm, w mm^2
+    covariance: Float  # (k, 3, 3)
+    base_from_flange: Float  # (k, 4, 4)
+    velocity: Float  # (k, 6) of the flange, in the flange frame: mm/s, rad/s; 0 at rest
+    groups: tuple[tuple[Int, Float], ...]  # rows (m,) with correlated pose errors, and their correlation (m, m)
+    frames: tuple[tuple[int, ...], ...]  # (k) of the recording
+
+    def __len__(self) -> int:
+        return len(self.circle)
+
+    def subset(self, keep: Bool) -> Observations:
+        """The observations marked in `keep` (k,)."""
+        number = np.cumsum(keep) - 1
+        groups = tuple((number[r[keep[r]]], c[np.ix_(keep[r], keep[r])]) for r, c in self.groups if keep[r].any())
+        frames = tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept)
+        return Observations(self.circle[keep], self.covariance[keep], self.base_from_flange[keep], self.velocity[keep],
+                            groups, frames)  # fmt: skip
+
+
+def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
+    """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
+    k = len(circle)
+    groups = tuple((np.array([i]), np.ones((1, 1))) for i in range(k))
+    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), groups, tuple((i,) for i in range(k)))
+
+
+@dataclass(frozen=True)
+class Passes:
+    """A recording's circles by pass, ready to be placed at any clock offset."""
+
+    recording: Recording
+    circle: Float  # (k, 3) repeats averaged
+    covariance: Float  # (k, 3, 3)
+    time_s: Float  # (k,) on the clock of the profiles
+    number: Int  # (k,) pass
+    frames: tuple[tuple[int, ...], ...]
+    rejected: tuple[Rejected, ...]  # repeats that contradict the others
+
+    @property
+    def scans(self) -> Int:
+        """Numbers of the passes in which the robot moves."""
+        numbers, count = np.unique(self.recording.robot_pass, return_counts=True)
+        return np.intersect1d(numbers[count > 1], self.number)
+
+    def offset_range(self) -> tuple[float, float]:
+        """Clock offsets (profile time - robot time) with which every frame of every scan lies within its poses."""
+        low, high = [], []
+        for number in self.scans:
+            time, poses = self.time_s[self.number == number], self._poses(number)[0]
+            low.append(time[-1] - poses[-1])
+            high.append(time[0] - poses[0])
+        if max(low) > min(high):
+            raise InputError(
+                f"{self.recording.source}: /profiles/time",
+                "no clock offset puts the frames of all scans within the robot's poses",
+            )
+        return float(max(low)), float(min(high))
+
+    def place(self, offset_s: float = 0.0) -> Observations:
+        """Observations with the flange's poses at the frames' times minus `offset_s`."""
+        k = len(self.circle)
+        base_from_flange, velocity = np.empty((k, 4, 4)), np.zeros((k, 6))
+        groups = []
+        for number in np.unique(self.number):
+            rows = np.flatnonzero(self.number == number)
+            time, *poses = self._poses(number)
+            at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1]) if len(time) > 1 else time[[0]]
+            base_from_flange[rows] = interpolate_poses(at, time, *poses)
+            correlation = np.ones((1, 1))
+            if len(time) > 1:
+                velocity[rows] = _velocity(at, time, *poses)
+                weights = np.stack([np.interp(at, time, column) for column in np.eye(len(time))], axis=1)
+                correlation = weights @ weights.T
+            groups.append((rows, correlation))
+        return Observations(self.circle, self.covariance, base_from_flange, velocity, tuple(groups), self.frames)
+
+    def _poses(self, number: int) -> tuple[Float, Float, Float]:
+        r = self.recording
+        here = r.robot_pass == number
+        return r.robot_time_s[here], r.robot_position_mm[here], r.robot_quaternion_wxyz[here]
+
+
+def by_pass(profiles: SphereProfiles, recording: Recording) -> Passes:
+    """Circles in the order of their passes; the repeats of a posture held still averaged."""
+    numbers, count = np.unique(recording.robot_pass, return_counts=True)
+    still = set(numbers[count == 1].tolist())
+    number = recording.pass_index[profiles.frame]
+    circle, covariance, time, which, frames = [], [], [], [], []
+    rejected: list[Rejected] = []
+    for this in np.unique(number):
+        rows = np.flatnonzero(number == this)
+        good = (
+            _agreeing(profiles.circle[rows], profiles.covariance[rows]) if this in still else np.ones(len(rows), bool)
+        )
+        rejected += [
+            Rejected(int(f), "contradicts the other repeats of its posture") for f in profiles.frame[rows[~good]]
+        ]
+        for members in [rows[good]] if this in still else rows[:, None]:
+            mean, spread = _mean(profiles.circle[members], profiles.covariance[members])
+            circle.append(mean)
+            covariance.append(spread)
+            time.append(float(recording.time_s[profiles.frame[members]].mean()))
+            which.append(int(this))
+            frames.append(tuple(int(f) for f in profiles.frame[members]))
+    return Passes(recording, np.array(circle), np.array(covariance), np.array(time), np.array(which), tuple(frames),
+                  tuple(rejected))  # fmt: skip
+
+
+def distinct_postures(base_from_flange: Float) -> int:
+    """How many of the poses (k, 4, 4) are postures of their own: the others repeat one of them."""
+    kept: list[Float] = []
+    for pose in base_from_flange:
+        if kept:
+            between = inverse(np.stack(kept)) @ pose
+            angle = np.linalg.norm(vector_from_rotation(between[:, :3, :3]), axis=1)
+            if ((np.linalg.norm(between[:, :3, 3], axis=1) < SAME_MM) & (angle < SAME_RAD)).any():
+                continue
+        kept.append(pose)
+    return len(kept)
+
+
+def _agreeing(circle: Float, covariance: Float) -> Bool:
+    """Which repeats (m,) lie about their median: with three or more, a jump in one is not averaged in."""
+    if len(circle) < 3:
+        return np.ones(len(circle), bool)
+    off = circle - np.median(circle, axis=0)
+    distance = np.einsum("ki,kij,kj->k", off, np.linalg.inv(2 * covariance), off)
+    spread = max(1.0, float(np.median(distance)) / 2.4)  # 2.4: the median of chi-square with 3 degrees of freedom
+    return np.asarray(distance < REPEAT_GATE * spread)
+
+
+def _mean(circle: Float, covariance: Float) -> tuple[Float, Float]:
+    """Weighted mean of repeats (m, 3) and its covariance."""
+    information = np.linalg.inv(covariance)
+    spread = np.linalg.inv(information.sum(axis=0))
+    return spread @ np.einsum("kij,kj->i", information, circle), spread
+
+
+def _velocity(at: Float, time: Float, position: Float, quaternion: Float) -> Float:
+    """Velocity of the flange (m, 6) in its own frame, mm/s and rad/s, by differences within the poses' times."""
+    before, after = (np.clip(at + d, time[0], time[-1]) for d in (-DIFFERENCE_S, DIFFERENCE_S))
+    first = interpolate_poses(before, time, position, quaternion)
+    motion = inverse(first) @ interpolate_poses(after, time, position, quaternion)
+    twist = np.concatenate([motion[:, :3, 3], vector_from_rotation(motion[:, :3, :3])], axis=1)
+    return np.asarray(twist / (after - before)[:, None])

@@ -1,0 +1,184 @@
+"""From circles to the hand-eye pose: signs, maximum likelihood, gross postures, and whether it is the only answer."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import DEG, Float, InputError, vector_from_rotation
+from workbench.plugins.calibration import bundle, signs
+from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration.determinacy import check_determined, check_postures, directions
+from workbench.plugins.calibration.model import Estimate, Noise, linearise
+from workbench.plugins.calibration.observations import Observations, Passes
+
+COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
+TRIED = 6  # answers of the search that are refined
+RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
+REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
+HOPELESS = 0.3  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
+FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
+OFFSET_GRID_MM, MAX_OFFSETS = 1.0, 200  # how finely clock offsets are searched
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The hand-eye pose as found, and the observations that it rests on."""
+
+    fit: Fit
+    seen: Observations
+    noise: Noise  # that the fit rests on: the robot's as large as the residuals say, the sphere's radius set free
+    stated: Fit  # with the noise as stated: its chi-square tells a misfit
+    directions: tuple[tuple[str, float], ...]
+    alone: bool  # False: the design had to exclude a rival
+    with_offset: bool = False
+    radius_free: bool = False  # the data contradict the sphere's stated radius
+
+
+def solve(seen: Observations, noise: Noise, design: Float | None = None, *, where: str = "postures",
+          limit_mm: float = 1.0) -> Answer:  # fmt: skip
+    """The hand-eye pose from circles and poses (`observations.from_arrays`).
+
+    Args:
+        seen: circles with covariances and the flange's poses.
+        noise: the robot's repeatability and what is known of the sphere's radius.
+        design: flange_from_profiler (4, 4) to begin with, off by up to 20 deg and 50 mm; None: unknown.
+        where: the recording, for messages.
+        limit_mm: largest predicted uncertainty, in the worst direction over the field of view, that is accepted.
+
+    Raises:
+        InputError: too few postures, an undetermined direction, two answers that fit equally, or none that fits.
+    """
+    check_postures(seen, where)
+    refined = _refine(_search(seen, noise, design), seen, noise)
+    best = refined[0]
+    _check_explains(best, seen, noise, where)
+    _determined(best, seen, limit_mm, noise, where)  # before rivals: where nothing is determined there are many
+    best, alone = _only(refined, design, where)
+    stated, raised = best, noise
+    if bundle.misfits(best):
+        best, raised = bundle.matched(best, seen, noise)
+    best, final = _with_free_radius(best, seen, raised)
+    found = _determined(best, seen, limit_mm, final, where)
+    return Answer(best, seen, final, stated, found, alone, radius_free=final is not raised)
+
+
+def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None, *, where: str = "postures",
+                      limit_mm: float = 1.0) -> Answer:  # fmt: skip
+    """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
+    low, high = passes.offset_range()
+    speed = float(np.linalg.norm(passes.place((low + high) / 2).velocity[:, :3], axis=1).max())
+    count = int(np.clip((high - low) * speed / OFFSET_GRID_MM, 0, MAX_OFFSETS - 1)) + 1
+    grid = low + (np.arange(count) + 0.5) / count * (high - low)
+    blurred = dataclasses.replace(noise, pose_mm=float(np.hypot(noise.pose_mm, 0.3 * speed * (high - low) / count)))
+    starts = []
+    for offset in grid:
+        ranked = next(signs.candidates(passes.place(offset), blurred, design))[:2]
+        starts += [(score, dataclasses.replace(one, offset_s=float(offset))) for score, one in ranked]
+    starts.sort(key=lambda pair: pair[0])
+    fits = []
+    for _, start in starts[:TRIED]:
+        coarse = bundle.fit(start, passes, blurred, with_offset=True)
+        fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
+    best = min(fits, key=lambda one: one.chi2)
+    seen = passes.place(best.estimate.offset_s)
+    used = bundle.left_out(best, seen, noise) < bundle.GROSS
+    if not used.all() and (~used).mean() <= bundle.GROSS_SHARE:
+        best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
+        seen = passes.place(best.estimate.offset_s)
+    _check_explains(best, seen, noise, where)
+    found = _determined(best, seen, limit_mm, noise, where, with_offset=True)
+    return Answer(best, seen, noise, best, found, True, with_offset=True)
+
+
+def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Estimate]:
+    """Answers that explain most postures, best first."""
+    best: list[tuple[float, Estimate]] = []
+    for coarser in COARSER:
+        rough = dataclasses.replace(noise, pose_mm=coarser * noise.pose_mm, pose_deg=coarser * noise.pose_deg)
+        found: list[tuple[float, Estimate]] = []
+        for ranked in signs.candidates(seen, rough, design):
+            found += ranked
+            apart = signs.distances(min(ranked, key=lambda pair: pair[0])[1], seen, rough) > signs.SLACK * signs.GATE
+            if apart.mean() <= bundle.GROSS_SHARE:
+                break
+        best = sorted(found, key=lambda pair: pair[0])
+        if (signs.distances(best[0][1], seen, rough) > signs.SLACK * signs.GATE).mean() <= bundle.GROSS_SHARE:
+            break
+    near = [one for score, one in best if score <= 4 * best[0][0] + 2 * signs.GATE / signs.SLACK]
+    return near[:TRIED]
+
+
+def _refine(starts: list[Estimate], seen: Observations, noise: Noise) -> list[Fit]:
+    """Maximum likelihood from each start, the better first; the same answer once."""
+    kept: list[Fit] = []
+    for start in starts:
+        one = bundle.without_gross(start, seen, noise)
+        if not any(signs.same(one.estimate, other.estimate, 1e-3, 1e-5) for other in kept):
+            kept.append(one)
+    return sorted(kept, key=lambda one: signs.truncated(one.estimate, seen, noise, 1.0))
+
+
+def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
+    """The fit with the sphere's radius free where the data contradict the stated one, else as it is."""
+    free = dataclasses.replace(noise, radius_u_mm=FREE_RADIUS * noise.radius_mm)
+    if free.radius_u_mm <= noise.radius_u_mm or len(seen) < 6:
+        return best, noise
+    other = bundle.without_gross(best.estimate, seen, free)
+    fits = other.chi2 < best.chi2 - RIVAL and (other.used >= best.used).all()
+    contradicted = fits and abs(other.estimate.radius_mm - noise.radius_mm) > 4 * np.sqrt(other.covariance[9, 9])
+    return (other, free) if contradicted else (best, noise)
+
+
+def _only(refined: list[Fit], design: Float | None, where: str) -> tuple[Fit, bool]:
+    """The best answer, if no other fits nearly as well within the design's reach."""
+    best = refined[0]
+    rivals = [one for one in refined if one.chi2 < best.chi2 + RIVAL and _differs(one, best)]
+    if not rivals:
+        return best, True
+    near = [one for one in [best, *rivals] if design is None or _within_reach(one.estimate, design)]
+    if len(near) == 1:
+        return near[0], False
+    first, second = (near or [best, *rivals])[:2]
+    turn = np.linalg.norm(vector_from_rotation(first.estimate.rotation.T @ second.estimate.rotation)) / DEG
+    shift = np.linalg.norm(first.estimate.translation_mm - second.estimate.translation_mm)
+    raise InputError(
+        where,
+        f"the postures do not determine on which side of the laser plane the sphere's centre lies: two answers, "
+        f"{turn:.1f} deg and {shift:.1f} mm apart, fit almost equally (chi-square {first.chi2:.1f} and "
+        f"{second.chi2:.1f}); add postures, with the sphere on both sides of the plane",
+    )
+
+
+def _differs(one: Fit, other: Fit) -> bool:
+    """Whether two answers are apart by more than their uncertainty."""
+    turn = vector_from_rotation(one.estimate.rotation @ other.estimate.rotation.T)
+    apart = np.concatenate([one.estimate.translation_mm - other.estimate.translation_mm, turn])
+    return bool(apart @ np.linalg.pinv(one.covariance[:6, :6] + other.covariance[:6, :6]) @ apart > RIVAL)
+
+
+def _within_reach(estimate: Estimate, design: Float) -> bool:
+    turn = np.linalg.norm(vector_from_rotation(estimate.rotation @ design[:3, :3].T))
+    return bool(turn < REACH_RAD and np.linalg.norm(estimate.translation_mm - design[:3, 3]) < REACH_MM)
+
+
+def _determined(best: Fit, seen: Observations, limit_mm: float, noise: Noise, where: str,
+                with_offset: bool = False) -> tuple[tuple[str, float], ...]:  # fmt: skip
+    centre = linearise(best.estimate, seen, noise).centre[best.used]
+    found = directions(best.covariance[:6, :6], best.estimate, centre)
+    check_determined(found, best.estimate, seen.subset(best.used), centre, limit_mm, where, with_offset)
+    return found
+
+
+def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:
+    """Refuse data that no hand-eye pose explains."""
+    linear = linearise(best.estimate, seen, noise)
+    rms = float(np.sqrt(np.mean(np.sum(linear.residual[best.used, :2] ** 2, axis=1))))
+    if rms > HOPELESS * noise.radius_mm or not np.isfinite(rms):
+        raise InputError(
+            where,
+            f"no hand-eye pose explains the postures: the best leaves {rms:.2f} mm; expected poses of the flange in "
+            "the base, one sphere that does not move, and a right-handed profiler frame",
+        )

@@ -1,0 +1,65 @@
+"""What the calibration's stages exchange. mm, s, rad; n circles, N frames, M columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.api import Bool, Float, HandEye, Int
+
+Method = Literal["bundle", "joint", "analytic", "genetic"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rejected:
+    """A frame that does not count, and why."""
+
+    frame: int  # index in the recording
+    cause: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SphereProfiles:
+    """The circles in which the laser plane cuts the calibration sphere, one a frame, in the profiler frame."""
+
+    frame: Int  # (n,) index in the recording
+    circle: Float  # (n, 3) x_c mm, z_c mm, w = r^2 mm^2
+    covariance: Float  # (n, 3, 3) of them, from the points' noise
+    residual_mm: Float  # (n,) standard deviation of the points about the circle, along z
+    points: Int  # (n,) on the arc
+    on_arc: Bool  # (N, M) which points of the grid count
+    sense: int  # +1: z counts towards the sensor; -1: away from it (from the arcs' convexity)
+    noise_mm: float  # of a point along z, as found in all arcs, or as stated if that is larger
+    stated_noise_mm: float
+    correlation: float  # of the noise of neighbouring columns; the covariances contain it
+    sphere_diameter_mm: float
+    rejected: tuple[Rejected, ...]
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """A hand-eye calibration with all that its report tells. k postures (or frames of a scan)."""
+
+    hand_eye: HandEye
+    method: Method
+    sphere_center_mm: Float  # (3,) in the base
+    sphere_radius_mm: float
+    covariance: Float  # (6, 6) as in HandEye
+    volume_u_mm: float  # predicted RMS error of a point over the field of view around the sphere centres
+    directions: tuple[tuple[str, float], ...]  # six, worst first: in words, and their uncertainty in mm over the field
+    time_offset_s: float | None  # profile time - robot time; None: not estimated
+    time_offset_u_s: float | None
+    frames: tuple[tuple[int, ...], ...]  # (k) frames of the recording that each posture rests on
+    centre_mm: Float  # (k, 3) sphere centre in the profiler frame: measured x and z, y by the answer
+    center_base_before_mm: Float  # (k, 3) centre in the base by the design's hand-eye; NaN without one
+    center_base_mm: Float  # (k, 3) by the answer
+    residual: Float  # (k, 3) of x_c mm, z_c mm, w mm^2
+    distance: Float  # (k,) Mahalanobis distance of the residual, left out of the fit; 1.7 is usual
+    used: Bool  # (k,) False: rejected as gross
+    residual_rms_mm: float  # RMS distance of the measured points from the sphere
+    misfit: float  # chi-square over degrees of freedom, the stated noise taken for true
+    systematic_mm: float | None  # amplitude of the robot's systematic error; None: not estimated
+    frames_used: tuple[int, ...]
+    frames_rejected: tuple[Rejected, ...]
+    warnings: tuple[str, ...]

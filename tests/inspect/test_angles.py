@@ -88,6 +88,19 @@ def test_a_steady_root_face_is_hardly_ever_said_to_turn(edge: Maker) -> None:
     assert sum(bevel_angles(edge(seed), AT[:1], 10.0).tilt_variation > 0 for seed in range(60)) <= 1
 
 
+def test_roughness_is_averaged_a_drift_is_not(edge: Maker) -> None:
+    """A rough face's direction wanders about its mean, which u then tells how well is known."""
+    once, far = np.arange(0, 90.1, 0.2), []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        kernel = np.exp(-np.abs(np.arange(-30, 30.1, 0.2)) / 5.0)
+        wander = 0.5 * DEG * np.convolve(rng.normal(0, 1, once.size + kernel.size - 1), kernel / 5.0, "valid")
+        rough = bevel_angles(edge(seed, tilt=lambda s, w=wander: 0.3 + np.interp(s, once, w)), AT[:1], 10.0)
+        far.append(wander.mean() / rough.tilt_u[0])  # truth: the direction about which it wanders
+    assert 0.8 < np.mean(np.abs(far) <= 2) < 1
+    assert np.std(far) > 0.6  # not safe for being huge
+
+
 def test_hidden_stretches(edge: Maker) -> None:
     """NaN where no frame lies within the half width; less certain beside it than far away."""
     found = bevel_angles(edge(7, hidden_mm=(30.0, 60.0)), np.array([10.0, 31.0, 45.0, 59.0]), 10.0)

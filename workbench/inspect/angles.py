@@ -1,23 +1,27 @@
 """The bevel angle along the edge, with its uncertainty.
 
 The bevel face's direction is taken near each place; the root face is too narrow for that, so its direction is one for
-the whole edge (of each pass). All places share its error, and each carries it; where the frames show that it varies
-along the edge, each carries that variation too, and the inspection says so.
+the whole edge (of each pass). All places share its error, and each carries it; where the frames show that it drifts
+along the edge, each carries that drift too, and the inspection says so. Roughness is no drift.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
+from scipy.stats import f as fisher
 
 from workbench.artefacts import Edge, EdgeFrames
 from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.units import Bool, Float, Int
 
 TILT_STRETCH_MM = 20.0
+ROUGH_PROOF = 0.95  # level of the test that the root face's direction differs between stretches
 TILT_PROOF = 0.9999  # level of the test that the root face's direction varies
+DRIFT_PROOF = 0.9  # level of the test that it drifts: rather carry a roughness than lose a drift
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +32,7 @@ class BevelAngles:
     u: Float  # (m,) standard uncertainty, all of it
     local_u: Float  # (m,) the part that each place has for itself
     tilt_u: Float  # (m,) the part of the root face's direction, which all places share
-    tilt_variation: float  # standard deviation of that direction along the edge beyond its noise, rad; 0: none proven
+    tilt_variation: float  # standard deviation of that direction along the edge by its drift, rad; 0: none proven
 
 
 def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
@@ -85,10 +89,11 @@ def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: 
 
 
 def tilt_uncertainty(f: EdgeFrames, frames: Int) -> tuple[float, float]:
-    """Standard uncertainty of the root face's direction from the scatter of its frames, and its variation, both rad.
+    """Standard uncertainty of the root face's mean direction, and how that direction drifts along the edge, both rad.
 
-    The variation is what the directions of stretches of TILT_STRETCH_MM show beyond their own scatter (DerSimonian and
-    Laird's moment estimate), if a chi-square test proves any; else 0.
+    What the directions of stretches of TILT_STRETCH_MM show beyond their own scatter (DerSimonian and Laird's moment
+    estimate) is either a drift, if tests prove that, which every place then carries whole, or roughness, which the mean
+    direction averages over the stretches.
     """
     off = np.angle(np.exp(1j * (f.root_angle - f.tilt)[frames]))
     weight = 1.0 / f.root_angle_variance[frames]
@@ -101,9 +106,28 @@ def tilt_uncertainty(f: EdgeFrames, frames: Int) -> tuple[float, float]:
     good = np.isfinite(stretch)
     sums = np.bincount(number, weight[good])
     means = np.bincount(number, weight[good] * off[good]) / sums
+    at = np.bincount(number, weight[good] * f.arc_length_mm[frames][inlier][good]) / sums
     misfit = float((sums * (means - np.average(means, weights=sums)) ** 2).sum())
     freedom = means.size - 1
     variation2 = 0.0
-    if freedom > 0 and misfit > chi2.ppf(TILT_PROOF, freedom):
+    if freedom > 0 and misfit > chi2.ppf(ROUGH_PROOF, freedom):
         variation2 = (misfit - freedom) / float(sums.sum() - (sums**2).sum() / sums.sum())
-    return float(np.sqrt(1.0 / weight.sum())), float(np.sqrt(max(variation2, 0.0)))
+    noise2 = 1.0 / float(weight.sum())
+    if misfit > chi2.ppf(TILT_PROOF, max(freedom, 1)) and drifts(at, means, 1.0 / (1.0 / sums + variation2)):
+        return math.sqrt(noise2), math.sqrt(variation2)
+    return math.sqrt(noise2 + variation2 / max(freedom, 1)), 0.0
+
+
+def drifts(at: Float, value: Float, weight: Float) -> bool:
+    """Whether values at n places follow a line (from six on: a parabola) beyond their scatter, by an F test.
+
+    Too few places to tell (fewer than four) count as a drift.
+    """
+    order = 2 if at.size >= 6 else 1
+    freedom = at.size - 1 - order
+    if freedom < 1:
+        return True
+    course = np.polynomial.Polynomial.fit(at, value, order, w=np.sqrt(weight))
+    misfit = float((weight * (value - course(at)) ** 2).sum())
+    explained = float((weight * (value - np.average(value, weights=weight)) ** 2).sum()) - misfit
+    return bool(explained / order > fisher.ppf(DRIFT_PROOF, order, freedom) * misfit / freedom)

@@ -29,7 +29,7 @@ def merge_poses(
     *,
     chord_mm: float,
     angle: float,
-    feed_share: float,
+    feed_share: Float,
     least_sweep: float,
 ) -> tuple[Int, Bool, Float, Float]:
     """The moves through n >= 2 poses: each reaches as far as it fits from where the one before it ended.
@@ -37,11 +37,11 @@ def merge_poses(
     Args:
         position_mm: (n, 3), no two in a row alike in position and orientation.
         quaternion_wxyz: (n, 4), unit length.
-        feed: (n,) towards each pose; within a move the fastest exceeds the slowest by `feed_share` of it at most.
+        feed: (n,) towards each pose.
         label: (n,) of the way towards each pose; it does not change within a move.
         chord_mm: greatest distance of a pose that is left out from the line or circle.
         angle: greatest angle of its orientation to the one that the controller has there.
-        feed_share: see `feed`.
+        feed_share: (n,) share by which the fastest feed within a move that ends there may exceed the slowest.
         least_sweep: of an arc; what turns less stays straight. Infinite: no arcs.
 
     Returns:
@@ -53,8 +53,8 @@ def merge_poses(
     stop = last[np.searchsorted(last, np.arange(len(label)))]
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))
     chord = 2.0 * math.sin(min(angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
-    tolerances = np.array([chord_mm, chord, feed_share])
-    targets, circular, via = _merge(p, q, np.ascontiguousarray(feed, float), stop, length, tolerances, least_sweep)
+    feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
+    targets, circular, via = _merge(p, q, feeds, stop, length, np.array([chord_mm, chord]), least_sweep)
     via_turn = np.full((len(targets), 4), np.nan)
     start, end = targets[:-1][circular[1:]], targets[circular]
     via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
@@ -109,10 +109,10 @@ def _fits(
     arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, j: int, tolerances: Float, circle: Float
 ) -> bool:
     """Whether one move from pose i to pose j passes all poses between them."""
-    slowest, fastest = feed[j], feed[j]
+    slowest, fastest = feed[j, 0], feed[j, 0]
     for k in range(i + 1, j):
-        slowest, fastest = min(slowest, feed[k]), max(fastest, feed[k])
-    if fastest > (1.0 + tolerances[2]) * slowest * (1.0 + 1e-12):
+        slowest, fastest = min(slowest, feed[k, 0]), max(fastest, feed[k, 0])
+    if fastest > (1.0 + feed[j, 1]) * slowest * (1.0 + 1e-12):
         return False
     sweep = _circle(p, i, _middle(length, i, j), j, circle) if arc else 0.0
     if sweep > MOST_SWEEP:

@@ -40,8 +40,11 @@ def simplify(
         float, Field(ge=0, le=10, description="greatest angle between its orientation and the move's there")
     ] = 0.05,
     feed_tolerance: Annotated[
-        float, Field(ge=0, le=10, description="share by which the feed of a key point may exceed its move's")
+        float, Field(ge=0, le=10, description="share by which a key point's feed may exceed its move's, where it cuts")
     ] = 0.1,
+    air_feed_tolerance: Annotated[
+        float, Field(ge=0, le=10, description="the same share in the air, where slower costs time but harms nothing")
+    ] = 1.0,
     arcs: Annotated[bool, Field(description="circular moves too; false: straight ones only")] = True,
     least_sweep_deg: Annotated[
         float,
@@ -63,7 +66,8 @@ def simplify(
         toolpath: the path; its frame stays.
         chord_tolerance_mm: greatest distance of a key point from its move.
         angle_tolerance_deg: greatest angle of its orientation to the move's.
-        feed_tolerance: share by which its feed may exceed the move's.
+        feed_tolerance: share by which its feed may exceed the move's while cutting.
+        air_feed_tolerance: the same in the air.
         arcs: whether circular moves may be used.
         least_sweep_deg: what turns less than this stays straight.
 
@@ -78,7 +82,8 @@ def simplify(
         targets, circular, via, via_turn = merge_poses(
             points.position_mm, points.quaternion_wxyz, points.feed_mm_s,
             4 * points.layer + 2 * points.cutting + points.measured, chord_mm=chord_tolerance_mm,
-            angle=angle_tolerance_deg * DEG, feed_share=feed_tolerance,
+            angle=angle_tolerance_deg * DEG,
+            feed_share=np.where(points.cutting, feed_tolerance, air_feed_tolerance),
             least_sweep=least_sweep_deg * DEG if arcs else math.inf,
         )  # fmt: skip
     slowest = np.minimum.reduceat(points.feed_mm_s, np.append(0, targets[:-1] + 1))

@@ -1,0 +1,95 @@
+"""Runs of poses as lines and circles, on courses whose answer is known."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.geometry.moves import merge_poses
+
+DEG = np.pi / 180
+
+
+def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, **tolerances):
+    n = len(position)
+    quaternion = np.tile([1.0, 0, 0, 0], (n, 1)) if quaternion is None else quaternion
+    given = {"chord_mm": 0.01, "angle": 0.05 * DEG, "feed_share": np.full(n, 0.1)} | tolerances
+    return merge_poses(position, quaternion, np.ones(n) if feed is None else feed,
+                       np.zeros(n, int) if label is None else label, least_sweep=least_sweep, **given)  # fmt: skip
+
+
+def ring(radius, degrees, n=200):
+    a = np.linspace(0, degrees * DEG, n)
+    return np.stack([radius * np.cos(a), radius * np.sin(a), np.full(n, 7.0)], axis=1), a
+
+
+def test_a_line_is_one_move_however_uneven_its_points() -> None:
+    s = np.cumsum(np.random.default_rng(1).uniform(1e-3, 10, 500))
+    targets, circular, via, via_turn = merge(s[:, None] * [[0.6, 0.0, 0.8]] + [[1e3, 2e3, 3e3]])
+    assert targets.tolist() == [0, 499]
+    assert not circular.any()
+    assert np.isnan(via).all()
+    assert np.isnan(via_turn).all()
+
+
+def test_an_arc_is_one_move_and_its_via_is_the_middle() -> None:
+    """The tool turns with the tangent: slerp along the arc is then exact."""
+    position, a = ring(300, 120)
+    quaternion = Rotation.from_rotvec(a[:, None] * [[0, 0, 1]]).as_quat(scalar_first=True)
+    targets, circular, via, via_turn = merge(position, quaternion)
+    assert targets.tolist() == [0, 199]
+    assert circular.tolist() == [False, True]
+    assert via[1] == pytest.approx([150, 300 * np.sqrt(3) / 2, 7], abs=1e-6)
+    assert via_turn[1] == pytest.approx([np.cos(30 * DEG), 0, 0, np.sin(30 * DEG)], abs=1e-9)
+
+
+@pytest.mark.parametrize(("degrees", "moves"), [(4.0, 0), (4.5, 1), (165, 1), (175, 2), (355, 3)])
+def test_sweeps_of_arcs_are_limited(degrees: float, moves: int) -> None:
+    position, _ = ring(3000, degrees, 400)
+    assert merge(position)[1].sum() == moves
+
+
+def test_arcs_turn_both_ways() -> None:
+    position, _ = ring(300, 100)
+    for mirrored in (position * [[1, -1, 1]], position * [[-1, 1, 1]], position[::-1]):
+        assert merge(mirrored)[0].tolist() == [0, 199]
+
+
+def test_the_chord_of_a_polygon_uses_its_tolerance() -> None:
+    """A circle of radius R leaves a chord of length c by c^2 / 8R: at 0.01 mm and 1000 mm that is 8.9 mm."""
+    position, a = ring(1000, 30, 5000)
+    targets = merge(position, least_sweep=np.inf)[0]
+    assert np.diff(a[targets]).max() * 1000 == pytest.approx(np.sqrt(8 * 1000 * 0.01), rel=0.02)
+
+
+def test_orientation_alone_splits_a_line() -> None:
+    s = np.linspace(0, 100, 401)
+    angle = 0.4 * DEG * np.sin(s * 2 * np.pi / 100)
+    quaternion = Rotation.from_rotvec(angle[:, None] * [[1, 0, 0]]).as_quat(scalar_first=True)
+    quaternion[::2] *= -1  # q and -q are the same
+    position = s[:, None] * [[1.0, 0, 0]]
+    split = merge(position, quaternion)[0]
+    error = angle - np.interp(s, s[split], angle[split])
+    assert 0.03 * DEG < np.abs(error).max() <= 0.05 * DEG + 1e-9
+    assert merge(position, quaternion, angle=1 * DEG)[0].tolist() == [0, 400]
+
+
+def test_feed_and_label_split_a_line() -> None:
+    position = np.arange(30.0)[:, None] * [[1.0, 0, 0]]
+    label = np.repeat([5, 2, 5], 10)
+    assert merge(position, label=label)[0].tolist() == [0, 9, 19, 29]
+    feed = np.repeat([1.0, 1.1, 1.2], 10)
+    assert merge(position, feed=feed)[0].tolist() == [0, 19, 29]
+    assert merge(position, feed=feed, feed_share=np.full(30, 0.2))[0].tolist() == [0, 29]
+
+
+def test_points_out_of_order_are_not_skipped() -> None:
+    x = np.r_[0.0:10.0, 8.0:4.0:-1.0, 6.0:20.0]
+    targets = merge(x[:, None] * [[1.0, 0, 0]])[0]
+    assert {9, 13} <= set(targets.tolist())
+
+
+def test_a_turn_on_the_spot_is_kept() -> None:
+    position = np.array([[0.0, 0, 0], [10, 0, 0], [10, 0, 0], [20, 0, 0]])
+    turned = [np.cos(20 * DEG), np.sin(20 * DEG), 0, 0]
+    quaternion = np.array([[1.0, 0, 0, 0], [1, 0, 0, 0], turned, turned])
+    assert merge(position, quaternion)[0].tolist() == [0, 1, 2, 3]

@@ -15,8 +15,9 @@ from numba import njit
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
-BLOCK = 5  # frames and columns around a point in which others must stand out too
-LEAST_SUPPORT = 8  # of them: a clamp is wider than a streak of outliers
+SUPPORT_FRAMES = 6  # of the frames within as many before and after, that stand out too: outliers come in fewer
+SUPPORT_COLUMNS = 2  # to each side, in which they do
+SUPPORT_POINTS = 22  # that do, in these frames and columns
 
 
 class SectionTable(NamedTuple):
@@ -39,7 +40,7 @@ def foreign_points(x_mm: Float32, z_mm: Float32, usable: Bool, base_from_profile
     """Frames and columns of the points that belong to no face of the stock: clamps, the table.
 
     They stand out of the end face, above the upper surface or below the lower one by more than the tolerance of their
-    station, and so do some of their neighbours on the grid (else they are outliers).
+    station, and so do points of several frames beside them (else they are streaks of outliers).
 
     Args:
         x_mm, z_mm: (N, M) profiler frame.
@@ -98,16 +99,17 @@ def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, axes: Float, 
 
 @njit(nogil=True, cache=True)
 def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
-    half = BLOCK // 2
     for i in range(first, last):
         for j in range(marked.shape[1]):
             if not marked[i, j]:
                 continue
-            count = 0
-            for r in range(max(i - half, 0), min(i + half + 1, marked.shape[0])):
-                for c in range(max(j - half, 0), min(j + half + 1, marked.shape[1])):
-                    count += marked[r, c]
-            out[i, j] = count > LEAST_SUPPORT
+            frames, points = 0, 0
+            for r in range(max(i - SUPPORT_FRAMES, 0), min(i + SUPPORT_FRAMES + 1, marked.shape[0])):
+                here = 0
+                for c in range(max(j - SUPPORT_COLUMNS, 0), min(j + SUPPORT_COLUMNS + 1, marked.shape[1])):
+                    here += marked[r, c]
+                frames, points = frames + min(here, 1), points + here
+            out[i, j] = frames >= SUPPORT_FRAMES and points >= SUPPORT_POINTS
 
 
 def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler: Float, sections: SectionTable,
@@ -165,8 +167,8 @@ def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Fl
     """Height (k,) of the cutter above its k places that keeps it clear of points (p, 3); -inf where none is near.
 
     The cutter is a cylinder about an axis along `axis`, which touches its place from outside, without end on the
-    shank's side. Lifted by L along `outward` it clears a point at (x inwards, y along the edge) where
-    (x + R + L)^2 + y^2 >= (R + clearance)^2.
+    shank's side. Lifted by L along `outward` it clears a point at (x inwards, y along the edge) beside it where
+    (x + R + L)^2 + y^2 >= (R + clearance)^2; beyond its tip the clearance is round.
 
     Args:
         points_mm: that it must clear.
@@ -184,7 +186,7 @@ def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Fl
 @njit(nogil=True, cache=True)
 def _needed(points: Float, station: Int, places: Float, sizes: tuple[float, float, float], out: Float) -> None:
     radius, clearance, tip = sizes
-    wide = radius + clearance
+    wide, clear2 = radius + clearance, clearance * clearance
     window = int(1.5 * wide) + 3
     for i in range(points.shape[0]):
         for k in range(max(station[i] - window, 0), min(station[i] + window + 1, places.shape[0])):
@@ -192,8 +194,11 @@ def _needed(points: Float, station: Int, places: Float, sizes: tuple[float, floa
             for c in range(3):
                 d = points[i, c] - places[k, c]
                 y, b, along = y + d * places[k, 3 + c], b + d * places[k, 6 + c], along + d * places[k, 9 + c]
-            if abs(y) < wide and along < tip + clearance:
-                out[k] = max(out[k], b - radius + np.sqrt(wide * wide - y * y))
+            beyond = max(along - tip, 0.0)
+            if abs(y) < wide and beyond < clearance:
+                reach = radius + np.sqrt(clear2 - beyond * beyond)
+                if abs(y) < reach:
+                    out[k] = max(out[k], b - radius + np.sqrt(reach * reach - y * y))
 
 
 def place(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, rows: Int, columns: Int) -> Float:

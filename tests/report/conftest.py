@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import (
     BEVEL_FACE,
@@ -15,12 +17,16 @@ from workbench.artefacts import (
     UNLABELLED,
     UPPER_SURFACE,
     Cloud,
+    Cutter,
     Edge,
     EdgeProfile,
     Inspection,
+    Layer,
     Provenance,
     Requirements,
     Section,
+    Toolpath,
+    Travel,
 )
 from workbench.report.rendering import Pictures
 from workbench.units import DEG
@@ -58,17 +64,28 @@ def edge_frames(s, radius_mm):
     return position + np.array([1200.0, -300.0, 800.0]), np.cross(across, normal), normal, across
 
 
-def section_hits(s, lateral):
-    """(u, v) and label where parallel rays at `lateral` meet the section at arc length s, seen from the upper side."""
+def milled_outline(s):
+    """Corners (u, v) of the section at arc length s, from the lower edge up and into the plate; faces between them."""
     root, beta = root_at(s), angle_deg_at(s) * DEG
-    to_sensor = np.array([np.cos(VIEW), np.sin(VIEW)])
-    sideways = np.array([-np.sin(VIEW), np.cos(VIEW)])
     upper = np.array([-(THICKNESS_MM - root) * np.tan(beta), THICKNESS_MM])
     corners = np.array([[0.0, 0.0], [0.0, root], upper, [-16.0, THICKNESS_MM]])
+    return corners, (ROOT_FACE, BEVEL_FACE, UPPER_SURFACE)
+
+
+def raw_outline(s):
+    """The same before milling."""
+    return np.array([[0.0, 0.0], [0.0, THICKNESS_MM], [-16.0, THICKNESS_MM]]), (ROOT_FACE, UPPER_SURFACE)
+
+
+def section_hits(outline, lateral):
+    """(u, v) and label where parallel rays at `lateral` meet an outline, seen from the upper side."""
+    corners, faces = outline
+    to_sensor = np.array([np.cos(VIEW), np.sin(VIEW)])
+    sideways = np.array([-np.sin(VIEW), np.cos(VIEW)])
     at = corners @ sideways
     hit = np.full((len(lateral), 2), np.nan)
     label = np.full(len(lateral), UNLABELLED, np.uint8)
-    for k, face in enumerate((ROOT_FACE, BEVEL_FACE, UPPER_SURFACE)):
+    for k, face in enumerate(faces):
         inside = (lateral >= at[k]) & (lateral < at[k + 1])
         part = ((lateral[inside] - at[k]) / (at[k + 1] - at[k]))[:, None]
         hit[inside] = corners[k] + part * (corners[k + 1] - corners[k])
@@ -76,7 +93,7 @@ def section_hits(s, lateral):
     return hit, label, to_sensor, sideways
 
 
-def scan(frames, columns, radius_mm, rng, clamp):
+def scan(frames, columns, radius_mm, rng, clamp, outline=milled_outline):
     s_frames = np.linspace(0, LENGTH_MM, frames)
     position, tangent, normal, across = edge_frames(s_frames, radius_mm)
     lateral = np.linspace(-1.0, 19.0, columns)
@@ -85,7 +102,7 @@ def scan(frames, columns, radius_mm, rng, clamp):
     labels = np.zeros((frames, columns), np.uint8)
     poses = np.tile(np.eye(4), (frames, 1, 1))
     for i, s in enumerate(s_frames):
-        hit, labels[i], to_sensor, sideways = section_hits(s, lateral)
+        hit, labels[i], to_sensor, sideways = section_hits(outline(s), lateral)
         z[i] = 200.0 - hit @ to_sensor
         x_axis = sideways[0] * normal[i] + sideways[1] * across[i]
         z_axis = -(to_sensor[0] * normal[i] + to_sensor[1] * across[i])
@@ -152,6 +169,80 @@ def make_part(
         warnings=("the tilt of the root face rests on 1.5 mm of width",),
     )  # fmt: skip
     return Part(cloud, edge, inspection)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A raw edge and the path of its bevel by formula, ROOT_MM and BEVEL_DEG, in layers of 1 mm."""
+
+    cloud: Cloud
+    edge: Edge
+    toolpath: Toolpath
+
+
+def layer_by_formula(index, height_mm, radius_mm, clamp, bevel_deg):
+    """A layer `height_mm` above the finished bevel, lifted by 12 mm over the clamp; leads of 5 mm rise by 2 mm."""
+    s = np.arange(-5.0, LENGTH_MM + 5.5)
+    position, tangent, normal, across = edge_frames(s, radius_mm)
+    beta = bevel_deg * DEG
+    low = np.array([0.0, ROOT_MM + height_mm / np.sin(beta)])
+    high = np.array([-(THICKNESS_MM - low[1]) * np.tan(beta), THICKNESS_MM])
+    hidden = (s >= clamp[0]) & (s <= clamp[1])
+    cutting = (s >= 0) & (s <= LENGTH_MM) & ~hidden
+    lift = np.where(hidden, 12.0, np.where(cutting, 0.0, 0.4 * np.clip(np.maximum(-s, s - LENGTH_MM), 0.0, 5.0)))
+    u, v = ((low + high) / 2)[:, None] + np.array([np.cos(beta), np.sin(beta)])[:, None] * lift
+    z = np.sin(beta) * normal - np.cos(beta) * across
+    axes = np.stack([np.cross(tangent, z), tangent, z], axis=2)
+    return Layer(
+        index, height_mm, s, position + u[:, None] * normal + v[:, None] * across,
+        Rotation.from_matrix(axes).as_quat(scalar_first=True), np.where(cutting, 1.0, 10.0), cutting, ~hidden,
+        np.where(cutting, np.linalg.norm(high - low), 0.0),
+    )  # fmt: skip
+
+
+def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG, **known):
+    """Layers from 5 mm above the finished bevel down to it; between them 20 mm/s back, 30 mm above the plate."""
+    layers = tuple(layer_by_formula(k + 1, 5.0 - k, radius_mm, clamp, bevel_deg) for k in range(6))
+    up = edge_frames([0.0], radius_mm)[3]
+    first, last = layers[0].position_mm[0] + 30.0 * up, layers[0].position_mm[-1] + 30.0 * up
+    back = Travel(np.vstack([last, first]), layers[0].quaternion_wxyz[[-1, 0]], np.array([20.0, 20.0]))
+    out = Travel(last, layers[0].quaternion_wxyz[[-1]], np.array([20.0]))
+    return Toolpath(
+        Cutter(), layers, (*[back] * len(layers), out), ROOT_MM, bevel_deg, depth_of_cut_mm=1.0, v_slow_mm_s=1.0,
+        edge_length_mm=LENGTH_MM, part_id="B-17", **known,
+    )  # fmt: skip
+
+
+def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0), part_id="B-17", seed=2):
+    rng = np.random.default_rng(seed)
+    s_seen, tangent, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
+    cloud = Cloud(
+        x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
+        source="raw_edge.h5", part_id=part_id, rejected={"isolated": outliers},
+    )  # fmt: skip
+    s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
+    seen = ~((s >= clamp[0]) & (s <= clamp[1]))
+    p, t, n, m = edge_frames(s, radius_mm)
+    hide = np.where(seen, 0.0, np.nan)[:, None]
+    edge = edge_of(
+        kind="raw", labels=labels, frame_arc_length_mm=s_seen, frame_tangent=tangent, arc_length_mm=s,
+        position_mm=p + hide, tangent=t, normal=n, across=m, seen=seen, burr_stations=np.arange(0),
+        upper_position_mm=p + THICKNESS_MM * m + hide, upper_inward=-n,
+        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)), normal_u=0.0005, warnings=(),
+    )  # fmt: skip
+    return Planned(cloud, edge, path_by_formula(radius_mm=radius_mm, clamp=clamp))
+
+
+@pytest.fixture(scope="session")
+def planned():
+    """Builds a `Planned`; keyword arguments choose its shape."""
+    return functools.cache(make_planned)
+
+
+@pytest.fixture(scope="session")
+def by_formula():
+    """Builds a `Toolpath`."""
+    return path_by_formula
 
 
 @pytest.fixture(scope="session")

@@ -99,7 +99,7 @@ def _with_tool_frames(view: View, edge: Edge, toolpath: Toolpath, stretch: Shown
     """The final layer's key points, and x, y, z at some of them."""
     final = toolpath.layers[-1]
     s = final.arc_length_mm
-    keys = np.flatnonzero((s >= stretch.from_mm) & (s <= stretch.to_mm) & final.measured)
+    keys = np.flatnonzero((s >= stretch.from_mm) & (s <= stretch.to_mm) & final.cutting)
     place = in_base(toolpath, final.position_mm)[keys] - origin
     some = slice(None, None, max(1, math.ceil(len(keys) / TOOL_FRAMES)))
     tools = frames_in_base(toolpath, final)[keys][some].transpose(0, 2, 1)

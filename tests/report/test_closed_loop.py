@@ -1,0 +1,121 @@
+"""The chapter on the closed loop: what was planned stands beside what was measured, in the same axes."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html import unescape
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
+from workbench.errors import InputError
+from workbench.report import closed_loop, html, loop
+from workbench.report.loop import compared
+
+
+def text_of(chapter):
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", chapter.html)))
+
+
+@pytest.mark.parametrize("radius_mm", [None, 300.0])
+def test_planned_values_are_those_of_the_path_in_each_section(part, by_formula, radius_mm):
+    inspection = part(radius_mm=radius_mm, frames=50, columns=50).inspection
+    rows = compared(inspection, by_formula(radius_mm=radius_mm))
+    assert [row.root_mm is None for row in rows] == [k in (4, 5) for k in range(9)]  # 89 to 123 mm are not cut
+    for row in (*rows[:4], *rows[6:]):
+        assert row.root_mm == pytest.approx(1.5, abs=1e-3)
+        assert row.bevel_deg == pytest.approx(40.0, abs=0.01)
+
+
+def test_a_path_that_is_off_shows_in_its_sections(part, by_formula):
+    inspection, path = part(frames=50, columns=50).inspection, by_formula(bevel_deg=42.0)
+    assert compared(inspection, path)[0].bevel_deg == pytest.approx(42.0, abs=1e-6)
+    off = dataclasses.replace(path.layers[-1], position_mm=path.layers[-1].position_mm + np.array([0.0, 0.0, 0.3]))
+    assert compared(inspection, dataclasses.replace(path, layers=(off,)))[0].root_mm == pytest.approx(1.8, abs=1e-6)
+    away = dataclasses.replace(off, position_mm=off.position_mm + np.array([0.0, 500.0, 0.0]))
+    assert all(row.root_mm is None for row in compared(inspection, dataclasses.replace(path, layers=(away,))))
+
+
+def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
+    inspection = part(frames=50, columns=50).inspection
+    chapter = closed_loop(inspection, by_formula(), Rework(None, (), (), "nothing to rework"))
+    first, text = inspection.sections[0], text_of(chapter)
+    root = [s.root_mm for s in inspection.sections if s.root_mm is not None]
+    bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
+    assert (chapter.title, chapter.verdict, chapter.part) == ("Closed loop", "pass", "B-17")
+    assert chapter.summary == (
+        f"root {min(root):.3f} to {max(root):.3f} mm for 1.5 mm asked, "
+        f"bevel {min(bevel):.2f} to {max(bevel):.2f}° for 40°; nothing to rework"
+    )
+    assert f"1 11.1 1.500 {first.root_mm:.3f} ± 0.006 {first.root_mm - 1.5:+.3f} 40.00" in text
+    assert "5 100.0 – – – – – –" in text
+    assert "Nothing to rework." in text
+    assert "Milled in simulation" not in text
+
+
+def test_rework_is_told_stretch_by_stretch(part, by_formula):
+    path = by_formula()
+    rework = Rework(
+        dataclasses.replace(path, layers=path.layers[-1:], travels=()),
+        (Stretch(20.0, 40.0, "root 2.31 mm, at most 2.0 mm"),),
+        (Stretch(150.0, 160.5, "root 0.71 mm, at least 1.0 mm"),),
+        "1 stretch to be milled again",
+        ("the rest of the edge stays as it is",),
+    )
+    chapter = closed_loop(part(frames=50, columns=50, verdict="fail").inspection, path, rework)
+    text = text_of(chapter)
+    assert chapter.verdict == "fail"
+    assert chapter.summary.endswith("; 1 stretch to be milled again")
+    assert "to be milled again 20.0 to 40.0 mm root 2.31 mm, at most 2.0 mm" in text
+    assert "cannot be mended 150.0 to 160.5 mm root 0.71 mm" in text
+    assert "Rework path: 1 layer, 168 cutting points, 166.0 mm cut" in text
+    assert chapter.warnings == ("the rest of the edge stays as it is",)
+
+
+def test_engagement_and_missing_rework(part, by_formula):
+    s = np.arange(4.0)
+    layer = LayerEngagement(3, s, np.array([0, 0.5, 1.25, 0]), np.array([0, 4, 5, 0.0]), np.array([0, 2, 6.5, 0]))
+    chapter = closed_loop(part(frames=50, columns=50).inspection, by_formula(), None, Engagement((layer,)))
+    text = text_of(chapter)
+    assert "3 1.250 5.00 6.500 50 %" in text
+    assert "Rework was not considered in this run." in text
+
+
+def test_another_requirement_than_was_inspected_is_a_warning(part, by_formula):
+    inspection = part(frames=50, columns=50).inspection
+    chapter = closed_loop(inspection, dataclasses.replace(by_formula(), root_mm=2.0))
+    assert chapter.warnings == ("the path was asked for a root size of 2 mm, the part inspected against 1.5 mm",)
+
+
+def test_the_chart_draws_measured_and_planned(part, by_formula, monkeypatch):
+    figures = []
+    monkeypatch.setattr(loop, "svg", lambda figure: figures.append(figure) or b"")
+    inspection, path = part(frames=50, columns=50).inspection, by_formula()
+    loop.loop_chart(inspection, path, compared(inspection, path))
+    root, bevel = figures[0].axes
+    profile = inspection.profile
+    for axes, values in ((root, profile.root_mm - 1.5), (bevel, profile.bevel_deg - 40.0)):
+        drawn = [line.get_xydata() for line in axes.get_lines()]
+        expected = np.c_[profile.arc_length_mm, values]
+        assert any(np.array_equal(xy, expected, equal_nan=True) for xy in drawn)
+        crosses = [line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "x"]
+        np.testing.assert_allclose(crosses, 0.0, atol=1e-6)
+        assert len(crosses) == 7  # two of the nine sections are not cut
+
+
+def test_names_are_text_and_the_page_takes_the_chapter(part, by_formula, hostile):
+    rework = Rework(None, (Stretch(1.0, 2.0, hostile),), (), hostile)
+    chapter = closed_loop(part(frames=50, columns=50).inspection, by_formula(), rework)
+    page = html((chapter,)).content.decode()
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_nothing_to_compare_is_refused(part, by_formula):
+    inspection = part(frames=50, columns=50).inspection
+    with pytest.raises(InputError, match="at least one section"):
+        closed_loop(dataclasses.replace(inspection, sections=()), by_formula())
+    with pytest.raises(InputError, match="at least one layer"):
+        closed_loop(inspection, dataclasses.replace(by_formula(), layers=()))

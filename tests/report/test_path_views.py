@@ -1,0 +1,117 @@
+"""All layers on the part, and the feed on the path: every stretch in its place and in its colour."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from workbench.report import path_charts, ramp
+from workbench.report.flat import flat
+from workbench.report.path_views import path_views
+from workbench.report.planned import whole_run
+from workbench.report.procedure import station_frame
+from workbench.report.rendering import Rendering
+from workbench.report.scene import View, joined, towards
+
+RED = np.array([[255, 0, 0]])
+
+
+@pytest.fixture(scope="module")
+def run(planned):
+    return whole_run(planned().toolpath)
+
+
+@pytest.fixture(scope="module")
+def views(planned, run):
+    p = planned()
+    return path_views(p.cloud, p.edge, p.toolpath, run, 20_000)
+
+
+def test_the_whole_path_is_drawn_layer_by_layer(planned, run, views):
+    p = planned()
+    origin, _ = station_frame(p.edge, 100.0)
+    lines = [line for line, _ in views["layers"].lines()]
+    expected = [part.position_mm for k in range(6) for part in (p.toolpath.travels[k], p.toolpath.layers[k])]
+    assert len(lines) == len(expected)  # the last travel is a single point
+    for line, position in zip(lines, expected, strict=True):
+        np.testing.assert_allclose(line + origin, position, atol=1e-9)
+
+
+def test_layers_have_a_colour_each_and_grow_darker(run, views):
+    shades = [colour[0] for _, colour in views["layers"].lines()][1::2]
+    brightness = np.array(shades) @ [0.3, 0.6, 0.1]
+    assert (np.diff(brightness) < 0).all()
+    between = [tuple(colour[0]) for _, colour in views["layers"].lines()][0::2]
+    assert len(set(between)) == 1
+
+
+def test_the_darker_the_slower(run):
+    colours = ramp.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
+    order = np.argsort(run.feed_mm_s, kind="stable")
+    assert (np.diff(colours[order]) >= 0).all()
+    assert colours[run.feed_mm_s == 1.0].max() < colours[run.feed_mm_s == 20.0].min() - 50
+    constant = dataclasses.replace(run, feed_mm_s=np.full(len(run.layer), 3.0))
+    assert ramp.feed_range(constant) == (0.0, 3.0)
+
+
+def test_the_close_up_shows_layers_near_the_middle_only(views):
+    view = views["layers_close"]
+    assert len(view.lines()) == 6
+    assert np.abs(view.lines_mm[:, 0]).max() <= 12.0
+    assert np.abs(view.points_mm[:, 0]).max() <= 12.5
+
+
+def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
+    figures = []
+    monkeypatch.setattr(ramp, "svg", lambda figure: figures.append(figure) or b"")
+    ramp.layer_scale(planned().toolpath)
+    ramp.feed_scale(run)
+    layers, feeds = (figure.axes[0] for figure in figures)
+    assert [text.get_text() for text in layers.get_xticklabels()] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
+    assert (layers.get_xlabel(), feeds.get_xlabel()) == ("layer (its height above the finished bevel)", "feed, mm/s")
+    assert feeds.get_xlim() == (1.0, 20.0)
+
+
+def test_many_layers_are_not_all_named(planned, monkeypatch):
+    figures = []
+    monkeypatch.setattr(ramp, "svg", lambda figure: figures.append(figure) or b"")
+    layer = planned().toolpath.layers[0]
+    ramp.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
+    assert len(figures[0].axes[0].get_xticklabels()) == 12
+
+
+def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
+    p, figures = planned(), []
+    monkeypatch.setattr(path_charts, "svg", lambda figure: figures.append(figure) or b"")
+    path_charts.feed_chart(p.edge, p.toolpath)
+    axes = figures[0].axes[0]
+    final = p.toolpath.layers[-1]
+    np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), np.c_[final.arc_length_mm, final.feed_mm_s])
+    bars = [path.get_extents() for path in axes.collections[0].get_paths()]
+    assert [(bar.x0, bar.x1) for bar in bars] == [(0.0, 89.0), (123.0, 200.0)]
+    assert axes.get_ylim()[1] > 10.0
+
+
+def inside(axes_length_mm=0.0):
+    """A plate of grey points, and a red line 2 mm behind it, as seen by the viewer."""
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 40, 300), np.linspace(0, 16, 150)))
+    points = np.column_stack([x, y, 0 * x])
+    view = View(points, np.full((len(points), 3), 200, np.uint8), np.eye(3), towards(np.eye(3), (0.0, -0.3, 1.0)))
+    line = np.array([[2.0, 8.0, -2.0], [38.0, 8.0, -2.0]])
+    return joined(view, [line], [np.repeat(RED, 2, axis=0)])
+
+
+def red(png):
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+    return np.count_nonzero((pixels[..., 0] > 200) & (pixels[..., 1] < 60) & (pixels[..., 2] < 60)) / pixels.shape[1]
+
+
+def test_a_line_inside_the_stock_is_seen():
+    pictures = Rendering({"one": inside()}).pictures()
+    assert pictures.problem == ""
+    assert red(pictures.png["one"]) > 1.5  # pixels a column of the picture: a line of 2 and more
+    assert red(flat(inside())) > 0.5

@@ -1,0 +1,84 @@
+"""The views of the paper's Fig. 8: vertices, edges and tool frames where truth has them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.report import path_charts, procedure
+from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
+
+BETA = np.radians(40.0)
+
+
+@pytest.fixture(scope="module")
+def views(planned):
+    p = planned(clamp=(-2.0, -1.0), frames=400)
+    return procedure.procedure_views(p.cloud, p.edge, p.toolpath, 50_000)
+
+
+def of_colour(points, colours, colour):
+    return points[(colours == rgb(colour)).all(axis=1)]
+
+
+def test_a_long_edge_is_shown_in_part(planned, views):
+    stretch = procedure.shown_stretch(planned(clamp=(-2.0, -1.0), frames=400).edge)
+    assert (stretch.from_mm, stretch.to_mm) == (50.0, 150.0)
+    assert len(stretch.frames) == 200
+    for view in views.values():  # the origin lies at arc length 100 mm, x runs along the edge
+        assert np.abs(view.everything_mm()[:, 0]).max() < 50.0 + procedure.TOOL_AXIS_MM
+
+
+def test_vertices_lie_on_the_edges(views):
+    view = views["b"]
+    lower = of_colour(view.dots_mm, view.dot_colour, LOWER_EDGE)
+    upper = of_colour(view.dots_mm, view.dot_colour, UPPER_EDGE)
+    assert len(lower) == len(upper) == 200  # one a frame
+    pitch, noise = 0.14, 0.05  # of the columns on the end face: 20 mm / 200 / cos 42 deg
+    assert -noise < lower[:, 2].min() < lower[:, 2].max() < 2 * pitch
+    assert 10.0 - 2 * pitch < upper[:, 2].min() < upper[:, 2].max() < 10.0 + noise
+    assert np.abs(np.vstack([lower, upper])[:, 1]).max() < 0.1
+
+
+def test_the_end_face_alone_is_coloured(views):
+    end_face = of_colour(views["c"].points_mm, views["c"].colour, FACES[1])
+    assert 0.3 * len(views["c"].points_mm) < len(end_face) < 0.6 * len(views["c"].points_mm)
+    assert np.percentile(np.abs(end_face[:, 1]), 99) < 0.1
+    assert np.ptp(end_face[:, 2]) > 9.5
+
+
+def test_edges_are_drawn_where_they_are_and_broken_where_hidden(planned, views):
+    lower, upper = (line for line, _ in views["e"].lines())
+    np.testing.assert_allclose(lower[:, 1:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(upper[:, 1:], np.tile([0.0, 10.0], (len(upper), 1)), atol=1e-9)
+    p = planned()
+    assert len(procedure.procedure_views(p.cloud, p.edge, p.toolpath, 10_000)["e"].lines()) == 4
+
+
+def test_key_points_carry_frames_along_the_feed_and_down_the_bevel(views):
+    view = views["f"]
+    centre = (1.5 + 10.0) / 2.0
+    np.testing.assert_allclose(view.dots_mm[:, 2], centre, atol=1e-6)
+    np.testing.assert_allclose(np.diff(view.dots_mm[:, 0]), 1.0, atol=1e-9)
+    # here t = x, n = -y, m = z: x into the material, y along the feed, z down the bevel and outward
+    expected = {0: [0, np.cos(BETA), -np.sin(BETA)], 1: [1, 0, 0], 2: [0, -np.sin(BETA), -np.cos(BETA)]}
+    seen = 0
+    for line, colour in view.lines():
+        axis = next(k for k, each in enumerate(TOOL_AXES) if rgb(each) == tuple(colour[0]))
+        np.testing.assert_allclose((line[1] - line[0]) / procedure.TOOL_AXIS_MM, expected[axis], atol=1e-9)
+        seen += 1
+    assert seen == 3 * 12
+
+
+@pytest.mark.parametrize("radius_mm", [None, 300.0])
+def test_edges_in_the_plane_show_how_far_the_end_face_is_from_flat(planned, radius_mm, monkeypatch):
+    p, figures = planned(radius_mm=radius_mm, clamp=(-2.0, -1.0)), []
+    monkeypatch.setattr(path_charts, "svg", lambda figure: figures.append(figure) or b"")
+    path_charts.edges_in_plane(p.cloud, p.edge)
+    in_plane, off = figures[0].axes
+    lower, upper = (line.get_ydata() for line in in_plane.get_lines()[1::2])  # after each edge's vertices
+    np.testing.assert_allclose(np.asarray(upper) - np.asarray(lower), 10.0, atol=1e-6)
+    sagitta = 0.0 if radius_mm is None else radius_mm * (1 - np.cos(50.0 / radius_mm))
+    for line in off.get_lines():
+        assert np.ptp(line.get_ydata()) == pytest.approx(sagitta, abs=1e-6)
+    assert np.ptp(off.get_ylim()) >= 0.1

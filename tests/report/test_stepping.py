@@ -1,0 +1,63 @@
+"""The section drawing of the plan shows the path's own layers on the stock, at their places."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from workbench.report import stepping
+
+BETA = np.radians(40.0)
+
+
+@pytest.mark.parametrize("radius_mm", [None, 300.0])
+def test_layers_run_from_the_upper_surface_to_the_end_face(planned, radius_mm):
+    p = planned(radius_mm=radius_mm, clamp=(-2.0, -1.0))
+    stepped = stepping.stepped_section(p.edge, p.toolpath)
+    assert stepped.arc_length_mm == pytest.approx(100.0, abs=0.01)
+    assert stepped.thickness_mm == pytest.approx(10.0)
+    assert [cut.layer.height_mm for cut in stepped.cuts] == [5, 4, 3, 2, 1, 0]
+    for cut in stepped.cuts:
+        on_end_face = 1.5 + cut.layer.height_mm / np.sin(BETA)
+        np.testing.assert_allclose(cut.lower, [0.0, on_end_face], atol=2e-3)
+        np.testing.assert_allclose(cut.upper, [-(10.0 - on_end_face) * np.tan(BETA), 10.0], atol=2e-3)
+
+
+def test_a_hidden_middle_is_avoided(planned):
+    p = planned()
+    assert stepping.stepped_section(p.edge, p.toolpath).arc_length_mm in (89.0, 90.0)
+
+
+def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
+    p, figures = planned(clamp=(-2.0, -1.0)), []
+    monkeypatch.setattr(stepping, "svg", lambda figure: figures.append(figure) or b"")
+    path = by_formula(clamp=(-2.0, -1.0), bevel_deg=41.0)
+    stepping.stepping_drawing(p.cloud, p.edge, path, stepping.stepped_section(p.edge, path))
+    figure: Figure = figures[0]
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    assert {"root 1.500 ± 0.016 mm", "(41.00 ± 0.06)°", "thickness\n10.00 mm", "depth of cut 1 mm"} <= texts
+    assert {"1", "2", "3", "4", "5", "6"} <= texts
+
+
+def test_no_text_lies_on_another_or_outside(planned, monkeypatch):
+    p, figures = planned(clamp=(-2.0, -1.0)), []
+    monkeypatch.setattr(stepping, "svg", lambda figure: figures.append(figure) or b"")
+    for layers in (p.toolpath.layers, p.toolpath.layers[-1:]):
+        path = dataclasses.replace(p.toolpath, layers=layers)
+        stepping.stepping_drawing(p.cloud, p.edge, path, stepping.stepped_section(p.edge, path))
+        figure = figures.pop()
+        figure.canvas.draw()
+        boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text()]
+        for k, box in enumerate(boxes):
+            assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+            assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+            assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_no_drawing_where_nothing_is_cut(planned):
+    p = planned()
+    idle = tuple(dataclasses.replace(x, cutting=np.zeros_like(x.cutting)) for x in p.toolpath.layers)
+    assert stepping.stepped_section(p.edge, dataclasses.replace(p.toolpath, layers=idle)) is None

@@ -42,6 +42,14 @@ def test_signature_tells_sources_and_roles() -> None:
     assert STAGE.produces == (HandEye,)
 
 
+def test_a_result_may_be_absent() -> None:
+    def one() -> HandEye | None: ...
+    def two() -> tuple[Cloud, HandEye | None]: ...
+    def none() -> None: ...
+
+    assert [Stage("test.example", made).produces for made in (one, two, none)] == [(HandEye,), (Cloud, HandEye), ()]
+
+
 def test_call_takes_what_a_notebook_passes() -> None:
     watch = lambda done: None  # noqa: E731
     got: Any = STAGE(

@@ -87,10 +87,8 @@ class Stage:
 
     @functools.cached_property
     def produces(self) -> tuple[type, ...]:
-        """The types of the artefacts it returns."""
-        result = self.hints.get("return", type(None))
-        parts = get_args(result) if get_origin(result) is tuple else (result,)
-        return tuple(part for part in parts if part is not type(None))
+        """The types of the artefacts it returns; where it says `X | None` a run may do without."""
+        return tuple(_made(self.hints.get("return", type(None))))
 
     @functools.cached_property
     def parameters(self) -> dict[str, Role | None]:
@@ -180,6 +178,15 @@ def _source(name: str, hint: Any, required: bool) -> Source:
     if get_origin(hint) in (tuple, list, Sequence):
         return Source(name, get_args(hint)[0], several=True, required=required)
     return Source(name, hint, required=required)
+
+
+def _made(hint: Any) -> Iterator[type]:
+    """The types in `X`, `X | None` or a tuple of these."""
+    if get_origin(hint) in (tuple, Union, types.UnionType):
+        for part in get_args(hint):
+            yield from _made(part)
+    elif hint is not type(None):
+        yield hint
 
 
 def _roles(hint: Any) -> Iterator[Role]:

@@ -262,17 +262,27 @@ def provenance():
     )
 
 
+VOID = {"meta", "img", "br", "hr"}
+
+
 class Elements(HTMLParser):
-    """Collects start tags with their attributes, and all text."""
+    """Collects start tags with their attributes, and all text; every element must end where it belongs."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text = ""
+        self.open: list[str] = []
         self.feed(page)
+        assert self.open == []
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
 
     def handle_data(self, data):
         self.text += data

@@ -21,7 +21,7 @@ KEY_FRAMES = 60  # a pass
 SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
 LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
 NEIGHBOURS = 4  # key frames on each side whose median direction counts
-LEAST_VOTES, LEAST_MAJORITY = 20, 0.5
+LEAST_BESIDE, LEAST_VOTES, LEAST_MAJORITY = 3, 3, 0.5
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 
 
@@ -42,7 +42,7 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
             keys = mine[np.unique(np.linspace(0, mine.size - 1, KEY_FRAMES).round().astype(int))]
             readings = _read_keys(cloud, keys, flat[keys])
             found = readings[:, 1] > 0
-            votes += readings[found, 2:].sum(axis=0)
+            votes += _votes(readings[found, 2:])
             if found.any():
                 turn[mine] = np.interp(mine, keys[found], _running_median(readings[found, 0]))
     if not np.isfinite(turn).any():
@@ -106,6 +106,16 @@ def _read_keys(cloud: Cloud, keys: Int, flat: Float) -> Float:
 def _running_median(values: Float) -> Float:
     reach = [slice(max(0, i - NEIGHBOURS), i + NEIGHBOURS + 1) for i in range(values.size)]
     return np.array([np.median(values[near]) for near in reach])
+
+
+def _votes(beside: Float) -> Float:
+    """Key frames (2,) that show what lies beside the face at higher, and at lower z; beside (k, 2): points of each.
+
+    A frame counts if most of its points agree: a table that reaches out before the face lies nearer than it.
+    """
+    more = beside[:, 0] - beside[:, 1]
+    clear = (beside.sum(axis=1) >= LEAST_BESIDE) & (np.abs(more) > LEAST_MAJORITY * beside.sum(axis=1))
+    return np.array([(clear & (more > 0)).sum(), (clear & (more < 0)).sum()], dtype=float)
 
 
 def _sense(cloud: Cloud, votes: Float, z_away: bool | None) -> float:

@@ -12,7 +12,6 @@ from workbench.edge.raw_faces import FaceEnds, RawFaces
 from workbench.geometry.chains import noise_sigma
 from workbench.geometry.courses import Course, fit_course
 from workbench.geometry.curves import Curve
-from workbench.geometry.end_face import END_POINTS
 from workbench.geometry.end_posterior import end_at
 from workbench.geometry.ends import Ends, SmoothEnd, fit_end
 from workbench.geometry.sections import in_section
@@ -21,6 +20,7 @@ from workbench.units import Bool, Float, Int
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 SAMPLE_FRAMES = 60
+KNOTS_MM = (64.0, 32.0, 16.0)  # of the course along m: a plate's thickness hardly waves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +60,8 @@ class EndCourse:
 
 
 def place_ends(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, curve: Curve, s_guess: Float,
-               tilt: float, slope: Float, range_sigma_mm: float) -> PlacedEnds:  # fmt: skip
-    """One end of the face in the section planes of `curve`; slope (N,) dz/dx of the face."""
+               tilt: float, range_sigma_mm: float) -> PlacedEnds:  # fmt: skip
+    """One end of the face in the section planes of `curve`."""
     here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
     pose = cloud.base_from_profiler[here, :3]
     point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]
@@ -69,13 +69,14 @@ def place_ends(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, cu
     _, a, b = curve.frame(s)
     m = np.cos(tilt) * a + np.sin(tilt) * b
     n = np.cos(tilt) * b - np.sin(tilt) * a
-    step = ends.pitch[here] * np.abs(((pose[:, :, 0] + slope[here, None] * pose[:, :, 2]) * m).sum(axis=1))
+    slope = np.where(ends.corner, 0.0, ends.slope)[here, None]
+    step = ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
     ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
     face = found.faces[ROOT_FACE]
     rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[here]
     rough = np.sqrt(rss / face.count[here]) * ray_n  # height of the face's own roughness and noise
     # On a face that leans by its roughness the next column is that much nearer or farther.
-    blur = np.hypot(range_sigma_mm * ray_m / math.sqrt(END_POINTS), step * ROUGH_SLOPE * rough * ray_m / ray_n / 3.0)
+    blur = np.hypot(range_sigma_mm * ray_m, step * ROUGH_SLOPE * rough * ray_m / ray_n / 4.0)
     out = np.full((5, here.size), np.nan)
     out[:, here] = (
         s,
@@ -135,7 +136,7 @@ def end_course(ends: PlacedEnds, shift: Float, vibration: Float, whole: bool) ->
         sigma[corner] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
     kept = course.kept
     known = Ends(s[kept], low[kept], step[kept], sigma[kept], ends.missing[mine][kept], np.ones(kept.sum()))
-    return EndCourse(used, out, course, residual, s, known, fit_end(known))
+    return EndCourse(used, out, course, residual, s, known, fit_end(known, KNOTS_MM))
 
 
 def range_noise(cloud: Cloud, found: RawFaces) -> float:

@@ -24,6 +24,7 @@ class FaceEnds:
     corner: Bool  # (N,) the surface that joins the face there is seen
     point: Float  # (N, 2) x, z: the corner's virtual sharp edge, or the face's last return; profiler frame, mm
     pitch: Float  # (N,) distance of the columns in x, mm; 0 at a corner
+    slope: Float  # (N,) dz/dx of the face next to its last return
     alone: Bool  # (N,) the next column saw both the face and what lies behind it
 
 
@@ -109,4 +110,4 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     point = np.where(corner[:, None], crossing, ends[:, [end_face.END_X, end_face.END_Z]])
     point[kind == end_face.HIDDEN] = np.nan
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
-    return FaceEnds(corner, point, pitch, ends[:, end_face.ALONE] == 1.0)
+    return FaceEnds(corner, point, pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0)

@@ -23,7 +23,7 @@ from workbench.geometry.sections import SectionLines, section_lines
 from workbench.units import Bool, Float
 
 ROUNDS = 3
-BLOCK_MM = 10.0  # of edge whose frames' directions count as one
+BLOCKS_MM = (5.0, 10.0, 20.0)  # of edge whose frames' directions count as one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,7 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
         tilt = _mean_angle(pass_tilt(face, cloud.pass_index))
         m, n = np.array([math.cos(tilt), math.sin(tilt)]), np.array([-math.sin(tilt), math.cos(tilt)])
         stand_out = face.place @ n
-        placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, slope, sigma)
+        placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, sigma)
                        for ends, way in ((found.lower, -1.0), (found.upper, 1.0)))  # fmt: skip
         shift, vibration = corner_shift((placed[0], placed[1]), _vibration(cloud, stand_out, sigma))
         lower = end_course(placed[0], shift, vibration, last)
@@ -113,15 +113,20 @@ def _mean_angle(angle: Float) -> float:
 
 
 def _tilt_u(face: SectionLines, tilt: float) -> float:
-    """Standard uncertainty of the end face's direction, rad: from the scatter between blocks of edge."""
+    """Standard uncertainty of the end face's direction, rad: the largest that blocks of edge show by their scatter.
+
+    Roughness hangs together over centimetres, so that short blocks may agree by chance.
+    """
     on = np.isfinite(face.angle) & np.isfinite(face.s)
     s, off = face.s[on], wrapped(face.angle[on] - tilt)
-    blocks = max(2, round(float(np.ptp(s)) / BLOCK_MM))
-    number = np.minimum((s - s.min()) / (np.ptp(s) + 1e-9) * blocks, blocks - 1).astype(np.int64)
-    means = np.array([np.median(off[number == k]) for k in np.unique(number)])
-    if means.size < 2:
-        return float(np.std(off))
-    return float(np.std(means, ddof=1)) / math.sqrt(means.size)
+    found = [float(np.std(off)) / math.sqrt(off.size)]
+    for length in BLOCKS_MM:
+        blocks = round(float(np.ptp(s)) / length)
+        if blocks >= 3:
+            number = np.minimum((s - s.min()) / np.ptp(s) * blocks, blocks - 1).astype(np.int64)
+            means = np.array([np.median(off[number == k]) for k in np.unique(number)])
+            found.append(float(np.std(means, ddof=1)) / math.sqrt(means.size))
+    return max(found)
 
 
 def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, sigma: float) -> float:

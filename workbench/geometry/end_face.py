@@ -17,7 +17,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 FACE, UPPER, LOWER = range(3)
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
-KIND, END_X, END_Z, COLUMN, PITCH, ALONE = range(6)
+KIND, END_X, END_Z, PITCH, SLOPE, ALONE = range(6)
 HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
 
 LEVEL_MM = 0.25  # width of the levels of q that are compared
@@ -34,7 +34,7 @@ SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
 ASIDE_MM = 0.3  # in front of or behind the face's line
-END_POINTS = 5  # at the face's end that say how far its roughness stands out there
+END_POINTS = 7  # at the face's end that say how it leans there
 
 
 @njit(cache=True, nogil=True)
@@ -274,7 +274,6 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
     _sum_up(x, z, at, chosen, n, sums[FACE])
     if sums[FACE, COUNT] < LEAST_POINTS:
         return False
-    slope = sums[FACE, SXZ] / max(sums[FACE, SXX], 1e-12)
     for upper in range(2):
         end = high_end if upper else low_end
         way = 1 if end == last else -1
@@ -290,23 +289,25 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
             continue
         tip = _walked(p, depth, at, n, end, way, climb)
         ends[upper, KIND] = _what_ends(p, depth, at, n, x.size, tip, way)
-        stand_out, m = 0.0, 0.0
-        k = end
-        while first <= k <= last and abs(k - end) < END_POINTS:
-            if abs(depth[k]) <= gate:
-                j = at[k]
-                stand_out += np.float64(z[j]) - sums[FACE, Z_MEAN] - slope * (np.float64(x[j]) - sums[FACE, X_MEAN])
-                m += 1.0
-            k -= way
         j = at[tip]
-        ends[upper, END_X] = x[j]
-        ends[upper, END_Z] = sums[FACE, Z_MEAN] + slope * (np.float64(x[j]) - sums[FACE, X_MEAN]) + stand_out / m
-        if tip != end:
-            ends[upper, END_Z] = z[j]
-        ends[upper, COLUMN] = way * j
+        ends[upper, END_X], ends[upper, END_Z] = x[j], z[j]
+        ends[upper, SLOPE] = _slope_at(x, z, at, depth, end, -way, gate)
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
         ends[upper, ALONE] = _stands_alone(z, j + way, way)
     return True
+
+
+@njit(cache=True, nogil=True)
+def _slope_at(x: Float32, z: Float32, at: Int, depth: Float, end: int, way: int, gate: float) -> float:
+    """Slope dz/dx of the face at its end: of the line through its last points."""
+    m, sx, sz, sxx, sxz = 0.0, 0.0, 0.0, 0.0, 0.0
+    k = end
+    while m < END_POINTS:
+        if abs(depth[k]) <= gate:
+            u, w = np.float64(x[at[k]]) - np.float64(x[at[end]]), np.float64(z[at[k]]) - np.float64(z[at[end]])
+            m, sx, sz, sxx, sxz = m + 1.0, sx + u, sz + w, sxx + u * u, sxz + u * w
+        k += way
+    return float((sxz - sx * sz / m) / max(sxx - sx * sx / m, 1e-9))
 
 
 @njit(cache=True, nogil=True)

@@ -60,8 +60,8 @@ class SmoothEnd:
     knots_mm: float
 
 
-def fit_end(ends: Ends) -> SmoothEnd:
-    """The most likely smooth end, with knots as far apart as the frames allow.
+def fit_end(ends: Ends, knots_mm: tuple[float, ...] = KNOTS_MM) -> SmoothEnd:
+    """The most likely smooth end, with knots as far apart as the frames allow, of the distances `knots_mm`.
 
     A curve that keeps to the middle of the column steps seems likelier than the true one, which must touch their
     limits: by `slack` in all, for noise blurs the limits. Only what a finer curve gains beyond that speaks for it.
@@ -70,12 +70,12 @@ def fit_end(ends: Ends) -> SmoothEnd:
     sample = ends.part(slice(middle, middle + CHOICE_FRAMES))
     silhouette = sample.step > 0
     slack = BOUNDARY_LOSS * float((sample.weight * sample.sigma / np.maximum(sample.step, 1e-9))[silhouette].sum())
-    fits = [(_most_likely(sample, distance), distance) for distance in KNOTS_MM]
+    fits = [(_most_likely(sample, distance), distance) for distance in knots_mm]
     best = max(found for (_, found), _ in fits)
     price = [PRICE * len(spline.c) - 2.0 * min(found, best - slack) for (spline, found), _ in fits]
     chosen = int(np.argmin(price))
-    spline = fits[chosen][0][0] if sample.s.size == ends.s.size else _most_likely(ends, KNOTS_MM[chosen])[0]
-    return SmoothEnd(spline, KNOTS_MM[chosen])
+    spline = fits[chosen][0][0] if sample.s.size == ends.s.size else _most_likely(ends, knots_mm[chosen])[0]
+    return SmoothEnd(spline, knots_mm[chosen])
 
 
 def _most_likely(ends: Ends, distance: float) -> tuple[BSpline, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,3 +115,15 @@ def worst_parts(results: list[PartResult], count: int) -> list[tuple[str, float,
             scored = sorted(((score(r, name, unit), r) for r in good), key=lambda pair: -pair[0])
             found += [(what, value, r) for value, r in scored[:count]]
     return found
+
+
+def worst_sections(results: list[PartResult], count: int) -> Iterator[str]:
+    """The worst parts' sections as lines: value, truth, uncertainty, bound."""
+    for what, value, part in worst_parts(results, count):
+        name, unit = ("root", "mm") if what.startswith("root") else ("bevel", "deg")
+        yield f"\n{part.condition}, seed {part.seed}: {what} {value:.3f}"
+        for column in ("", "_true", "_u", "_bound"):
+            numbers = getattr(part, f"{name}{column}_{unit}")
+            yield " ".join(
+                [f"  {column[1:] or 'value':6}", *(f"{v:8.4f}" if v is not None else "    null" for v in numbers)]
+            )

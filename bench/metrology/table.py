@@ -9,7 +9,6 @@ from pathlib import Path
 from bench.metrology.quantity import Quantity
 from bench.metrology.summary import Summary
 
-BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 
@@ -113,8 +112,11 @@ def markdown(head: list[str], rows: list[list[str]]) -> list[str]:
     return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
 
 
-def put_into(page: Path, text: str) -> None:
-    """Replace what stands between the page's marks."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+def put_into(page: Path, text: str, marks: str = "tables") -> None:
+    """Replace what stands between the page's marks of that name."""
+    begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, found, after = rest.partition(end)
+    if not found:
+        raise ValueError(f"{page} has no place for '{marks}'")
+    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")

@@ -31,6 +31,7 @@ def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]
         yield from rows.reading(size, path, times)
     yield from rows.linearity(times)
     yield from rows.routes(paths, times, also_largest)
+    yield from rows.planning()
 
 
 def main() -> None:

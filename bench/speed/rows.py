@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -118,8 +121,6 @@ def starting() -> Iterator[Row]:
 
 def first_run(path: Path, cache: Path) -> Iterator[Row]:
     """The first run after installing, which compiles the kernels, beside the next one."""
-    import os
-
     command = [sys.executable, "-m", "bench.speed.ours", str(path)]
     times = []
     for _ in range(2):
@@ -128,3 +129,25 @@ def first_run(path: Path, cache: Path) -> Iterator[Row]:
         times.append(time.perf_counter() - start)
     yield Row("a process that inspects 1 M points, kernels to compile (one run); the next one", *map(seconds, times),
               times[0] / times[1], "{:.1f} x")  # fmt: skip
+
+
+def planning() -> Iterator[Row]:
+    """A long edge to its program, and d_min beside Open3D and a k-d tree, in a process on one core."""
+    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", "bench.speed.planning"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
+    yield from planned(json.loads(done.stdout))
+
+
+def planned(found: dict[str, Any]) -> Iterator[Row]:
+    """Rows of what `bench.speed.planning` has measured. The peers' times are linear in the points of the path."""
+    stages_s, points = found["stages_s"], found["points"]
+    parts = ", ".join(f"{name} {seconds(stages_s[name])}" for name in stages_s if name not in ("all", "path.check"))
+    yield Row(f"5 m raw edge to RAPID, {found['layers']} layers, {points:,} points, one core ({parts})",
+              seconds(stages_s["all"]), "", stages_s["all"], "{:.2f} s", goal=2, at_most=True)  # fmt: skip
+    yield Row("`path.check` of it", seconds(stages_s["path.check"]), "", stages_s["path.check"], "{:.2f} s")
+    ours_s, scale = found["distances_s"]["ours"], points / found["peer_points"]
+    for name, words in (("open3d", "Open3D `compute_point_cloud_distance`"), ("tree", "scipy `cKDTree`")):
+        other_s = found["distances_s"][name] * scale
+        yield Row(f"d_min of all {points:,} points, one core; {words} (extrapolated from {found['peer_points']:,})",
+                  seconds(ours_s), seconds(other_s), other_s / ours_s, "{:.0f} x faster", goal=50)  # fmt: skip

@@ -5,9 +5,9 @@ import pytest
 
 from bench.metrology.part_result import PartResult
 from bench.metrology.quantity import coverage_interval
-from bench.metrology.run import measure_all
+from bench.metrology.run import Measurement, measure_all
 from bench.metrology.summary import summarise
-from bench.metrology.table import BEGIN, END, put_into, tables
+from bench.metrology.table import put_into, tables
 
 
 def part(seed, **changes):
@@ -73,11 +73,13 @@ def test_interval_of_the_coverage_counts_parts_not_sections():
     assert high - low == pytest.approx(2 * 1.96 * np.sqrt(share * (1 - share) / 200), rel=0.15)
 
 
-def test_tables_go_between_the_marks(tmp_path):
+def test_tables_go_between_their_marks(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    put_into(page, "new")
-    assert page.read_text() == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
+    page.write_text("before\n<!-- loop: begin -->\nold\n<!-- loop: end -->\nafter\n")
+    put_into(page, "new", "loop")
+    assert page.read_text() == "before\n<!-- loop: begin -->\nnew\n<!-- loop: end -->\nafter\n"
+    with pytest.raises(ValueError, match="no place for 'tables'"):
+        put_into(page, "new")
 
 
 def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
@@ -87,14 +89,13 @@ def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
         asked.append(seed)
         return PartResult(condition, seed, peers={name: {} for name in peers})
 
-    monkeypatch.setattr("bench.metrology.run.measure_part", measured)
+    study = Measurement(measured, PartResult, ("bench/metrology",))
     tasks = [("paper", seed, ("per_profile",)) for seed in range(4)]
-    list(measure_all(tasks[:2], tmp_path, workers=1))
+    list(measure_all(tasks[:2], tmp_path, 1, study))
     with (tmp_path / "paper.jsonl").open("a") as file:
         file.write('{"condition": "paper", "se')
-    found = list(measure_all(tasks, tmp_path, workers=1))
+    found = list(measure_all(tasks, tmp_path, 1, study))
     assert asked == [0, 1, 2, 3]
     assert sorted(r.seed for r in found) == [0, 1, 2, 3]
-    monkeypatch.setattr("bench.metrology.run.digest", lambda: "other source")
-    list(measure_all(tasks, tmp_path, workers=1))
+    list(measure_all(tasks, tmp_path, 1, Measurement(measured, PartResult, ("bench/metrology", "bench/peers"))))
     assert asked == [0, 1, 2, 3, 0, 1, 2, 3]

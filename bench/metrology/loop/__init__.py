@@ -1,0 +1,1 @@
+"""The closed loop on simulated raw edges: scan, plan, mill, scan, inspect."""

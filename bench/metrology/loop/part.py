@@ -1,0 +1,90 @@
+"""One raw edge through the closed loop: scanned, planned, milled and inspected, beside what was milled in truth."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from bench.metrology.loop.result import LoopResult
+from bench.metrology.part import Clock
+from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.planning.part import plan_as_a_user
+from bench.metrology.true_edge import true_edge_at
+from workbench.artefacts import Inspection
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.errors import WorkbenchError
+from workbench.inspect import sections
+from workbench.scan import fuse
+from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic.truth import milled_truth
+from workbench.synthetic.workpiece import Workpiece
+from workbench.twin import mill, scan
+from workbench.units import DEG, Float
+
+HAND_EYE_ERROR_MM = 0.4  # in a random direction
+ROBOT_NOISE_MM = 0.1
+CASES = ("perfect", "errors")
+
+
+def measure_loop(condition: str, seed: int, peers: tuple[str, ...] = ()) -> LoopResult:
+    """Take raw edge `seed` of a condition through the loop, once a case. There are no peers."""
+    result = LoopResult(condition, seed)
+    clock = Clock(result.seconds)
+    recipe = random_recipe(condition, seed)
+    recording, raw_truth = simulate_recording(recipe)
+    result.seen_share = float(raw_truth.seen.mean())
+    clock.lap("simulation")
+    try:
+        _, _, toolpath = plan_as_a_user(recording, raw_truth)
+        clock.lap("planning")
+        for case in CASES:
+            offset = injected_offset_mm(seed) if case == "errors" else np.zeros(3)
+            milled, engagement = mill(Workpiece(recipe), toolpath, seed=seed, **mechanics(case, offset))
+            clock.lap(f"{case}: milling")
+            again = scan(milled)
+            clock.lap(f"{case}: simulation")
+            inspection = sections(segment(denoise(fuse(again))))
+            clock.lap(f"{case}: inspection")
+            result.cases[case] = compare(inspection, milled_truth(milled), raw_truth, offset)
+            result.warnings[case] = list(engagement.warnings)
+    except WorkbenchError as error:
+        result.refused = str(error)
+    except Exception as error:
+        result.crashed = repr(error)
+    return result
+
+
+def mechanics(case: str, offset_mm: Float) -> dict[str, Any]:
+    """Parameters of `twin.mill`: what is wrong with the robot."""
+    if case == "perfect":
+        return {}
+    return {"offset_mm": tuple(float(v) for v in offset_mm), "robot_noise_mm": ROBOT_NOISE_MM}
+
+
+def injected_offset_mm(seed: int) -> Float:
+    """An error of the hand-eye calibration as it displaces the tool in the base."""
+    direction = np.random.default_rng([seed, 0x10]).normal(size=3)
+    return np.asarray(direction / np.linalg.norm(direction) * HAND_EYE_ERROR_MM)
+
+
+def compare(inspection: Inspection, milled: Truth, raw: Truth, offset_mm: Float) -> dict[str, Numbers]:
+    """Nine entries each: root size and bevel angle as inspected, as milled and u; root size as the offset implies it.
+
+    A tool that is displaced by d above the bevel, along its normal, leaves a root that is larger by d / sin(bevel).
+    """
+    found, required = inspection.sections, inspection.requirements
+    origins = np.array([s.origin_mm for s in found])
+    normal = true_edge_at(raw, origins).bevel_normal(required.bevel_nominal_deg)
+    by_offset = normal @ offset_mm / math.sin(required.bevel_nominal_deg * DEG)
+    return {
+        "root_mm": [s.root_mm for s in found],
+        "root_u_mm": [s.root_u_mm for s in found],
+        "root_milled_mm": numbers(milled.root_mm_at(origins)),
+        "root_injected_mm": numbers(required.root_nominal_mm + by_offset),
+        "bevel_deg": [s.bevel_deg for s in found],
+        "bevel_u_deg": [s.bevel_u_deg for s in found],
+        "bevel_milled_deg": numbers(milled.bevel_deg_at(origins)),
+    }

@@ -1,0 +1,116 @@
+"""From the results of the closed loop to the figures of one condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.metrology.figures import Cover, Spread, cover, spread
+from bench.metrology.loop.result import LoopResult
+from bench.metrology.quantity import percentile
+from workbench.artefacts import Requirements
+from workbench.units import Float
+
+LOOP_CONDITIONS = ("raw_straight", "raw_arc", "raw_wavy", "raw_drift", "raw_outliers_5", "raw_clamps", "raw_rough")
+ROOT_GOAL_MM, BEVEL_GOAL_DEG = 0.03, 0.1  # every section, perfect mechanics
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCase:
+    """The figures of one case. `Spread`: of each part's worst section; `Cover`: of inspected less milled."""
+
+    root: Spread  # mm, |inspected - nominal|
+    bevel: Spread  # deg
+    milled_root: Spread  # mm, |milled - nominal|
+    milled_bevel: Spread  # deg
+    root_cover: Cover  # mm
+    bevel_cover: Cover  # deg
+    mean_off: Spread  # mm, |mean over the sections of (inspected - nominal) - what the injected offset implies|
+    measured: int  # sections
+    sections: int
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSummary:
+    """The figures of one condition."""
+
+    condition: str
+    parts: int
+    refused: list[LoopResult]
+    crashed: list[LoopResult]
+    warned: list[LoopResult]  # by the mill, with perfect mechanics
+    cases: dict[str, LoopCase]
+    seconds: float  # a part, median
+
+    @property
+    def shortcomings(self) -> Iterable[str]:
+        """In words, what does not reach its goal."""
+        checks = [(bool(self.crashed), f"{len(self.crashed)} crashed"), (bool(self.warned), "the mill warns")]
+        for name, case in self.cases.items():
+            checks += [
+                (not case.root.met, f"root, {name}"),
+                (not case.bevel.met, f"bevel, {name}"),
+                (case.root_cover.surely_not_covered, f"root within 2u, {name}"),
+                (case.bevel_cover.surely_not_covered, f"bevel within 2u, {name}"),
+            ]
+        return [f"{self.condition}: {words}" for wrong, words in checks if wrong]
+
+
+def summarise_loops(condition: str, results: list[LoopResult]) -> LoopSummary:
+    """All figures of one condition."""
+    results = sorted(results, key=lambda r: r.seed)
+    good = [r for r in results if not (r.refused or r.crashed)]
+    return LoopSummary(
+        condition=condition,
+        parts=len(results),
+        refused=[r for r in results if r.refused],
+        crashed=[r for r in results if r.crashed],
+        warned=[r for r in good if r.warnings["perfect"]],
+        cases={
+            name: _case(name, [r.cases[name] for r in good]) for name in dict.fromkeys(n for r in good for n in r.cases)
+        },
+        seconds=percentile([sum(r.seconds.values()) for r in good], 50),
+    )
+
+
+def _case(name: str, parts: list[dict[str, list[float | None]]]) -> LoopCase:
+    values = [{key: np.array(column, dtype=float) for key, column in part.items()} for part in parts]
+    nominal, perfect = Requirements(), name == "perfect"
+
+    def worst(key: str, about: float, goal: float | None = None) -> Spread:
+        return spread((_greatest(v[key] - about) for v in values), goal if perfect else None)
+
+    root, bevel = nominal.root_nominal_mm, nominal.bevel_nominal_deg
+    return LoopCase(
+        root=worst("root_mm", root, ROOT_GOAL_MM),
+        bevel=worst("bevel_deg", bevel, BEVEL_GOAL_DEG),
+        milled_root=worst("root_milled_mm", root),
+        milled_bevel=worst("bevel_milled_deg", bevel),
+        root_cover=cover((v["root_mm"] - v["root_milled_mm"], v["root_u_mm"]) for v in values),
+        bevel_cover=cover((v["bevel_deg"] - v["bevel_milled_deg"], v["bevel_u_deg"]) for v in values),
+        mean_off=spread(_mean_off(v["root_mm"] - v["root_injected_mm"]) for v in values),
+        measured=sum(int(np.isfinite(v["root_mm"]).sum()) for v in values),
+        sections=sum(len(v["root_mm"]) for v in values),
+    )
+
+
+def _greatest(errors: Float) -> float | None:
+    return float(np.nanmax(np.abs(errors))) if np.isfinite(errors).any() else None
+
+
+def _mean_off(errors: Float) -> float | None:
+    return abs(float(np.nanmean(errors))) if np.isfinite(errors).any() else None
+
+
+def worst_loops(results: list[LoopResult], count: int) -> Iterator[str]:
+    """The parts whose worst section, with perfect mechanics, is farthest from nominal, section by section."""
+    known = [(_section_errors(r), r) for r in results if "perfect" in r.cases]
+    for errors, r in sorted(known, key=lambda pair: -np.nanmax(np.abs(pair[0]), initial=0.0))[:count]:
+        sections = " ".join(f"{e:+.4f}" for e in errors)
+        yield f"{r.condition}, seed {r.seed}: inspected root - 1.5, mm: {sections}"
+
+
+def _section_errors(result: LoopResult) -> Float:
+    return np.array(result.cases["perfect"]["root_mm"], dtype=float) - Requirements().root_nominal_mm

@@ -1,0 +1,1 @@
+"""Milling paths planned from simulated raw edges, against the bevel that the true edge implies."""

@@ -1,0 +1,79 @@
+"""The studies that `make metrology` runs: what each measures of a part, under which conditions, and its page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.metrology.loop.part import measure_loop
+from bench.metrology.loop.result import LoopResult
+from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
+from bench.metrology.loop.table import loop_tables
+from bench.metrology.part import measure_part
+from bench.metrology.part_result import PartResult
+from bench.metrology.planning.part import measure_plan
+from bench.metrology.planning.result import PlanResult
+from bench.metrology.planning.summary import summarise_plans, worst_plans
+from bench.metrology.planning.table import plan_tables
+from bench.metrology.run import ROOT, Measurement
+from bench.metrology.summary import summarise, worst_sections
+from bench.metrology.table import tables
+from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
+
+MEASURING = tuple(f"workbench/{family}" for family in ("geometry", "scan", "cloud", "edge", "synthetic"))
+
+
+@dataclass(frozen=True)
+class Study:
+    """One kind of measurement over many parts and the tables that come of it."""
+
+    measurement: Measurement
+    conditions: tuple[str, ...]
+    parts: int  # a condition, unless the command says otherwise
+    summarise: Callable[[str, list[Any]], Any]  # condition, results -> with `shortcomings`
+    tables: Callable[[list[Any], str], str]  # summaries, command -> Markdown
+    worst: Callable[[list[Any], int], Iterable[str]]  # results of one condition, how many -> lines for the screen
+    page: Path
+    marks: str = "tables"  # of the place in the page
+
+
+STUDIES = {
+    "inspection": Study(
+        Measurement(measure_part, PartResult, (*MEASURING, "workbench/inspect", "bench/peers", "bench/metrology")),
+        tuple(CONDITIONS),
+        200,
+        summarise,
+        tables,
+        worst_sections,
+        ROOT / "docs" / "metrology.md",
+    ),
+    "planning": Study(
+        Measurement(
+            measure_plan, PlanResult, (*MEASURING, "workbench/path", "bench/metrology", "bench/metrology/planning")
+        ),
+        tuple(RAW_CONDITIONS),
+        100,
+        summarise_plans,
+        plan_tables,
+        worst_plans,
+        ROOT / "docs" / "planning_metrology.md",
+        "planning",
+    ),
+    "loop": Study(
+        Measurement(
+            measure_loop,
+            LoopResult,
+            (*MEASURING, "workbench/path", "workbench/inspect", "workbench/twin", "bench/metrology",
+             "bench/metrology/planning", "bench/metrology/loop"),
+        ),
+        LOOP_CONDITIONS,
+        100,
+        summarise_loops,
+        loop_tables,
+        worst_loops,
+        ROOT / "docs" / "planning_metrology.md",
+        "loop",
+    ),
+}  # fmt: skip

@@ -1,0 +1,172 @@
+"""Errors of a path and an edge that are made by formula, with known errors in them, are found as what they are."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from bench.metrology.figures import cover, spread
+from bench.metrology.planning.compare import compare_edge, compare_path
+from bench.metrology.planning.result import PlanResult
+from bench.metrology.planning.summary import GOALS, summarise_plans
+from bench.metrology.planning.table import plan_tables
+from bench.metrology.true_edge import best_plane_turn_deg
+from workbench.artefacts import Cutter, Edge, Layer, Toolpath
+from workbench.geometry.poses import quaternion_from_rotation
+from workbench.synthetic import RAW_CONDITIONS, parse_recipe
+from workbench.synthetic.truth import build_truth
+
+BETA, ROOT = math.radians(40), 1.5
+
+
+@pytest.fixture(scope="module", params=["straight", "convex", "concave"])
+def truth(request):
+    curve = {"shape": "straight"} if request.param == "straight" else {"shape": "arc", "sense": request.param}
+    part = {"kind": "raw", "length_mm": 60, "curve": curve | {"radius_mm": 300}, "end_face_tilt_deg": 2}
+    part["base_from_part"] = {"position_mm": [900, -700, 300], "rpy_deg": [100, 40, -120]}
+    return build_truth(parse_recipe({"part": part, "passes": [{"from_mm": 0, "to_mm": 60}]}, source="test"))
+
+
+def toolpath(truth, every=2, lift_mm=0.0, turn=0.0, cutting=None, mirrored=False):
+    """The finished bevel's path at every second station (1 mm), `lift_mm` above it, axis turned about x by `turn`."""
+    e, t, n, m = (v[::every] for v in (truth.position_mm, truth.tangent, truth.normal, truth.across))
+    m = -m if mirrored else m
+    b, z = n * math.cos(BETA) + m * math.sin(BETA), n * math.sin(BETA) - m * math.cos(BETA)
+    position = e + ROOT * m - 3.0 * z + lift_mm * b  # anywhere on the face
+    y, z = t * math.cos(turn) + z * math.sin(turn), z * math.cos(turn) - t * math.sin(turn)
+    frames = np.stack([np.cross(y, z), y, z], axis=2)
+    k = len(e)
+    cutting = np.ones(k, bool) if cutting is None else cutting
+    layer = Layer(
+        index=1, height_mm=0.0, arc_length_mm=truth.arc_length_mm[::every], position_mm=position,
+        quaternion_wxyz=quaternion_from_rotation(frames), feed_mm_s=np.ones(k), cutting=cutting,
+        measured=np.ones(k, bool), width_mm=np.full(k, 8.0),
+    )  # fmt: skip
+    return Toolpath(Cutter(), (layer,), (), ROOT, 40.0, 1.0, 1.0, float(truth.arc_length_mm[-1]))
+
+
+def compared(truth, **changes):
+    result = PlanResult("raw_straight", 0)
+    compare_path(result, toolpath(truth, **changes), truth)
+    return result
+
+
+def test_a_true_path_has_no_error(truth):
+    found = compared(truth)
+    assert found.distance_mm < 0.001
+    assert found.axis_deg < 1e-3
+    assert found.spacing_error < 0.001
+    assert (found.covered, found.reachable_covered, found.wrong_side, found.blind_points) == (1.0, 1.0, False, 0)
+
+
+def test_errors_are_found_as_large_as_they_are(truth):
+    found = compared(truth, lift_mm=-0.03, turn=math.radians(0.2))
+    assert found.distance_mm == pytest.approx(0.03, abs=0.001)
+    assert found.axis_deg == pytest.approx(0.2, abs=0.001)
+    assert compared(truth, every=4).spacing_error == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_is_not_cut_is_not_covered(truth):
+    cutting = np.ones(61, bool)
+    cutting[20:41] = False
+    found = compared(truth, cutting=cutting)
+    assert found.covered == pytest.approx(40 / 60, abs=0.03)
+    hidden = dataclasses.replace(truth, seen=np.abs(truth.arc_length_mm - 30) > 9)
+    found = compared(hidden, cutting=cutting)
+    assert 0.9 < found.covered < 1
+    assert found.reachable_covered == 1.0
+    assert compared(hidden).blind_points > 10
+
+
+def test_wrong_sides_are_wrong(truth):
+    assert compared(truth, mirrored=True).wrong_side
+    assert compared(truth, turn=math.pi).wrong_side
+
+
+def test_errors_of_the_edge(truth):
+    k = len(truth.arc_length_mm)
+    turn = math.radians(0.05)
+    edge = Edge(
+        kind="raw", faces={}, labels=np.zeros((0, 0), np.uint8), pass_index=np.zeros(0, int),
+        frame_arc_length_mm=np.zeros(0), frame_tangent=np.zeros((0, 3)), frames=None, tangent_u=1e-4,
+        arc_length_mm=truth.arc_length_mm,
+        position_mm=truth.position_mm + 0.01 * truth.normal - 0.02 * truth.across, tangent=truth.tangent,
+        normal=truth.normal * math.cos(turn) + truth.across * math.sin(turn), across=truth.across,
+        seen=np.ones(k, bool), burr_stations=np.zeros(0, int),
+        position_u_mm=np.tile([0.006, 0.005], (k, 1)), normal_u=math.radians(0.04),
+    )  # fmt: skip
+    result = PlanResult("raw_straight", 0)
+    compare_edge(result, edge, truth)
+    assert len(result.normal_error_mm) == pytest.approx(13, abs=1)
+    assert result.normal_error_mm == pytest.approx([0.01] * len(result.normal_error_mm), abs=0.001)
+    assert result.across_error_mm == pytest.approx([-0.02] * len(result.across_error_mm), abs=0.001)
+    assert result.turn_error_deg == pytest.approx([0.05] * len(result.turn_error_deg), abs=0.001)
+    compare_path(result, toolpath(truth), truth)
+    found = summarise_plans("raw_straight", [result])
+    assert (found.normal.share, found.across.share, found.turn.share) == (1.0, 0.0, 1.0)
+    assert list(found.shortcomings) == [
+        f"raw_straight: {words} within 2u" for words in ("edge along n", "edge along m", "direction of n")
+    ]
+
+
+def test_the_plane_through_a_rough_face():
+    """None on a smooth face, in proportion to the roughness else."""
+    flat = {"kind": "raw", "length_mm": 60}
+    truths = [
+        build_truth(parse_recipe({"part": flat | {"roughness_mm": r}, "passes": [{"from_mm": 0, "to_mm": 60}]}))
+        for r in (0.0, 0.15, 0.3)
+    ]
+    turns = [best_plane_turn_deg(truth) for truth in truths]
+    assert turns[0] == 0
+    assert turns[2] == pytest.approx(2 * turns[1], rel=1e-3)
+    assert 0.001 < turns[2] < 2
+
+
+def part(seed, **changes):
+    values = {"distance_mm": 0.01, "axis_deg": 0.02, "spacing_error": 0.01, "covered": 1.0, "reachable_covered": 1.0}
+    return PlanResult("raw_rough", seed, **(values | changes))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"distance_mm": 0.061}, "distance"),
+        ({"axis_deg": 0.16}, "axis"),
+        ({"spacing_error": 0.06}, "spacing"),
+        ({"reachable_covered": 0.98}, "coverage of the edge"),
+        ({"wrong_side": True}, "wrong side"),
+        ({"blind_points": 1}, "invented edge"),
+        ({"rejected": "too deep"}, "1 rejected by path.check"),
+    ],
+)
+def test_the_worst_part_decides(change, words):
+    parts = [part(seed) for seed in range(50)]
+    assert list(summarise_plans("raw_rough", parts).shortcomings) == []
+    found = summarise_plans("raw_rough", [*parts, part(50, **change)])
+    assert list(found.shortcomings) == [f"raw_rough: {words}"]
+    assert f"Not met: raw_rough: {words}." in plan_tables([found], "command")
+
+
+def test_refusals_and_crashes_are_told():
+    lost = [PlanResult("raw_rough", 1, refused="no raw edge in view"), PlanResult("raw_rough", 2, crashed="KeyError")]
+    found = summarise_plans("raw_rough", [part(0), *lost])
+    text = plan_tables([found], "command")
+    assert "seed 1: refused: no raw edge in view" in text
+    assert "seed 2: **crashed**: KeyError" in text
+    assert "raw_rough: 1 crashed" in found.shortcomings
+
+
+def test_every_raw_condition_has_its_goal():
+    assert set(GOALS) == set(RAW_CONDITIONS)
+
+
+def test_spread_and_cover_of_known_values():
+    values = spread([3.0, None, 1.0, 2.0], goal=2.5)
+    assert (values.median, values.worst, values.met) == (2.0, 3.0, False)
+    found = cover([([0.01, -0.03, None], [0.01, 0.01, 0.01]), ([0.01], 0.01)])
+    assert found.share == pytest.approx(2 / 3)
+    assert found.bias == pytest.approx(-0.01 / 3)
+    assert found.mean_u == pytest.approx(0.01)

@@ -33,7 +33,7 @@ def views(planned, run):
 
 def test_the_whole_path_is_drawn_layer_by_layer(planned, run, views):
     p = planned()
-    origin, _ = station_frame(p.edge, 100.0)
+    origin, _ = station_frame(p.edge, 44.5)
     lines = [line for line, _ in views["layers"].lines()]
     expected = [part.position_mm for k in range(6) for part in (p.toolpath.travels[k], p.toolpath.layers[k])]
     assert len(lines) == len(expected)  # the last travel is a single point

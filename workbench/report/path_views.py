@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.artefacts import Cloud, Edge, Toolpath
 from workbench.report.colours import PALE, rgb
-from workbench.report.planned import Run
+from workbench.report.planned import Run, middle_of_cut_mm
 from workbench.report.procedure import AXIS_MM, LOOK, station_frame
 from workbench.report.ramp import feed_colours, layer_colours
 from workbench.report.sample import Points, around, overview
@@ -17,8 +17,8 @@ CLOSE_UP_MM = 12.0  # half the stretch of edge in the close-up
 
 
 def path_views(cloud: Cloud, edge: Edge, toolpath: Toolpath, run: Run, budget: int) -> dict[str, View]:
-    """Views `layers` and `feed` of the whole edge, and `layers_close` of a stretch about its middle."""
-    middle = float(edge.arc_length_mm[-1]) / 2.0
+    """Views `layers` and `feed` of the whole edge, and `layers_close` about the middle of what is cut."""
+    middle = middle_of_cut_mm(toolpath) or float(edge.arc_length_mm[-1]) / 2.0
     whole = _pale(overview(cloud, edge, budget), edge, middle)
     near = _pale(around(cloud, edge, middle, CLOSE_UP_MM, budget), edge, middle, AXIS_MM)
     by_layer = layer_colours(run.layer, len(toolpath.layers))

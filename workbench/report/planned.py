@@ -83,6 +83,17 @@ def planned_bevel(toolpath: Toolpath, edge: Edge) -> PlannedBevel:
     return PlannedBevel(s, v - u * up / out, np.arctan2(np.abs(out), np.abs(up)) / DEG)
 
 
+def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
+    """Arc length of the middle of the longest stretch that the final layer cuts; None where it cuts nowhere."""
+    final = toolpath.layers[-1]
+    change = np.flatnonzero(np.diff(np.r_[False, final.cutting, False]))
+    if not len(change):
+        return None
+    first, last = final.arc_length_mm[change[::2]], final.arc_length_mm[change[1::2] - 1]
+    k = int(np.argmax(last - first))
+    return float(first[k] + last[k]) / 2.0
+
+
 def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]:
     """Standard uncertainty of the planned root size, mm, and bevel angle, deg, as far as the scan is to blame.
 

@@ -76,7 +76,11 @@ def _add_plane(plotter: Any, corners: Float, colour: AnyArray, name: str) -> Non
 def _add_axes(plotter: Any, axes: Float, length: float) -> None:
     for axis, name in zip(axes, AXES, strict=True):
         plotter.add_mesh(pv.lines_from_points(np.array([0 * axis, axis * length])), color=INK, line_width=4.0)
-        plotter.add_mesh(pv.Cone(axis * length, axis, height=length / 6, radius=length / 22), color=INK, lighting=False)
+        plotter.add_mesh(
+            pv.Cone(center=axis * length, direction=axis, height=length / 6, radius=length / 22),
+            color=INK,
+            lighting=False,
+        )
         _add_text(plotter, axis * length * 1.15, name)
 
 

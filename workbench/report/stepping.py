@@ -17,7 +17,7 @@ from workbench.report.colours import FACES, GREY, INK, PALE
 from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
 from workbench.report.figures import styled, svg
-from workbench.report.planned import frames_in_base, in_base, planned_bevel, planned_u, thickness_mm
+from workbench.report.planned import frames_in_base, in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
 from workbench.report.ramp import MOST_NAMES, layer_colours
 from workbench.report.sample import around, frame_arc_length_mm
 from workbench.report.values import decimals, measured
@@ -51,13 +51,13 @@ class Stepped:
 
 
 def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
-    """The section nearest to the middle of the edge in which the final layer cuts; None where it cuts nowhere."""
+    """The section at the middle of the longest stretch that is cut; None without one, or where the stock is unknown."""
+    middle, high = middle_of_cut_mm(toolpath), thickness_mm(edge)
     bevel = planned_bevel(toolpath, edge)
-    high = thickness_mm(edge)
-    known = np.isfinite(np.interp(bevel.arc_length_mm, edge.arc_length_mm, high))
-    if not known.any():
+    s = bevel.arc_length_mm
+    known = np.isfinite(np.interp(s, edge.arc_length_mm, high))
+    if middle is None or not known.any():
         return None
-    s, middle = bevel.arc_length_mm, float(edge.arc_length_mm[-1]) / 2.0
     k = int(np.argmin(np.where(known, np.abs(s - middle), np.inf)))
     station = int(np.nanargmin(np.where(np.isfinite(high), np.abs(edge.arc_length_mm - s[k]), np.nan)))
     assert edge.upper_position_mm is not None  # else its thickness is not known

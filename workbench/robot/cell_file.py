@@ -115,8 +115,8 @@ class LoadingPart(_Part):
     load_points_mm: list[Point] = Field(default=[], description="where a force can be applied, in the flange frame")
     force_noise_n: float = Field(default=0.5, gt=0, description="each axis")
     torque_noise_nm: float = Field(default=0.05, gt=0, description="each axis")
-    displacement_noise_mm: float = Field(default=0.015, gt=0, description="of the tool frame, each axis")
-    rotation_noise_deg: float = Field(default=0.003, gt=0, description="of the tool frame, each axis")
+    displacement_noise_mm: float = Field(default=0.01, gt=0, description="of the tool frame, each axis")
+    rotation_noise_deg: float = Field(default=0.002, gt=0, description="of the tool frame, each axis")
     target_noise_mm: float = Field(default=0.015, gt=0, description="of a tracked point, each axis")
 
 

@@ -67,7 +67,7 @@ def give_way(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wre
     moved = (jacobian @ dq[..., None])[..., 0]
     if order == 2:
         moved = moved + 0.5 * np.einsum("...rij,...i,...j->...r", derivative, dq, dq)
-    return moved, dq
+    return np.asarray(moved), np.asarray(dq)
 
 
 def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> tuple[Float, Float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from workbench.api import Float
+from workbench.api import AnyArray, Float
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature
 
 GROSS = 1e-4  # chance that a sound set of loads loses one
@@ -56,7 +56,8 @@ def solve(eq: Equations, use: Float) -> Estimate:
     misfit = np.sum((_whiten(eq, np.abs(compliance)) @ residual[..., None])[..., 0] ** 2, axis=1)
     rows = eq.seen.sum(axis=1)
     freedom = max(float((rows * use).sum()) - 6, 1.0)
-    return Estimate(compliance, np.linalg.inv(information) * TYPICAL**2, misfit, rows, residual,
+    covariance: AnyArray = np.linalg.inv(information) * TYPICAL**2
+    return Estimate(compliance, covariance, misfit, rows, residual,
                     float((misfit * use).sum()) / freedom, freedom)  # fmt: skip
 
 

@@ -53,3 +53,55 @@ class LoadingTests:
     displacement: Float | None  # (L, 6) of the tool frame, in the base: mm, rotation vector in rad
     targets_mm: Float | None  # (L, k, 3) displacement of tracked points, in the base; NaN: not seen
     warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerForce:
+    """Force on the cutter at the k points of a layer of a milling path, N. It acts at the point, on the flank.
+
+    In the point's axes: x into the material, y along the feed, z from shank to tip.
+    """
+
+    index: int  # of the layer
+    arc_length_mm: Float  # (k,)
+    mean_n: Float  # (k, 3) over a revolution, in the point's axes
+    peak_n: Float  # (k, 3) where the revolution's force is greatest
+    mean_in_path_n: Float  # (k, 3) the same in the frame of the path: base or work object
+    peak_in_path_n: Float  # (k, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MillingForce:
+    """Milling force along a path."""
+
+    layers: tuple[LayerForce, ...]
+    source: str  # of the coefficients
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadPlan:
+    """Planned loading tests: L loads in pairs of opposite ones, and what they promise."""
+
+    labels: tuple[str, ...]  # of the posture of each load
+    joints: Float  # (L, 6) rad, the controller's angles
+    points_mm: Float  # (L, 3) where the force acts, in the flange frame
+    force_n: Float  # (L, 3) in the flange's axes
+    wrench: Float  # (L, 6) N, Nm in the sensor frame
+    relative_u: Float  # (6,) expected standard uncertainty of each joint's stiffness over its value
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StiffnessMaps:
+    """Dexterity and the weight of K_c over two axes, a x b grid points; worst over the load's directions."""
+
+    axes: tuple[int, int]  # from 1
+    at: tuple[Float, Float]  # (a,), (b,) rad
+    inverse_dexterity: Float  # (a, b) 1/omega, 1/m^3; infinite where singular
+    fp: Float  # (a, b)
+    fr: Float  # (a, b) rad
+    marked: Float  # (p, 6) rad
+    marked_values: Float  # (p, 3) 1/omega, f_p, f_r there
+    verdict: str  # whether K_c is negligible
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,34 @@
+"""Published coefficients of the mechanistic milling force, and where they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+REVIEW = (
+    "Duan et al., Milling force model for aviation aluminum alloy, Chin. J. Mech. Eng. 34 (2021) 18, "
+    "doi 10.1186/s10033-021-00536-9, Table 5, row"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CuttingCoefficients:
+    """Forces on a cutting edge, per area of chip (c) and per length of edge (e): tangential, radial, axial."""
+
+    ktc_n_mm2: float
+    krc_n_mm2: float
+    kac_n_mm2: float
+    kte_n_mm: float
+    kre_n_mm: float
+    kae_n_mm: float
+    source: str = "given"
+
+
+# The review prints the edge coefficients' unit as N mm; per length of edge it is N/mm. Rows without axial values: 0.
+PUBLISHED = {
+    "al6061_t6": CuttingCoefficients(243.77, 113.5, 0.0, 7.53, 7.83, 0.0, f"{REVIEW} [160] (carbide, dry)"),
+    "al6082_t6": CuttingCoefficients(631.0, 99.0, 273.0, 13.0, 10.0, 2.8, f"{REVIEW} [189] (carbide, dry)"),
+    "al7075_t6": CuttingCoefficients(767.01, 168.8, 222.0, 27.7, 26.6, 0.7, f"{REVIEW} [190] (carbide, dry)"),
+    "al7075_hss": CuttingCoefficients(
+        951.365, 262.597, 323.33, 11.115, 11.314, 1.105, f"{REVIEW} [156] (high-speed steel, dry)"
+    ),
+}

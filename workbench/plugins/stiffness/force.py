@@ -1,0 +1,125 @@
+"""`stiffness.force`: the milling force along a path."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    Document,
+    Engagement,
+    Float,
+    InputError,
+    Layer,
+    LayerEngagement,
+    Toolpath,
+    rotation_from_quaternion,
+    stage,
+)
+from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
+from workbench.plugins.stiffness.cutting import milling_force
+from workbench.plugins.stiffness.values import LayerForce, MillingForce
+from workbench.plugins.stiffness.writing import strict_json
+
+Pressure = Annotated[float, Field(ge=0, le=1e5)]
+Six = tuple[Pressure, Pressure, Pressure, Pressure, Pressure, Pressure]
+
+
+@stage("stiffness.force")
+def force(
+    toolpath: Toolpath,
+    engagement: Engagement | None = None,
+    *,
+    material: Annotated[
+        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_hss"], Field(description="published coefficients")
+    ] = "al7075_t6",
+    coefficients: Annotated[
+        Six | None, Field(description="instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six)")
+    ] = None,
+    spindle_rpm: Annotated[float, Field(gt=0, le=1e5, description="ratio of spindle turns to minutes")] = 6000.0,
+    radial_depth_mm: Annotated[
+        float | None, Field(gt=0, le=100, description="where no engagement is known; null: the path's depth of cut")
+    ] = None,
+    axial_depth_mm: Annotated[
+        float | None, Field(gt=0, le=200, description="likewise; null: the width of the layer's bevel face")
+    ] = None,
+    helix_deg: Annotated[float, Field(ge=0, le=60, description="of the cutter, right-hand")] = 30.0,
+    runout_mm: Annotated[float, Field(ge=0, le=1, description="of the cutter against the spindle")] = 0.0,
+    runout_angle_deg: Annotated[float, Field(ge=0, le=360, description="of tooth 1 against the runout")] = 0.0,
+) -> tuple[MillingForce, Document]:
+    """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
+
+    Defaults are the paper's case: 6000 rpm; 1 mm/s, 1 mm, 4 flutes and 10 mm come with the path. Its workpiece and
+    coefficients are not given: those of an aluminium alloy stand in.
+
+    Args:
+        toolpath: points, feed, cutter.
+        engagement: what the cutter meets, as milled in simulation; without it the depths below hold all along.
+        material: whose published coefficients to take.
+        coefficients: six of one's own.
+        spindle_rpm: turns a minute.
+        radial_depth_mm: depth of material before the cutter, normal to the bevel face.
+        axial_depth_mm: length of the cutter that cuts.
+        helix_deg: of the cutter.
+        runout_mm: distance of the cutter's axis from the spindle's.
+        runout_angle_deg: of tooth 1 against it.
+
+    Raises:
+        InputError: the engagement is of another path; a radial depth beyond the cutter's diameter.
+    """
+    of = PUBLISHED[material] if coefficients is None else CuttingCoefficients(*coefficients)
+    met = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
+    layers = []
+    for layer in toolpath.layers:
+        radial, axial = _depths(layer, met.get(layer.index), toolpath, radial_depth_mm, axial_depth_mm)
+        if radial.max(initial=0) > toolpath.cutter.diameter_mm:
+            raise InputError(f"layer {layer.index}", f"expected a radial depth of at most the cutter's diameter, found "
+                             f"{radial.max():.3g} mm")  # fmt: skip
+        per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
+        through = milling_force(of, toolpath.cutter, per_tooth, radial, axial, helix=helix_deg * DEG,
+                                runout_mm=runout_mm, runout_angle=runout_angle_deg * DEG)  # fmt: skip
+        layers.append(_layer_force(layer, through))
+    found = MillingForce(tuple(layers), of.source)
+    return found, Document("milling_force.json", _document(found))
+
+
+def _depths(layer: Layer, met: LayerEngagement | None, toolpath: Toolpath, radial_mm: float | None,
+            axial_mm: float | None) -> tuple[Float, Float]:  # fmt: skip
+    """Radial and axial depth at each point; 0 in the air."""
+    if met is not None:
+        if len(met.arc_length_mm) != len(layer.arc_length_mm):
+            raise InputError(f"layer {layer.index}", "the engagement is of another path: expected as many points")
+        return met.radial_depth_mm, met.axial_depth_mm
+    radial = np.full(len(layer.arc_length_mm), radial_mm if radial_mm is not None else toolpath.depth_of_cut_mm)
+    axial = layer.width_mm if axial_mm is None else np.full(len(radial), axial_mm)
+    return np.where(layer.cutting, radial, 0.0), np.where(layer.cutting, axial, 0.0)
+
+
+def _layer_force(layer: Layer, through: Float) -> LayerForce:
+    """Mean and peak of a revolution (k, steps, 3), in the point's axes and in the path's frame."""
+    rotation = rotation_from_quaternion(layer.quaternion_wxyz)
+    size = np.linalg.norm(through, axis=2)
+    peak = np.take_along_axis(through, size.argmax(axis=1)[:, None, None], axis=1)[:, 0]
+    mean = through.mean(axis=1)
+    return LayerForce(
+        index=layer.index, arc_length_mm=layer.arc_length_mm, mean_n=mean, peak_n=peak,
+        mean_in_path_n=(rotation @ mean[..., None])[..., 0], peak_in_path_n=(rotation @ peak[..., None])[..., 0],
+    )  # fmt: skip
+
+
+def _document(found: MillingForce) -> bytes:
+    return strict_json(
+        {
+            "format": "milling-force",
+            "version": 1,
+            "coefficients": found.source,
+            "layers": [
+                {"index": layer.index, "arc_length_mm": layer.arc_length_mm, "mean_n": layer.mean_n,
+                 "peak_n": layer.peak_n}
+                for layer in found.layers
+            ],
+        }
+    )  # fmt: skip

@@ -1,0 +1,136 @@
+"""`stiffness.maps`: dexterity and the weight of K_c over two axes (the paper's Figs. 9, 10, 16)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import DEG, Cell, Chapter, Float, InputError, abb_angles, jacobian, stage
+from workbench.plugins.stiffness.elastic import MM, give_way
+from workbench.plugins.stiffness.map_chapter import maps_chapter
+from workbench.plugins.stiffness.values import TABLE_A1_DEG, JointStiffness, StiffnessMaps
+
+Posture = tuple[float, float, float, float, float, float]
+Axis = Annotated[int, Field(ge=1, le=6)]
+Range = tuple[float, float]
+NEGLIGIBLE_FP, NEGLIGIBLE_FR = 0.01, 1e-4  # the paper's section 5.2; the second in rad
+
+
+@stage("stiffness.maps")
+def maps(
+    cell: Cell,
+    stiffness: JointStiffness,
+    *,
+    axes: Annotated[tuple[Axis, Axis], Field(description="index of the axes that are varied, from 1")] = (2, 3),
+    joints_deg: Annotated[Posture, Field(description="where the other axes stand")] = (0, 0, 0, 45, -45, 225),
+    ranges_deg: Annotated[
+        tuple[Range, Range] | None, Field(description="of the two axes; null: the robot's limits, within a turn")
+    ] = None,
+    postures_deg: Annotated[
+        list[Posture] | None, Field(description="postures to mark; null: the paper's Table A1")
+    ] = None,
+    force_n: Annotated[float, Field(gt=0, le=1e6, description="size of the force")] = 2000.0,
+    torque_nm: Annotated[float, Field(gt=0, le=1e6, description="size of the torque, for f_r")] = 200.0,
+    steps: Annotated[int, Field(ge=5, le=400, description="count of grid points along each axis")] = 41,
+    directions: Annotated[int, Field(ge=6, le=2000, description="count of load directions, of which the worst")] = 60,
+) -> tuple[StiffnessMaps, Chapter]:
+    """Map 1/omega (18), f_p (19) and f_r (20) over two axes, and say whether K_c is negligible for this robot.
+
+    f_p: how far apart the cutter's tip comes to rest under a force with K_c and without, over the larger displacement;
+    f_r: the largest component of the difference in its rotation under force and torque together. Both are the worst
+    over directions spread evenly over the sphere. (The paper compares lengths of displacements: its f_p is smaller.)
+
+    Args:
+        cell: the robot and its tool.
+        stiffness: of the joints.
+        axes: the two axes that vary.
+        joints_deg: where the others stand.
+        ranges_deg: of the two axes.
+        postures_deg: postures to mark, and to judge K_c at.
+        force_n: size of the force.
+        torque_nm: size of the torque.
+        steps: grid points along each axis.
+        directions: directions of the load.
+
+    Raises:
+        InputError: the two axes are one, or a range is empty.
+    """
+    a, b = axes[0] - 1, axes[1] - 1
+    if a == b:
+        raise InputError("stiffness.maps.axes", f"expected two different axes, found {axes[0]} twice")
+    spans = np.clip(cell.chain.limits, -np.pi, np.pi)[[a, b]] if ranges_deg is None else np.array(ranges_deg) * DEG
+    if (spans[:, 0] >= spans[:, 1]).any():
+        raise InputError("stiffness.maps.ranges_deg", "expected the lower angle first in each range")
+    at_a, at_b = np.linspace(spans[0, 0], spans[0, 1], steps), np.linspace(spans[1, 0], spans[1, 1], steps)
+    grid = np.broadcast_to(np.array(joints_deg, float) * DEG, (steps, steps, 6)).copy()
+    grid[..., a], grid[..., b] = np.meshgrid(at_a, at_b, indexing="ij")
+    marked = abb_angles(np.array(TABLE_A1_DEG, float) * DEG, "dh")
+    if postures_deg is not None:
+        marked = np.array(postures_deg, float).reshape(-1, 6) * DEG
+    fields = [np.array(field) for field in zip(*(_row(cell, stiffness, row, force_n, torque_nm, directions)
+                                                 for row in grid), strict=True)]  # fmt: skip
+    of_marked = _row(cell, stiffness, marked, force_n, torque_nm, directions)
+    found = StiffnessMaps(
+        axes=axes, at=(at_a, at_b), inverse_dexterity=fields[0], fp=fields[1], fr=fields[2], marked=marked,
+        marked_values=np.array(of_marked).T, verdict=_verdict(fields[1], fields[2], of_marked, force_n, torque_nm),
+    )  # fmt: skip
+    return found, maps_chapter(found)
+
+
+def _row(cell: Cell, stiffness: JointStiffness, joints: Float, force_n: float, torque_nm: float,
+         directions: int) -> tuple[Float, Float, Float]:  # fmt: skip
+    """1/omega (n,), f_p (n,) and f_r (n,) at postures (n, 6)."""
+    tip = cell.flange_from_cutter[:3, 3]
+    j = jacobian(cell.chain, joints, tip) / np.array([MM] * 3 + [1.0] * 3)[:, None]
+    omega = np.abs(np.linalg.det(j))
+    force, both = _loads(directions, force_n, torque_nm)
+    with_kc, without = _with_and_without(cell, stiffness, joints, force)
+    size = np.maximum(np.linalg.norm(with_kc[..., :3], axis=-1), np.linalg.norm(without[..., :3], axis=-1))
+    fp = np.linalg.norm((with_kc - without)[..., :3], axis=-1) / size
+    with_kc, without = _with_and_without(cell, stiffness, joints, both)
+    fr = np.abs(with_kc - without)[..., 3:].max(axis=-1)
+    with np.errstate(divide="ignore"):
+        return 1 / omega, fp.max(axis=1), fr.max(axis=1)
+
+
+def _with_and_without(cell: Cell, stiffness: JointStiffness, joints: Float, loads: Float) -> tuple[Float, Float]:
+    """Displacements (n, m, 6) of the cutter's tip at postures (n, 6) under loads (m, 6), with K_c and without."""
+    tip = cell.flange_from_cutter[:3, 3]
+    with_kc, without = (
+        give_way(cell.chain, stiffness.nm_per_rad, joints[:, None], tip, loads, order=1, with_kc=kc)[0]
+        for kc in (True, False)
+    )
+    return with_kc, without
+
+
+def _loads(directions: int, force_n: float, torque_nm: float) -> tuple[Float, Float]:
+    """Forces alone (m, 6); and forces with a torque along them, against them and across them."""
+    u = sphere(directions)
+    across = np.cross(u, np.roll(u, 1, axis=1))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    torques = [u, -u, across, np.cross(u, across)]
+    force = np.hstack([u * force_n, np.zeros_like(u)])
+    return force, np.vstack([np.hstack([u * force_n, v * torque_nm]) for v in torques])
+
+
+def sphere(count: int) -> Float:
+    """`count` unit vectors (count, 3), evenly spread (Fibonacci lattice)."""
+    i = np.arange(count) + 0.5
+    z, turn = 1 - 2 * i / count, np.pi * (1 + 5**0.5) * i
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
+
+
+def _verdict(fp: Float, fr: Float, marked: tuple[Float, Float, Float], force_n: float, torque_nm: float) -> str:
+    """The paper's claim for this robot, in one line."""
+    share = float(np.mean((fp < NEGLIGIBLE_FP) & (fr < NEGLIGIBLE_FR)))
+    whole = "everywhere on the map" if share == 1 else f"on {share:.0%} of the map only"
+    line = (
+        f"K_c is negligible (f_p < {NEGLIGIBLE_FP:g}, f_r < {NEGLIGIBLE_FR:g} rad at {force_n:g} N, {torque_nm:g} Nm) "
+        f"{whole}: f_p up to {fp.max():.3g}, f_r up to {fr.max():.2g} rad"
+    )
+    if len(marked[1]):
+        line += f"; at the marked postures f_p up to {marked[1].max():.2g}, f_r up to {marked[2].max():.2g} rad"
+    return line

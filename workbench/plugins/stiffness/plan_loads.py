@@ -1,0 +1,143 @@
+"""`stiffness.plan_loads`: which loading tests determine all six joints."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    AngleConvention,
+    Cell,
+    CollisionModel,
+    Document,
+    Float,
+    InputError,
+    LoadingSetup,
+    Seed,
+    abb_angles,
+    stage,
+    within_limits,
+)
+from workbench.plugins.stiffness.candidates import Candidates, candidates, free_postures
+from workbench.plugins.stiffness.design import Criterion, choose, relative_u
+from workbench.plugins.stiffness.loads import ANGLES, WRENCH
+from workbench.plugins.stiffness.values import JointStiffness, LoadPlan
+
+Posture = tuple[float, float, float, float, float, float]
+
+
+@stage("stiffness.plan_loads")
+def plan_loads(
+    cell: Cell,
+    stiffness: JointStiffness,
+    *,
+    postures_deg: Annotated[
+        list[Posture] | None, Field(min_length=1, description="postures to load at; null: choose them")
+    ] = None,
+    angle_convention: Annotated[AngleConvention, Field(description="how these angles count")] = "abb",
+    postures: Annotated[int, Field(ge=1, le=20, description="largest count of postures, where they are chosen")] = 3,
+    loads_per_posture: Annotated[int, Field(ge=2, le=400, description="largest count of loads at a posture")] = 40,
+    force_n: Annotated[float, Field(gt=0, le=1e5, description="of each load")] = 200.0,
+    target_relative_u: Annotated[
+        float, Field(gt=0, le=1, description="ratio of standard uncertainty to value to reach for every joint")
+    ] = 0.025,
+    targets: Annotated[int, Field(ge=0, le=50, description="count of tracked points; 0: six-dimensional")] = 0,
+    criterion: Annotated[Criterion, Field(description="worst joint, or volume of the ellipsoid")] = "minmax",
+    trials: Annotated[int, Field(ge=10, le=5000, description="count of random postures to choose from")] = 150,
+    seed: Annotated[Seed, Field(description="of the random postures")] = 0,
+) -> tuple[LoadPlan, Document]:
+    """Plan loading tests: postures, load points and directions that determine the worst joint best, and how many.
+
+    Loads come in pairs of opposite forces at the cell's load points, in 13 directions. They are added one pair at a
+    time, the one that helps most, until every joint is known to the target; then pairs are exchanged while that helps.
+
+    Args:
+        cell: the cell; chosen postures are within limits and free of collision in it.
+        stiffness: as expected, for instance of a sister robot.
+        postures_deg: postures to load at.
+        angle_convention: of these.
+        postures: how many to choose at most.
+        loads_per_posture: at most.
+        force_n: of each load.
+        target_relative_u: 0.025: 95 % of results within 5 %.
+        targets: how many tracked points measure; 0: the tool frame's displacement in six dimensions.
+        criterion: `minmax`: the worst joint; `d_optimal`: the volume of the uncertainty's ellipsoid.
+        trials: random postures to choose from.
+        seed: of these.
+
+    Raises:
+        InputError: the cell has no load points or too few targets; a posture is out of limits or collides; no posture
+            is free.
+    """
+    setup = _setup(cell, targets)
+    if postures_deg is None:
+        joints = free_postures(cell, trials, np.random.default_rng(seed))
+        if not len(joints):
+            raise InputError(cell.source, "expected a cell with free postures, found none by trial")
+    else:
+        joints = abb_angles(np.array(postures_deg, float) * DEG, angle_convention)
+        _check_postures(cell, joints)
+        postures = len(joints)
+    offered = candidates(cell, setup, stiffness.nm_per_rad, joints, force_n, targets)
+    chosen = choose(offered.information, postures, loads_per_posture // 2, criterion, target_relative_u)
+    found = _plan(offered, chosen, target_relative_u)
+    return found, Document("load_plan.csv", _csv(found))
+
+
+def _setup(cell: Cell, targets: int) -> LoadingSetup:
+    where = f"{cell.source}: $.loading"
+    if cell.loading is None or not len(cell.loading.load_points_mm):
+        raise InputError(where, "expected load_points_mm, where forces can be applied")
+    if targets and not 3 <= targets <= len(cell.loading.targets_mm):
+        raise InputError(f"{where}.targets_mm", f"expected three or more, and as many as asked for ({targets})")
+    return cell.loading
+
+
+def _check_postures(cell: Cell, joints: Float) -> None:
+    model = CollisionModel(cell)
+    for i, q in enumerate(joints, 1):
+        inside = within_limits(cell.chain, q, q)
+        if np.isnan(inside).any():
+            axis = int(np.flatnonzero(np.isnan(inside))[0]) + 1
+            raise InputError(f"posture {i}", f"expected angles within the robot's limits: joint {axis} is beyond")
+        pair = model.collision(inside)
+        if pair is not None:
+            raise InputError(f"posture {i}", f"expected a posture free of collision: {pair[0]} meets {pair[1]}")
+
+
+def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> LoadPlan:
+    """The chosen pairs, posture by posture, each as two loads."""
+    chosen = sorted(chosen)
+    p, d = np.array(chosen).T
+    information = offered.information[p, d].sum(axis=0) + np.eye(6) * 1e-12
+    u = relative_u(information)
+    names = {int(one): str(i) for i, one in enumerate(sorted(set(p.tolist())), 1)}
+    sign = np.tile([1.0, -1.0], len(p))[:, None]
+    warnings = []
+    if u.max() > target:
+        needed = int(np.ceil(2 * len(p) * (u.max() / target) ** 2))
+        warnings.append(
+            f"joint {int(u.argmax()) + 1} is known to {u.max():.1%} only with these {2 * len(p)} loads; {target:.1%} "
+            f"needs some {needed} loads of this kind, larger forces, longer levers or other postures"
+        )
+    return LoadPlan(
+        labels=tuple(names[int(one)] for one in np.repeat(p, 2)), joints=np.repeat(offered.joints[p], 2, axis=0),
+        points_mm=np.repeat(offered.points_mm[d], 2, axis=0), force_n=sign * np.repeat(offered.force_n[d], 2, axis=0),
+        wrench=sign * np.repeat(offered.wrench[d], 2, axis=0), relative_u=u, warnings=tuple(warnings),
+    )  # fmt: skip
+
+
+def _csv(plan: LoadPlan) -> bytes:
+    """A table for the shop floor: where to load, which way, and the wrench that the sensor should then show."""
+    names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
+    lines = [
+        "# point and force in the flange frame; wrench as the sensor sees it (nominal). Joints known to (standard): "
+        + ", ".join(f"{u:.2%}" for u in plan.relative_u),
+        ",".join(["posture", *ANGLES, *names, *WRENCH]),
+    ]
+    rows = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
+    lines += [",".join([label, *(f"{v + 0.0:.4f}" for v in row)]) for label, row in zip(plan.labels, rows, strict=True)]
+    return ("\n".join(lines) + "\n").encode()

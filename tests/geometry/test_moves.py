@@ -86,6 +86,8 @@ def test_points_out_of_order_are_not_skipped() -> None:
     x = np.r_[0.0:10.0, 8.0:4.0:-1.0, 6.0:20.0]
     targets = merge(x[:, None] * [[1.0, 0, 0]])[0]
     assert {9, 13} <= set(targets.tolist())
+    step_back = np.r_[0.0:10.0, 8.5, 9.5, 10.0:30.0]
+    assert merge(step_back[:, None] * [[1.0, 0, 0]])[0].tolist() == [0, 9, 10, 31]
 
 
 def test_a_turn_on_the_spot_is_kept() -> None:

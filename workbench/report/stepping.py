@@ -18,14 +18,14 @@ from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
 from workbench.report.figures import styled, svg
 from workbench.report.planned import frames_in_base, in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
-from workbench.report.ramp import MOST_NAMES, layer_colours
+from workbench.report.ramp import layer_colours
 from workbench.report.sample import around, frame_arc_length_mm
 from workbench.report.values import decimals, measured
 from workbench.units import Float
 
 POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
 EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
-WIDTH_IN = 7.2
+SIZE_IN, LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 3.6, 3.8, 3.2, 0.35, 0.95  # of the drawing on paper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,15 +74,16 @@ def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
 def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Stepped) -> bytes:
     """SVG of the section."""
     top, left = stepped.thickness_mm, -float(stepped.cuts[-1].upper[0])
-    size = 1.2 * max(top, 0.7 * left)
-    low, high = (-1.4 * left - 0.3 * size, -0.08 * size), (0.98 * size, top + 0.26 * size)
-    width, height = high[0] - low[0], high[1] - low[1]
+    inch = max(left / 1.8, top / 3.2)  # mm of the part in an inch of the drawing: dimensions and texts have their room
+    size, width, height = SIZE_IN * inch, LEFT_IN + RIGHT_IN, top / inch + BELOW_IN + ABOVE_IN
     with styled():
-        figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * 0.9 * height / width / 0.88))
-        axes = figure.add_axes((0.085, 0.105, 0.9, 0.88), aspect="equal")
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        figure = Figure(figsize=(width + 0.65, height + 0.5))
+        axes = figure.add_axes(
+            (0.6 / (width + 0.65), 0.45 / (height + 0.5), width / (width + 0.65), height / (height + 0.5))
+        )
+        axes.set(xlim=(-LEFT_IN * inch, RIGHT_IN * inch), ylim=(-BELOW_IN * inch, top + ABOVE_IN * inch))
         axes.locator_params(integer=True)
-        _draw_stock(axes, stepped, width)
+        _draw_stock(axes, stepped, LEFT_IN * inch)
         _draw_points(axes, cloud, edge, stepped)
         _draw_layers(axes, toolpath, stepped, size)
         _draw_dimensions(axes, edge, toolpath, stepped, size)
@@ -107,7 +108,7 @@ def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | No
 def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
     """The plate, and on it what is to be milled away."""
     corner, final = stepped.upper_edge, stepped.cuts[-1]
-    reach = 0.9 * width
+    reach = 1.2 * width
     plate = np.array([[0.0, 0.0], corner, corner + reach * stepped.inward, reach * stepped.inward])
     axes.fill(*plate.T, facecolor="#eef0f2", edgecolor="none", zorder=0.2)
     waste = np.array([final.lower, corner, final.upper])
@@ -131,7 +132,7 @@ def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None
 def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
     """Each layer's face, drawn on beyond the upper surface, where its number stands."""
     count = len(toolpath.layers)
-    named = {stepped.cuts[int(k)].layer.index for k in np.linspace(0, len(stepped.cuts) - 1, MOST_NAMES).round()}
+    named = _named(stepped, size)
     for cut in stepped.cuts:
         colour = layer_colours(np.array([cut.layer.index]), count)[0] / 255.0
         final = cut is stepped.cuts[-1]
@@ -146,11 +147,21 @@ def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) 
             )  # fmt: skip
 
 
+def _named(stepped: Stepped, size: float) -> set[int]:
+    """Layers whose numbers have room beside each other, the final one first."""
+    named, last = set(), -np.inf
+    for cut in reversed(stepped.cuts):
+        if cut.upper[0] - last > 0.08 * size:
+            named.add(cut.layer.index)
+            last = cut.upper[0]
+    return named
+
+
 def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
     root_u, bevel_u = planned_u(edge, stepped.bevel_deg)
     root = measured(stepped.root_mm, root_u, decimals([root_u]))
     dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
-    dimension_height(axes, stepped.thickness_mm, 0.57 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
+    dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
     angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
     radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - stepped.root_mm))
     axes.plot([0, 0], [stepped.root_mm, stepped.root_mm + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)

@@ -15,11 +15,10 @@ from workbench.synthetic.collisions import clamp_overlap, table_overlap
 from workbench.synthetic.dexels import Sweep, cut_lines
 from workbench.synthetic.stock_lines import ceiling_mm, lines_of, new_cut, raw_heights_mm
 from workbench.synthetic.surface import build_surface, clamp_boxes, pose
-from workbench.synthetic.workpiece import Cut, Workpiece
+from workbench.synthetic.workpiece import CONVERGING, Cut, Workpiece
 from workbench.units import Float, Int
 
 STEP_MM = 0.1  # the cutter is set down this often: it leaves ridges of STEP_MM^2 / (8 radius)
-_CONVERGING = 1.3  # as in `surface`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +117,7 @@ class Stock:
         foot, away = self._foot(centre, axis, motion.tip_mm)
         low, high = self._section(foot - extent * axis), self._section(foot + extent * axis)
         clear = (np.minimum(low[:, 1], high[:, 1]) - radius > ceiling) | (away > extent + radius + 1.0)
-        aside = _CONVERGING * radius + 1.0
+        aside = CONVERGING * radius + 1.0
         first = (np.minimum(low[:, 0], high[:, 0]) - aside) / cut.u_step_mm
         last = (np.maximum(low[:, 0], high[:, 0]) + aside) / cut.u_step_mm
         columns = np.clip([np.minimum(first[:-1], first[1:]), np.maximum(last[:-1], last[1:]) + 1], 0, len(cut.u))

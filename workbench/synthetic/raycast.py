@@ -28,6 +28,9 @@ NOTHING, ROOT, BEVEL, UPPER, LOWER, END, CLAMP, TABLE = range(8)
 _ON_FACE_MM = 1e-9
 _OFFSET_MM = 0.02  # shadow rays start this far off the surface
 _OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
+CUT_REACH_MM = 8.0  # `CutTerms.relax` holds for steps up to this
+_EVEN = 0.952  # a greater `CutTerms.relax` speaks of a cut face with slopes below 0.03: there Newton's steps are good
+_DAMPED = 0.95
 
 
 class CutTerms(NamedTuple):
@@ -43,9 +46,10 @@ class CutTerms(NamedTuple):
     root: float  # the plane meets the end face here
     cosine: float  # of the bevel angle
     sine: float
+    relax: Float  # (U,) share of the height over the cut face that is a safe step, up to `CUT_REACH_MM`
 
 
-UNCUT = CutTerms(np.zeros((0, 0)), 1.0, 0.0, 1.0, 0.0, 1.0, 0.0)
+UNCUT = CutTerms(np.zeros((0, 0)), 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, np.zeros(0))
 
 
 class Surface(NamedTuple):
@@ -68,7 +72,7 @@ class Surface(NamedTuple):
     rough_reach: float  # no part of the roughness goes further
     burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
     top: float  # greatest height
-    relax: float  # 0: Newton steps; else the share of F that is a safe step (rough, burred or cut parts)
+    relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
     reserve: float  # F - reserve is a safe step too, from far off
     cut: CutTerms = UNCUT
 
@@ -287,6 +291,18 @@ def _step(s: Surface, f: float, slope: float, norm: float, bend: float) -> float
 
 
 @njit(cache=True)
+def _step_to_cut(c: CutTerms, u: float, f: float, slope: float, norm: float) -> float:
+    """As `_step` where F is the height f over the cut face. The raw part alone may be left out: the body is within."""
+    if abs(f) <= 1e-3:
+        return -f / slope if slope < -1e-12 else 1e-4 / norm
+    relax = c.relax[min(max(int(u / c.u_step), 0), len(c.relax) - 1)]
+    safe = relax * f / norm
+    if relax > _EVEN and slope < -1e-12:
+        safe = max(safe, -_DAMPED * f / slope)
+    return min(safe, CUT_REACH_MM / norm)
+
+
+@njit(cache=True)
 def enter(
     s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float
 ) -> tuple[float, int, float, float, float]:
@@ -298,7 +314,8 @@ def enter(
     lo, hi = _prism(s, near, o, d, lo, hi)
     a, norm = lo, math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     hollow = _hollow(s)
-    for _ in range(60 if s.relax == 0.0 else 400):
+    cut = s.cut.height.shape[0] > 0
+    for _ in range(400 if cut or s.relax > 0.0 else 60):
         if a > hi:
             break
         z = o[2] + a * d[2]
@@ -309,8 +326,11 @@ def enter(
         if abs(f) < _ON_FACE_MM or (a == lo and f < 0.0):
             steep = math.sqrt(fu * fu + fh * fh + fz * fz)
             return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / (steep * norm)
-        sideways = abs(d[0] * tx + d[1] * ty) + 0.05 * norm
-        a += _step(s, f, slope, norm, hollow * sideways * sideways)
+        if cut and face == BEVEL:
+            a += _step_to_cut(s.cut, u, f, slope, norm)
+        else:
+            sideways = abs(d[0] * tx + d[1] * ty) + 0.05 * norm
+            a += _step(s, f, slope, norm, hollow * sideways * sideways)
     return math.inf, NOTHING, 0.0, 0.0, 0.0
 
 

@@ -14,7 +14,6 @@ from workbench.units import DEG, Float
 
 _BENDS = {"straight": raycast.STRAIGHT, "arc": raycast.ARC, "wavy": raycast.WAVY}
 _ROUGHNESS_WAVES = 16
-_CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 
 
 def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.Surface:
@@ -25,7 +24,7 @@ def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.
     burrs = np.array(
         [[float(b.edge == "upper"), b.from_mm, b.to_mm, b.height_mm, b.width_mm] for b in part.burrs]
     ).reshape(-1, 5)
-    surface = raycast.Surface(
+    return raycast.Surface(
         bend=_BENDS[curve.shape],
         curvature=bend if curve.sense == "convex" else -bend,
         wave_amplitude=curve.amplitude_mm,
@@ -45,8 +44,8 @@ def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.
         top=part.thickness_mm.highest + sum(b.height_mm for b in part.burrs),
         relax=_safe_step(rough, burrs),
         reserve=float(2 * np.sum(rough[:, 0]) + np.sum(burrs[:, 3])),
+        cut=raycast.UNCUT if cut is None else cut.terms,
     )
-    return surface if cut is None else _less(surface, cut.terms)
 
 
 def clamp_boxes(part: Part, surface: raycast.Surface) -> Float:
@@ -108,14 +107,6 @@ def _roughness(greatest: float, rng: np.random.Generator) -> Float:
     wave = 2 * math.pi / wavelength
     phase = rng.uniform(0, 2 * math.pi, _ROUGHNESS_WAVES)
     return np.stack([amplitude, wave * np.cos(direction), wave * np.sin(direction), phase], axis=1)
-
-
-def _less(surface: raycast.Surface, cut: raycast.CutTerms) -> raycast.Surface:
-    """The surface with a cut, and steps that are safe there: the cut face may be as steep as its heights differ."""
-    along, up = (np.max(np.abs(np.diff(cut.height, axis=axis))) for axis in (0, 1))
-    steepest = math.hypot(1.0, _CONVERGING * along / cut.u_step, up / cut.w_step)
-    relax = min(surface.relax or 1.0, 1.0 / (1.05 * steepest))
-    return surface._replace(cut=cut, relax=relax, reserve=surface.reserve + float(np.ptp(cut.height)))
 
 
 def _safe_step(rough: Float, burrs: Float) -> float:

@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
-from workbench.synthetic.raycast import CutTerms
+from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
 from workbench.synthetic.recipe import Recipe
 from workbench.units import DEG, Float
 
+CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 _CLEAR_MM = 0.5  # a height this far above the stock says the same as any greater one
 _CUT_MM = 1e-3  # less than this below the raw surface is not cut
 _LEAST_FACE_MM = 0.5  # a narrower face tells no angle
@@ -48,9 +50,26 @@ class Cut:
     @property
     def terms(self) -> CutTerms:
         """The cut as the ray kernels see it."""
-        height = np.minimum(self.height_mm, np.maximum(self.stock_mm, 0.0) + _CLEAR_MM)
+        height = self._even_height()
         return CutTerms(height, self.u_step_mm, self.w_first_mm, self.w_step_mm, self.root_mm, math.cos(self.bevel),
-                        math.sin(self.bevel))  # fmt: skip
+                        math.sin(self.bevel), self._safe_share(height))  # fmt: skip
+
+    def _even_height(self) -> Float:
+        """The heights, lowered in the air beside the cut face: walls there cost the rays many small steps."""
+        on_face = self.height_mm < self.stock_mm
+        rows, columns = np.arange(on_face.shape[1]), np.arange(len(on_face))
+        first, last = np.argmax(on_face, axis=1), rows[-1] - np.argmax(on_face[:, ::-1], axis=1)
+        nearest = self.height_mm[columns[:, None], np.clip(rows, first[:, None], last[:, None])]
+        beside = np.where(on_face.any(axis=1)[:, None], nearest, 0.0)
+        return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, beside))
+
+    def _safe_share(self, height: Float) -> Float:
+        """Per column 1 / (a bound on the gradient of the height over the cut face), as far as a step may go."""
+        along, up = np.zeros(len(height)), np.max(np.abs(np.diff(height, axis=1)), axis=1) / self.w_step_mm
+        along[:-1] = np.max(np.abs(np.diff(height, axis=0)), axis=1) / self.u_step_mm
+        near = 2 * math.ceil(CONVERGING * CUT_REACH_MM / self.u_step_mm) + 3
+        steepest = np.hypot(CONVERGING * maximum_filter1d(along, near), maximum_filter1d(up, near))
+        return np.asarray(1.0 / (1.05 * np.hypot(1.0, steepest)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

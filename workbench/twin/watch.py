@@ -35,9 +35,10 @@ class Watch:
         """
         found = self._met(self._name, np.where(self._beside, 0.0, met.depth_mm), self._depth_of_cut_mm + _SPARE_MM)
         worst = int(np.argmax(taken_mm))
-        if taken_mm[worst] > _AT_ONCE * self._depth_of_cut_mm:
-            found.append(f"{self._name}: the cutter takes {taken_mm[worst]:.2f} mm at once "
-                         f"{self._place(self._u[worst])}; the depth of cut is {self._depth_of_cut_mm:g} mm")  # fmt: skip
+        deepest, planned = taken_mm[worst], self._depth_of_cut_mm
+        if deepest > _AT_ONCE * planned:
+            found.append(f"{self._name}: the cutter takes {deepest:.2f} mm at once "
+                         f"{self._place(self._u[worst])}; the depth of cut is {planned:g} mm")  # fmt: skip
         return found + self._hits(self._name, met)
 
     def _met(self, name: str, depth_mm: Float, allowed_mm: float) -> list[str]:

@@ -1,8 +1,8 @@
 """A recording as somebody else would make it: written from docs alone, and sharing no code with the project.
 
-A plate with a milled edge. The lower edge is a planar curve of given heading; the section normal to it is a polygon of
-lower surface, root face, bevel face and upper surface, so that root size and bevel angle at any arc length are known
-without measuring. The scanner sends parallel rays in its laser plane; the first surface hit answers.
+A plate with a milled edge, or a raw one. The lower edge is a planar curve of given heading; the section normal to it is
+a polygon of lower surface, root face, bevel face and upper surface, so that root size and bevel angle at any arc length
+are known without measuring. The scanner sends parallel rays in its laser plane; the first surface hit answers.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ GRAZING_DEG = 82.0  # incidence beyond which nothing comes back
 
 @dataclass(frozen=True)
 class Part:
-    """A milled plate; lengths in mm, s is the arc length of the lower edge, rising along t = m x n."""
+    """A plate; lengths in mm, s is the arc length of the lower edge, rising along t = m x n."""
 
     length_mm: float = 120.0
+    raw: bool = False  # no bevel yet: the end face reaches from the lower surface to the upper one
     thickness_mm: float = 8.0
     root_mm: tuple[float, float] = (1.5, 1.5)  # at both ends, linear between
     bevel_deg: tuple[float, float] = (40.0, 40.0)
@@ -63,7 +64,8 @@ class Part:
     def vertices(self, s: np.ndarray) -> np.ndarray:
         """Polygon of the section at s: (..., 5, 2) as (along n, along m), from the lower surface to the upper one."""
         tilt, both = np.radians(self.tilt_deg), np.radians(self.tilt_deg + self.bevel(s))
-        top_n, top_m = -self.root(s) * np.sin(tilt), self.root(s) * np.cos(tilt)
+        width = self.thickness_mm / np.cos(tilt) + 0 * s if self.raw else self.root(s)
+        top_n, top_m = -width * np.sin(tilt), width * np.cos(tilt)
         back = top_n - (self.thickness_mm - top_m) * np.tan(both)
         flat = np.zeros_like(s)
         n = np.stack([flat - 30, flat, top_n, back, back - 25], axis=-1)

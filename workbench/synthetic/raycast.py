@@ -28,7 +28,7 @@ NOTHING, ROOT, BEVEL, UPPER, LOWER, END, CLAMP, TABLE = range(8)
 _ON_FACE_MM = 1e-9
 _OFFSET_MM = 0.02  # shadow rays start this far off the surface
 _OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
-CUT_REACH_MM = 8.0  # `CutTerms.relax` holds for steps up to this
+CUT_REACH_MM = 3.0  # `CutTerms.relax` holds for steps up to this
 _EVEN = 0.952  # a greater `CutTerms.relax` speaks of a cut face with slopes below 0.03: there Newton's steps are good
 _DAMPED = 0.95
 
@@ -295,7 +295,7 @@ def _step_to_cut(c: CutTerms, u: float, f: float, slope: float, norm: float) -> 
     """As `_step` where F is the height f over the cut face. The raw part alone may be left out: the body is within."""
     if abs(f) <= 1e-3:
         return -f / slope if slope < -1e-12 else 1e-4 / norm
-    relax = c.relax[min(max(int(u / c.u_step), 0), len(c.relax) - 1)]
+    relax = float(c.relax[min(max(int(u / c.u_step), 0), len(c.relax) - 1)])
     safe = relax * f / norm
     if relax > _EVEN and slope < -1e-12:
         safe = max(safe, -_DAMPED * f / slope)

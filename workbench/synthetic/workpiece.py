@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 
 from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
 from workbench.synthetic.recipe import Recipe
-from workbench.units import DEG, Float
+from workbench.units import DEG, Bool, Float
 
 CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 _CLEAR_MM = 0.5  # a height this far above the stock says the same as any greater one
@@ -56,11 +56,12 @@ class Cut:
 
     def _even_height(self) -> Float:
         """The heights, lowered in the air beside the cut face: walls there cost the rays many small steps."""
-        on_face = self.height_mm < self.stock_mm
+        on_face: Bool = self.height_mm < self.stock_mm
         rows, columns = np.arange(on_face.shape[1]), np.arange(len(on_face))
         first, last = np.argmax(on_face, axis=1), rows[-1] - np.argmax(on_face[:, ::-1], axis=1)
         nearest = self.height_mm[columns[:, None], np.clip(rows, first[:, None], last[:, None])]
-        beside = np.where(on_face.any(axis=1)[:, None], nearest, 0.0)
+        above = np.max(self.stock_mm, axis=1, keepdims=True) + _CLEAR_MM
+        beside = np.where(on_face.any(axis=1)[:, None], nearest, above)
         return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, beside))
 
     def _safe_share(self, height: Float) -> Float:

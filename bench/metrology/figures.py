@@ -10,6 +10,8 @@ import numpy as np
 
 from bench.metrology.quantity import COVERAGE, coverage_interval, percentile
 
+LEAST_PARTS = 10  # with fewer, resampling parts says nothing about the interval
+
 
 @dataclass(frozen=True, slots=True)
 class Spread:
@@ -36,6 +38,7 @@ def spread(values: Iterable[float | None], goal: float | None = None) -> Spread:
 class Cover:
     """Errors beside their standard uncertainties, pooled over all places of all parts."""
 
+    parts: int
     share: float  # with |error| <= 2u
     low: float  # 95 % interval of it, by resampling parts
     high: float
@@ -46,7 +49,7 @@ class Cover:
     @property
     def surely_not_covered(self) -> bool:
         """Even the interval that the number of parts leaves open lies outside the goal."""
-        return self.high < COVERAGE[0] or self.low > COVERAGE[1]
+        return self.parts >= LEAST_PARTS and (self.high < COVERAGE[0] or self.low > COVERAGE[1])
 
 
 def cover(pairs: Iterable[tuple[Any, Any]]) -> Cover:
@@ -58,9 +61,9 @@ def cover(pairs: Iterable[tuple[Any, Any]]) -> Cover:
         if good.any():
             known.append((both[0][good], both[1][good]))
     if not known:
-        return Cover(*[float("nan")] * 6)
+        return Cover(0, *[float("nan")] * 6)
     inside = [np.abs(e) <= 2 * u for e, u in known]
     error, u = (np.concatenate(values) for values in zip(*known, strict=True))
     low, high = coverage_interval(inside)
     rms = float(np.sqrt(np.mean(error**2)))
-    return Cover(float(np.concatenate(inside).mean()), low, high, float(error.mean()), rms, float(u.mean()))
+    return Cover(len(known), float(np.concatenate(inside).mean()), low, high, float(error.mean()), rms, float(u.mean()))

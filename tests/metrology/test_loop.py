@@ -55,7 +55,7 @@ def test_the_worst_part_decides(changed, words):
 
 
 def test_what_the_uncertainty_does_not_cover_is_a_shortcoming():
-    found = summarise_loops("raw_arc", [part(seed, errors=case(1.8, 1.75)) for seed in range(3)])
+    found = summarise_loops("raw_arc", [part(seed, errors=case(1.8, 1.75)) for seed in range(10)])
     assert "raw_arc: root within 2u, errors" in list(found.shortcomings)
 
 

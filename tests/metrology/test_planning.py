@@ -105,7 +105,7 @@ def test_errors_of_the_edge(truth):
     assert result.across_error_mm == pytest.approx([-0.02] * len(result.across_error_mm), abs=0.001)
     assert result.turn_error_deg == pytest.approx([0.05] * len(result.turn_error_deg), abs=0.001)
     compare_path(result, toolpath(truth), truth)
-    found = summarise_plans("raw_straight", [result])
+    found = summarise_plans("raw_straight", [result] * 10)
     assert (found.normal.share, found.across.share, found.turn.share) == (1.0, 0.0, 1.0)
     assert list(found.shortcomings) == [
         f"raw_straight: {words} within 2u" for words in ("edge along n", "edge along m", "direction of n")

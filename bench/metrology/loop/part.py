@@ -18,7 +18,7 @@ from workbench.edge import segment
 from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
 from workbench.synthetic.truth import milled_truth
 from workbench.synthetic.workpiece import Workpiece
 from workbench.twin import mill, scan
@@ -31,24 +31,27 @@ CASES = ("perfect", "errors")
 
 def measure_loop(condition: str, seed: int, peers: tuple[str, ...] = ()) -> LoopResult:
     """Take raw edge `seed` of a condition through the loop, once a case. There are no peers."""
-    result = LoopResult(condition, seed)
+    return close_loop(LoopResult(condition, seed), random_recipe(condition, seed))
+
+
+def close_loop(result: LoopResult, recipe: Recipe) -> LoopResult:
+    """Scan, plan and, once a case, mill, scan and inspect the raw part of a recipe."""
     clock = Clock(result.seconds)
-    recipe = random_recipe(condition, seed)
-    recording, raw_truth = simulate_recording(recipe)
-    result.seen_share = float(raw_truth.seen.mean())
+    recording, truth = simulate_recording(recipe)
+    result.seen_share = float(truth.seen.mean())
     clock.lap("simulation")
     try:
-        _, _, toolpath = plan_as_a_user(recording, raw_truth)
+        _, _, toolpath = plan_as_a_user(recording, truth)
         clock.lap("planning")
         for case in CASES:
-            offset = injected_offset_mm(seed) if case == "errors" else np.zeros(3)
-            milled, engagement = mill(Workpiece(recipe), toolpath, seed=seed, **mechanics(case, offset))
+            offset = injected_offset_mm(result.seed) if case == "errors" else np.zeros(3)
+            milled, engagement = mill(Workpiece(recipe), toolpath, seed=result.seed, **mechanics(case, offset))
             clock.lap(f"{case}: milling")
             again = scan(milled)
             clock.lap(f"{case}: simulation")
             inspection = sections(segment(denoise(fuse(again))))
             clock.lap(f"{case}: inspection")
-            result.cases[case] = compare(inspection, milled_truth(milled), raw_truth, offset)
+            result.cases[case] = compare(inspection, milled_truth(milled), truth, offset)
             result.warnings[case] = list(engagement.warnings)
     except WorkbenchError as error:
         result.refused = str(error)

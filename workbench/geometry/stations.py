@@ -113,9 +113,11 @@ def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
 
 
 def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler: Float, sections: SectionTable,
-                    start: Int, bevel: tuple[float, float, float], face_mm: Float,
-                    reach_mm: Float) -> AnyArray:  # fmt: skip
-    """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point, 65535 all of them.
+                    start: Int, bevel: tuple[float, float, float], face_mm: Float, reach_mm: Float,
+                    beyond_mm: float = 0.0) -> AnyArray:  # fmt: skip
+    """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point.
+
+    65535: it belongs to the finished part; 65534: it stands above the finished face, and no layer takes it.
 
     Layer i takes a point away that lies above its face, and not beyond the tip of the cutter, where it cuts.
 
@@ -125,12 +127,14 @@ def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler
         sections: at n stations.
         start: (N,) station near each frame.
         bevel: cosine and sine of the bevel's angle, and the place of the finished face along its normal, mm.
-        face_mm: (n, layers) height above the finished face to which each layer cuts; infinite where it does not.
+        face_mm: (n, layers) height above the finished face to which each layer cuts, linear between the stations;
+            infinite where it does not cut.
         reach_mm: (n,) how far down the bevel's slope the tip reaches, from the lower edge.
+        beyond_mm: how far beyond the ends of the edge the cuts at its ends go on.
     """
     out = np.zeros(x_mm.shape, np.uint16)
     grid = (as_input(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
-    slope = (float(bevel[0]), float(bevel[1]), float(bevel[2]))
+    slope = (float(bevel[0]), float(bevel[1]), float(bevel[2]), 0.5 * sections.step + float(beyond_mm) + 1e-6)
     cut = (as_input(face_mm), as_input(np.min(face_mm, axis=1)), as_input(reach_mm))
     stock = (sections.axes, sections.step, as_input(start))
     over_blocks(partial(_standing, *grid, *stock, slope, *cut, out), out.shape)
@@ -139,9 +143,10 @@ def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler
 
 @njit(nogil=True, cache=True)
 def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, step: float, start: Int,
-              slope: tuple[float, float, float], face: Float, lowest: Float, reach: Float, out: AnyArray, first: int,
-              last: int) -> None:  # fmt: skip
-    half, (cosine, sine, finished) = 0.5 * step, slope
+              slope: tuple[float, float, float, float], face: Float, lowest: Float, reach: Float, out: AnyArray,
+              first: int, last: int) -> None:  # fmt: skip
+    cosine, sine, finished, beyond = slope
+    last_station = axes.shape[0] - 1
     for i in range(first, last):
         a, k = poses[i], start[i]
         for j in range(x.shape[1]):
@@ -152,14 +157,19 @@ def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, ste
             q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
             q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
             k, along, h, v = _section_of(q0, q1, q2, k, axes, step)
-            out[i, j] = 65535
             height = cosine * h + sine * v - finished
-            if abs(along) > half + 1e-6 or height <= lowest[k] or sine * h - cosine * v > reach[k]:
+            out[i, j] = 65534 if height > 0.0 else 65535
+            beside = min(max(k + 1 if along > 0.0 else k - 1, 0), last_station)
+            if abs(along) > beyond or height <= min(lowest[k], lowest[beside]) or sine * h - cosine * v > reach[k]:
                 continue
-            layer = 0
-            while height <= face[k, layer]:
-                layer += 1
-            out[i, j] = layer + 1
+            share = min(abs(along) / step, 0.5)
+            for layer in range(face.shape[1]):
+                low, next_low = face[k, layer], face[beside, layer]
+                if next_low < np.inf and low < np.inf:
+                    low += share * (next_low - low)
+                if height > low:
+                    out[i, j] = layer + 1
+                    break
 
 
 def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Float, outward: Float, axis: Float,

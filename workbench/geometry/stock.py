@@ -23,7 +23,7 @@ from workbench.units import AnyArray, Float, Float32, Int
 Axis: TypeAlias = tuple[float, float, float, float, float, float, float]  # start, unit direction, length
 
 LEAF_FRAMES, LEAF_COLUMNS = 8, 16
-ALWAYS = 2**16 - 1  # layers for which a point stands that no layer takes away
+ALWAYS = 2**16 - 1  # layers for which a point stands that must remain
 QUERIES = 2048  # in a row, so that each may begin with the answer of the one before it
 MOST_NODES = 128  # that wait at a time: less than four a level
 
@@ -47,7 +47,7 @@ def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands:
     Args:
         x_mm, z_mm: (N, M) the grid in the profiler frame.
         base_from_profiler: (N, 4, 4).
-        stands: (N, M) uint16, number of layers before which each point stands; 0: no point, `ALWAYS`: none takes it.
+        stands: (N, M) uint16, number of layers before which each point stands; 0: no point, `ALWAYS`: must remain.
     """
     shape = _levels(*x_mm.shape)
     count = int(shape[-1, 0] + shape[-1, 1] * shape[-1, 2])
@@ -59,7 +59,8 @@ def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands:
     return Stock(x, z, poses, as_input(stands), as_input(spheres), as_input(block_stands), as_input(shape))
 
 
-def axis_distances(stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float) -> Float:
+def axis_distances(stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float,
+                   flat: bool = False) -> Float:  # fmt: skip
     """Least distance (k,) of axes, straight from `start_mm` to `end_mm` (k, 3), to the points that still stand.
 
     Args:
@@ -67,11 +68,12 @@ def axis_distances(stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bou
         start_mm, end_mm: (k, 3) ends of each axis; neighbours in the list are best neighbours in space.
         layer: (k,) number of layers that are done by then.
         bound_mm: (k,) no distance is greater than this (infinite: not known).
+        flat: only points beside an axis count, as inside a cylinder with flat ends; else those beyond its ends too.
     """
     out = np.array(bound_mm, dtype=np.float64)
     grid = (stock.x_mm, stock.z_mm, stock.base_from_profiler, stock.stands)
     tree = (stock.spheres, stock.block_stands, stock.shape)
-    ask = partial(_ask, *grid, *tree, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), out)
+    ask = partial(_ask, *grid, *tree, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), flat, out)
     list(in_order(ask, len(out), QUERIES))
     return out
 
@@ -162,7 +164,7 @@ def _enclose(ball: Float, other: Float) -> None:
 
 @njit(nogil=True, cache=True)
 def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray, shape: Int,
-         start: Float, end: Float, layer: Int, out: Float, first: int, last: int) -> None:  # fmt: skip
+         start: Float, end: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:  # fmt: skip
     levels = shape.shape[0]
     top = shape[levels - 1, 0]
     nodes, bounds = np.empty((MOST_NODES, 3), np.int64), np.empty(MOST_NODES)
@@ -177,7 +179,7 @@ def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float,
         axis = (start[k, 0], start[k, 1], start[k, 2], e0 * share, e1 * share, e2 * share, length)
         best = out[k]
         if warm >= 0 and block_stands[warm] > layer[k]:
-            best = _nearest(x, z, poses, stands, warm, shape[0, 2], axis, layer[k], best)
+            best = _nearest(x, z, poses, stands, warm, shape[0, 2], axis, layer[k], flat, best)
         waiting = 1
         nodes[0, 0], nodes[0, 1], nodes[0, 2] = levels - 1, 0, 0
         bounds[0] = _bound(spheres[top], axis)
@@ -188,7 +190,7 @@ def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float,
             level, r, c = nodes[waiting, 0], nodes[waiting, 1], nodes[waiting, 2]
             if level == 0:
                 leaf = r * shape[0, 2] + c
-                nearer = _nearest(x, z, poses, stands, leaf, shape[0, 2], axis, layer[k], best)
+                nearer = _nearest(x, z, poses, stands, leaf, shape[0, 2], axis, layer[k], flat, best)
                 if nearer < best:
                     best, warm = nearer, leaf
                 continue
@@ -232,7 +234,7 @@ def _bound(sphere: Float, axis: Axis) -> float:
 
 @njit(nogil=True, cache=True)
 def _nearest(x: Float32, z: Float32, poses: Float, stands: AnyArray, leaf: int, across: int, axis: Axis,
-             layer: int, best: float) -> float:  # fmt: skip
+             layer: int, flat: bool, best: float) -> float:  # fmt: skip
     """The least of `best` and the distances of a leaf's points that still stand.
 
     In a frame both the place along the axis and the square of the distance from its start are polynomials of x and z.
@@ -256,6 +258,8 @@ def _nearest(x: Float32, z: Float32, poses: Float, stands: AnyArray, leaf: int, 
             u, w = np.float64(x[i, j]), np.float64(z[i, j])
             place = ex * u + ez * w + eo
             along = min(max(place, 0.0), axis[6])
+            if flat and along != place:
+                continue
             square = u * (xx * u + 2.0 * (xz * w + ox)) + w * (zz * w + 2.0 * oz) + oo - along * (2.0 * place - along)
             if square < least and stands[i, j] > layer:
                 least = square

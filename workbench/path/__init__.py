@@ -1,7 +1,8 @@
 """Stages that plan the milling path: `path.*`."""
 
+from workbench.path.check import check
 from workbench.path.feed import feed
 from workbench.path.layers import layers
 from workbench.path.simplify import simplify
 
-__all__ = ["feed", "layers", "simplify"]
+__all__ = ["check", "feed", "layers", "simplify"]

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from workbench.artefacts import Edge
+from workbench.artefacts import Edge, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.smoothing import local_polynomial
 from workbench.geometry.tool_frames import unit
+from workbench.path.poses import poses_of
 from workbench.units import Bool, Float
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
@@ -76,6 +77,22 @@ def edge_course(edge: Edge, s: Float, smoothing_mm: float) -> Course:
     stations, at = edge.arc_length_mm, np.clip(s, 0.0, edge.arc_length_mm[-1])
     upper, inward = _upper(edge, smoothing_mm)
     return replace(course, upper_mm=CubicSpline(stations, upper)(at), inward=unit(CubicSpline(stations, inward)(at)))
+
+
+def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
+    """The course at s (k,) with the stock: a raw edge's own, or, of a milled edge, what stood there before the cut.
+
+    The upper surface lies where the plan's finished bevel met it, square to the root face.
+    """
+    if edge.kind == "raw":
+        return edge_course(edge, s, 0.0)
+    final, course = toolpath.layers[-1], lower_course(edge, toolpath.layers[-1].arc_length_mm)
+    poses = poses_of(toolpath, final)
+    top = poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z
+    height, cut = ((top - course.position_mm) * course.across).sum(axis=1), final.cutting
+    course = lower_course(edge, s)
+    thick = np.interp(s, final.arc_length_mm[cut], height[cut]) if cut.any() else np.full(s.shape, toolpath.root_mm)
+    return replace(course, upper_mm=np.stack([np.zeros(s.size), thick], axis=1))
 
 
 def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:

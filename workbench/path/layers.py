@@ -11,7 +11,14 @@ from pydantic import Field
 from workbench.artefacts import Cloud, Cutter, Edge, Layer, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
-from workbench.path.obstacles import clearance_heights, find_foreign, find_lifts, lifted_heights, sections_of
+from workbench.path.obstacles import (
+    clearance_heights,
+    find_foreign,
+    find_lifts,
+    hold_at_ends,
+    lifted_heights,
+    sections_of,
+)
 from workbench.path.plan import Plan, cut_stretches, key_points, make_layer, make_travels, origins, tool_frames
 from workbench.path.refusals import refuse_cutter, refuse_partial_view, refuse_requirement, refuse_tight_curve
 from workbench.path.section import Bevel, bevel_of, layer_heights
@@ -104,11 +111,12 @@ def _plan(edge: Edge, cloud: Cloud, course: Course, bevel: Bevel, cutter: Cutter
     s, length = course.arc_length_mm, float(edge.arc_length_mm[-1])
     over, beside = clearance_mm[0], min(clearance_mm)
     outward, quaternion = tool_frames(course, bevel)
-    foreign = find_foreign(cloud, edge, sections_of(edge, edge_course(edge, edge.arc_length_mm, 0.0)))
+    foreign = find_foreign(cloud, edge, sections_of(edge_course(edge, edge.arc_length_mm, 0.0)))
     reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
     needed = clearance_heights(foreign, course, origins(course, bevel, 0.0), quaternion, reach)
     clear = float(bevel.height_mm(course.upper_mm).max()) + over
-    lifts = tuple(find_lifts(s, course.seen, needed, clear, over - beside, ramp_mm))
+    found = find_lifts(s, course.seen, needed, clear, over - beside, ramp_mm)
+    lifts = hold_at_ends(found, 0.0, length, ramp_mm)
     refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0, ramp_mm), cutter)
     return Plan(course, bevel, outward, quaternion, lifts, clear, ramp_mm, 0.0, length, lead_mm, v_slow_mm_s)
 

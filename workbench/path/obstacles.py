@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from workbench.units import Bool, Float, Int
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
+LEAST_CUT_MM = 2.0  # for less the cutter does not come down
 BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
 
 
@@ -48,9 +50,9 @@ class Lift:
     share: float = 1.0  # of the way up to that height: a short gap leaves no room for more
 
 
-def sections_of(edge: Edge, course: Course) -> SectionTable:
-    """The stock's sections at the stations of the edge; `course` is at the stations."""
-    step = float(edge.arc_length_mm[-1]) / (len(edge.arc_length_mm) - 1)
+def sections_of(course: Course) -> SectionTable:
+    """The stock's sections at the places of `course`, which are at even distances from arc length 0."""
+    step = float(course.arc_length_mm[-1]) / (len(course.arc_length_mm) - 1)
     arrays = (course.position_mm, course.tangent, course.normal, course.across, course.upper_mm, course.inward)
     return section_table(step, *arrays)
 
@@ -106,7 +108,9 @@ def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm:
     for first, last in _runs(~seen | blocked):
         here, in_way = slice(first, last + 1), np.flatnonzero(blocked[first : last + 1]) + first
         gap = np.flatnonzero(~seen[here]) + first
-        low, high = (float(s[gap[0]]) + ramp_mm, float(s[gap[-1]]) - ramp_mm) if gap.size else (np.inf, -np.inf)
+        low, high = np.inf, -np.inf
+        if gap.size:  # between the last place that was seen and the next one
+            low, high = float(s[gap[0] - 1]) + ramp_mm, float(s[min(gap[-1] + 1, s.size - 1)]) - ramp_mm
         height, share = clear_mm, 1.0
         if in_way.size:
             low, high = min(low, float(s[in_way[0]])), max(high, float(s[in_way[-1]]))
@@ -120,6 +124,16 @@ def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm:
     return _merged(lifts, ramp_mm)
 
 
+def hold_at_ends(lifts: Sequence[Lift], from_mm: float, to_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
+    """The lifts, gone on with beyond an end of the stretch if there is no room to come down before it."""
+    out = list(lifts)
+    if out and out[0].from_mm - ramp_mm < from_mm + LEAST_CUT_MM:
+        out[0] = replace(out[0], from_mm=-math.inf, share=1.0)
+    if out and out[-1].to_mm + ramp_mm > to_mm - LEAST_CUT_MM:
+        out[-1] = replace(out[-1], to_mm=math.inf, share=1.0)
+    return tuple(out)
+
+
 def _runs(mask: Bool) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
@@ -130,7 +144,7 @@ def _merged(lifts: list[Lift], ramp_mm: float) -> list[Lift]:
     """Lifts between which there is no room to come down are one."""
     out: list[Lift] = []
     for lift in lifts:
-        if out and lift.from_mm - out[-1].to_mm < 2.0 * ramp_mm:
+        if out and lift.from_mm - out[-1].to_mm < 2.0 * ramp_mm + LEAST_CUT_MM:
             before = out.pop()
             reason = max(before.reason, lift.reason, key=lambda r: r.startswith("clamp"))
             height, share = max(before.height_mm, lift.height_mm), max(before.share, lift.share)

@@ -17,6 +17,9 @@ from workbench.path.poses import cutter_ends, poses_of
 from workbench.path.section import Bevel, bevel_of
 from workbench.units import AnyArray, Bool, Float
 
+ON_LAYER_MM = 1e-3
+SWEPT_STATIONS = 10  # a mm of edge: fine enough for the steep sides of the circle that a cutter leaves
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remaining:
@@ -32,19 +35,36 @@ def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
     return Remaining(stock, tuple(_face_lines(toolpath, layer) for layer in toolpath.layers))
 
 
-def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> AnyArray:
-    """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`)."""
-    bevel, stations = bevel_of(toolpath.root_mm, toolpath.bevel_deg), edge.arc_length_mm
-    sections = sections_of(edge, lower_course(edge, stations))
-    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, stations.size)
-    cosine, sine = bevel.normal
-    final = toolpath.layers[-1]
+def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
+    """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`).
+
+    `swept`: all that the cutter takes. It is round, so it takes some of what lies beside its places too; what sticks
+    out of thin stock where a layer passes above it; and nothing below the finished face.
+    """
+    bevel, length = bevel_of(toolpath.root_mm, toolpath.bevel_deg), float(edge.arc_length_mm[-1])
+    count = (len(edge.arc_length_mm) - 1) * (SWEPT_STATIONS if swept else 1) + 1
+    table = lower_course(edge, np.linspace(0.0, length, count))
+    sections = sections_of(table)
+    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, count)
+    (cosine, sine), radius = bevel.normal, toolpath.cutter.diameter_mm / 2.0
+    final, faces = toolpath.layers[-1], []
     course = lower_course(edge, final.arc_length_mm)
-    face = np.stack([_cut_heights(toolpath, layer, course, bevel, stations) for layer in toolpath.layers], axis=1)
-    down = (_from_edge(toolpath, final, course) @ np.array([[sine], [-cosine]]))[:, 0]
-    reach = np.interp(stations, final.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
+    for layer in toolpath.layers:
+        if layer.arc_length_mm is not final.arc_length_mm:
+            course = lower_course(edge, layer.arc_length_mm)
+        height = bevel.height_mm(from_edge(toolpath, layer, course))
+        if swept:
+            down = layer.measured & (layer.cutting | (np.abs(height - layer.height_mm) < ON_LAYER_MM))
+            height = np.where(down, np.maximum(height, 0.0), np.inf)
+            faces.append(_swept(height, layer.arc_length_mm, table, bevel, radius))
+        else:
+            height = np.where(layer.cutting, height, np.inf)
+            faces.append(_at_stations(height, layer.arc_length_mm, table.arc_length_mm))
+    down = (from_edge(toolpath, layer, course) @ np.array([[sine], [-cosine]]))[:, 0]
+    reach = np.interp(table.arc_length_mm, layer.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
     return standing_layers(cloud.x_mm, cloud.z_mm, cloud.keep, cloud.base_from_profiler, sections, start,
-                           (cosine, sine, bevel.root_mm * sine), face, reach)  # fmt: skip
+                           (cosine, sine, bevel.root_mm * sine), np.stack(faces, axis=1), reach,
+                           radius if swept else 0.0)  # fmt: skip
 
 
 def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int,
@@ -71,20 +91,35 @@ def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
     return moves
 
 
-def _from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:
+def from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:
     """A layer's origins in the section plane (k, 2), along n and m, from the lower edge."""
     off = poses_of(toolpath, layer).origin_mm - course.position_mm
     return np.stack([(off * course.normal).sum(axis=1), (off * course.across).sum(axis=1)], axis=1)
 
 
-def _cut_heights(toolpath: Toolpath, layer: Layer, course: Course, bevel: Bevel, stations: Float) -> Float:
-    """Height (n,) above the finished face to which a layer cuts at the stations; infinite where it does not."""
-    height = np.where(layer.cutting, bevel.height_mm(_from_edge(toolpath, layer, course)), np.inf)
-    s = layer.arc_length_mm
+def _at_stations(height: Float, s: Float, stations: Float) -> Float:
+    """Heights (k,) at arc lengths s (k,) as those of the nearest stations (n,); infinite beyond the ends."""
     after = np.clip(np.searchsorted(s, stations), 1, s.size - 1)
     nearest = np.where(stations - s[after - 1] < s[after] - stations, after - 1, after)
     inside = (stations >= s[0] - 0.5) & (stations <= s[-1] + 0.5)
     return np.where(inside, height[nearest], np.inf)
+
+
+def _swept(height: Float, s: Float, table: Course, bevel: Bevel, radius: float) -> Float:
+    """Height (n,) at the stations of `table` that a cutter leaves which cuts to heights (k,) at s (k,).
+
+    Across the feed it leaves a circle at each place. Seen from an edge that bends towards the cutter the circle is
+    flatter: 1 / radius - curvature.
+    """
+    at, out = table.arc_length_mm, np.full(table.arc_length_mm.shape, np.inf)
+    steep = np.maximum(1.0 / radius - table.curvature @ bevel.normal, 1e-3)
+    first = np.searchsorted(s, at - radius)
+    for k in range(int(np.max(np.searchsorted(s, at + radius, side="right") - first))):
+        key = np.minimum(first + k, s.size - 1)
+        apart = np.abs(s[key] - at)
+        rise = (1.0 - np.sqrt(np.maximum(1.0 - (apart * steep) ** 2, 0.0))) / steep
+        out = np.minimum(out, np.where(apart <= radius, height[key] + rise, np.inf))
+    return out
 
 
 def _face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:

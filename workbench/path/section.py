@@ -10,7 +10,7 @@ import numpy as np
 from workbench.path.course import Course
 from workbench.units import DEG, Float
 
-LEAST_DEPTH_MM = 0.02  # less than this is not worth a layer of its own; about the noise of the upper edge
+LEAST_DEPTH_MM = 0.05  # less than this is no layer of its own: the upper edge is not known better
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,83 @@
+"""Checks of the cutter against the cloud: what it must not meet, and what must remain of the part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
+from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
+from workbench.path.course import stocked_course
+from workbench.path.obstacles import find_foreign, sections_of
+from workbench.path.poses import poses_of
+from workbench.path.remaining import moves_in_order, standing
+from workbench.path.section import bevel_of
+from workbench.units import Float, Int
+
+SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
+STEP_MM = 1.0  # between looks at a move through the air
+
+
+def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float) -> Iterator[str]:
+    """Where the cutter enters what it must not, in words.
+
+    The finished part and all that is foreign by more than `penetration_mm` + 3 u; the stock that stands besides by more
+    than the depth of cut.
+    """
+    stands = standing(toolpath, cloud, edge, swept=True)
+    taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
+    for layer in toolpath.layers[1:]:  # the first may be too thin to hold a point
+        if layer.index not in taken:
+            yield f"layer {layer.index} takes nothing away that was measured"
+    foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
+    stands[foreign.frame, foreign.column] = ALWAYS
+    stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
+    allowed = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge)
+    for points, done in moves_in_order(toolpath):
+        yield from _entered(toolpath, points, ALWAYS - 1, stock, allowed, "what must remain")
+        yield from _entered(toolpath, points, done + isinstance(points, Layer), stock,
+                            max(toolpath.depth_of_cut_mm, allowed), "the stock")  # fmt: skip
+
+
+def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
+    """Standard uncertainty of the finished bevel's place, along its normal: the worst along the edge."""
+    if edge.position_u_mm is None:
+        return 0.0
+    b = bevel_of(toolpath.root_mm, toolpath.bevel_deg).normal
+    u = np.hypot(edge.position_u_mm[:, 0] * b[0], edge.position_u_mm[:, 1] * b[1])
+    return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
+
+
+def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float,
+             what: str) -> Iterator[str]:  # fmt: skip
+    """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
+    cutter, poses = toolpath.cutter, poses_of(toolpath, points)
+    radius, tip = cutter.diameter_mm / 2.0, cutter.flute_length_mm / 2.0
+    if allowed >= radius:
+        return
+    centre = poses.origin_mm - radius * poses.x
+    axis, at = poses.z, np.arange(len(centre))
+    if isinstance(points, Travel):
+        centre, axis, at = _dense(centre, poses.z)
+    start, end = centre + (tip - allowed) * axis, centre - SHANK_MM * axis
+    bound = np.full(len(start), radius - allowed)
+    depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat=True)
+    worst = int(np.argmax(depth))
+    if depth[worst] > allowed + 1e-9:
+        where = f"at {np.round(centre[worst], 1).tolist()} mm in the air"
+        if isinstance(points, Layer):
+            where = f"in layer {points.index} at arc length {points.arc_length_mm[at[worst]]:.1f} mm"
+        yield f"the cutter enters {what} by {depth[worst]:.2f} mm {where}"
+
+
+def _dense(centre: Float, axis: Float) -> tuple[Float, Float, Int]:
+    """Points every mm on the straight lines of a move through the air."""
+    length = np.linalg.norm(np.diff(centre, axis=0), axis=1)
+    counts = np.maximum(np.ceil(length / STEP_MM).astype(int), 1)
+    at = np.concatenate([np.repeat(np.arange(len(counts)), counts), [len(centre) - 1]]).astype(np.int64)
+    share = np.concatenate([*(np.arange(n) / n for n in counts), [0.0]])[:, None]
+    after = np.minimum(at + 1, len(centre) - 1)
+    middle = axis[at] + share * (axis[after] - axis[at])
+    return (centre[at] + share * (centre[after] - centre[at]),
+            middle / np.linalg.norm(middle, axis=1, keepdims=True), at)  # fmt: skip

@@ -3,6 +3,7 @@
 from workbench.path.check import check
 from workbench.path.feed import feed
 from workbench.path.layers import layers
+from workbench.path.rework import rework
 from workbench.path.simplify import simplify
 
-__all__ = ["check", "feed", "layers", "simplify"]
+__all__ = ["check", "feed", "layers", "rework", "simplify"]

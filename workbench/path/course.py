@@ -90,9 +90,15 @@ def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
     poses = poses_of(toolpath, final)
     top = poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z
     height, cut = ((top - course.position_mm) * course.across).sum(axis=1), final.cutting
-    course = lower_course(edge, s)
-    thick = np.interp(s, final.arc_length_mm[cut], height[cut]) if cut.any() else np.full(s.shape, toolpath.root_mm)
-    return replace(course, upper_mm=np.stack([np.zeros(s.size), thick], axis=1))
+    if not cut.any():
+        return with_thickness(lower_course(edge, s), np.zeros(1), np.full(1, toolpath.root_mm))
+    return with_thickness(lower_course(edge, s), final.arc_length_mm[cut], height[cut])
+
+
+def with_thickness(course: Course, arc_length_mm: Float, thickness_mm: Float) -> Course:
+    """The course under a plate of a thickness (g,) at arc lengths (g,): square to the end face."""
+    thick = np.interp(course.arc_length_mm, arc_length_mm, thickness_mm)
+    return replace(course, upper_mm=np.stack([np.zeros(thick.size), thick], axis=1))
 
 
 def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:

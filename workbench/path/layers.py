@@ -5,25 +5,17 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Cutter, Edge, Layer, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
-from workbench.path.obstacles import (
-    clearance_heights,
-    find_foreign,
-    find_lifts,
-    hold_at_ends,
-    lifted_heights,
-    sections_of,
-)
-from workbench.path.plan import Plan, cut_stretches, key_points, make_layer, make_travels, origins, tool_frames
-from workbench.path.refusals import refuse_cutter, refuse_partial_view, refuse_requirement, refuse_tight_curve
+from workbench.path.make_plan import make_plan, travels_of
+from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
+from workbench.path.refusals import refuse_cutter, refuse_partial_view, refuse_requirement
 from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
-from workbench.units import Bool, Float
+from workbench.units import Bool
 
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
 
@@ -84,17 +76,17 @@ def layers(
     """
     refuse_partial_view(edge, least_seen_share)
     bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
-    course = edge_course(edge, key_points(0.0, length, lead_mm), smoothing_mm)
+    course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
     cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
     refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)
-    plan = _plan(edge, cloud, course, bevel, cutter, (clearance_mm, side_clearance_mm), ramp_mm, lead_mm, v_slow_mm_s)
-    cut = _cut_layers(plan, at, depth_of_cut_mm)
-    high = max([plan.clear_mm, *(lift.height_mm for lift in plan.lifts)]) + clearance_mm
-    refuse_tight_curve(course, bevel, np.full(at.shape, high), cutter)
+    air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
+    table = edge_course(edge, edge.arc_length_mm, 0.0)
+    plan = make_plan(edge, cloud, course, table, bevel, cutter, air, v_slow_mm_s)
+    cut = _cut_layers(plan, depth_of_cut_mm)
     return Toolpath(
-        cutter=cutter, layers=cut, travels=make_travels(plan, cut, high), root_mm=root_mm, bevel_deg=bevel_deg,
+        cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=root_mm, bevel_deg=bevel_deg,
         depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part_id=cloud.part_id,
         source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings,
     )  # fmt: skip
@@ -105,42 +97,25 @@ def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
     return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
 
 
-def _plan(edge: Edge, cloud: Cloud, course: Course, bevel: Bevel, cutter: Cutter, clearance_mm: tuple[float, float],
-          ramp_mm: float, lead_mm: float, v_slow_mm_s: float) -> Plan:  # fmt: skip
-    """Tool frames along the course, and what must be passed above."""
-    s, length = course.arc_length_mm, float(edge.arc_length_mm[-1])
-    over, beside = clearance_mm[0], min(clearance_mm)
-    outward, quaternion = tool_frames(course, bevel)
-    foreign = find_foreign(cloud, edge, sections_of(edge_course(edge, edge.arc_length_mm, 0.0)))
-    reach = (cutter.diameter_mm / 2.0, beside, cutter.flute_length_mm / 2.0)
-    needed = clearance_heights(foreign, course, origins(course, bevel, 0.0), quaternion, reach)
-    clear = float(bevel.height_mm(course.upper_mm).max()) + over
-    found = find_lifts(s, course.seen, needed, clear, over - beside, ramp_mm)
-    lifts = hold_at_ends(found, 0.0, length, ramp_mm)
-    refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0, ramp_mm), cutter)
-    return Plan(course, bevel, outward, quaternion, lifts, clear, ramp_mm, 0.0, length, lead_mm, v_slow_mm_s)
-
-
-def _cut_layers(plan: Plan, at: Bool, depth_of_cut_mm: float) -> tuple[Layer, ...]:
+def _cut_layers(plan: Plan, depth_of_cut_mm: float) -> tuple[Layer, ...]:
     """The layers that cut somewhere, in cutting order."""
     reachable = make_layer(plan, 1, 0.0).cutting
     if not reachable.any():
         reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
         raise InputError("edge", f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length")
-    stock: Float = plan.bevel.height_mm(plan.course.upper_mm)[reachable & at]
-    heights = layer_heights(stock, depth_of_cut_mm)
+    heights = layer_heights(plan.stock_mm[reachable], depth_of_cut_mm)
     return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
 
 
 def _refused(plan: Plan, final: Layer) -> tuple[str, ...]:
     """Stretches of the edge that the final layer does not cut, and why."""
     s = plan.course.arc_length_mm
-    inside = (s >= plan.from_mm - 1e-6) & (s <= plan.to_mm + 1e-6)
+    inside = (s >= -1e-6) & (s <= plan.length_mm + 1e-6)
     return tuple(
         f"arc length {a:.1f} to {b:.1f} mm: {_reason(plan, a, b)}" for a, b in cut_stretches(s, inside & ~final.cutting)
     )
 
 
 def _reason(plan: Plan, a: float, b: float) -> str:
-    near = [x.reason for x in plan.lifts if x.to_mm + plan.ramp_mm >= a and x.from_mm - plan.ramp_mm <= b]
+    near = [x.reason for x in plan.lifts if x.to_mm + plan.air.ramp_mm >= a and x.from_mm - plan.air.ramp_mm <= b]
     return ", ".join(dict.fromkeys(near)) or "no stock above the finished bevel"

@@ -121,7 +121,7 @@ def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm:
             share = float(smoothstep(np.array(half / ramp_mm)))
         lifts.append(Lift(low, high, height, "clamp or other material in the way" if in_way.size else "not measured",
                           share))  # fmt: skip
-    return _merged(lifts, ramp_mm)
+    return merged(lifts, ramp_mm)
 
 
 def hold_at_ends(lifts: Sequence[Lift], from_mm: float, to_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
@@ -140,10 +140,10 @@ def _runs(mask: Bool) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _merged(lifts: list[Lift], ramp_mm: float) -> list[Lift]:
-    """Lifts between which there is no room to come down are one."""
+def merged(lifts: Sequence[Lift], ramp_mm: float) -> list[Lift]:
+    """Lifts in order; those between which there is no room to come down are one."""
     out: list[Lift] = []
-    for lift in lifts:
+    for lift in sorted(lifts, key=lambda x: x.from_mm):
         if out and lift.from_mm - out[-1].to_mm < 2.0 * ramp_mm + LEAST_CUT_MM:
             before = out.pop()
             reason = max(before.reason, lift.reason, key=lambda r: r.startswith("clamp"))

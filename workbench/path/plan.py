@@ -12,7 +12,7 @@ from workbench.artefacts import Layer, Travel
 from workbench.geometry.tool_frames import bevel_normal, smoothstep, tool_quaternions
 from workbench.path.course import Course
 from workbench.path.obstacles import Lift, lifted_heights
-from workbench.path.section import Bevel
+from workbench.path.section import LEAST_DEPTH_MM, Bevel
 from workbench.units import Bool, Float, Int
 
 KEY_POINT_MM = 1.0
@@ -21,31 +21,39 @@ CUTTING_LIFT_MM = 1e-9  # above its layer by more than this the cutter is being 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Air:
+    """How the cutter passes above what it does not cut, mm."""
+
+    over_mm: float  # clearance above stock and clamps
+    beside_mm: float  # clearance beside a clamp
+    ramp_mm: float  # edge along which it rises
+    lead_mm: float  # length of lead-in and lead-out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """What all layers of a path share: places along the edge, tool frames, lifts."""
 
     course: Course  # at the k points of every layer, lead-in and lead-out included
     bevel: Bevel
+    stock_mm: Float  # (k,) height of the stock above the finished face
     outward: Float  # (k, 3) b
     quaternion_wxyz: Float  # (k, 4)
     lifts: tuple[Lift, ...]
     clear_mm: float  # height above the finished face that clears the stock
-    ramp_mm: float
-    from_mm: float  # stretch that is to be milled
-    to_mm: float
-    lead_mm: float
+    air: Air
+    length_mm: float  # of the edge
     v_slow_mm_s: float
 
 
-def key_points(from_mm: float, to_mm: float, lead_mm: float) -> Float:
-    """Arc lengths (k,) of a layer's points: one every mm from `from_mm`, the last at `to_mm`; leads before and after.
+def key_points(length_mm: float, lead_mm: float) -> Float:
+    """Arc lengths (k,) of a layer's points: one every mm from 0, the last at the end of the edge, and both leads.
 
     The last interval may be shorter, but no shorter than a hundredth of a mm.
     """
-    length = to_mm - from_mm
-    inner = np.arange(0.0, length - 0.01 * KEY_POINT_MM, KEY_POINT_MM)
+    inner = np.arange(0.0, length_mm - 0.01 * KEY_POINT_MM, KEY_POINT_MM)
     lead = np.arange(1, max(1, round(lead_mm / KEY_POINT_MM)) + 1) * KEY_POINT_MM
-    return from_mm + np.concatenate([-lead[::-1], inner, [length], length + lead])
+    return np.concatenate([-lead[::-1], inner, [length_mm], length_mm + lead])
 
 
 def tool_frames(course: Course, bevel: Bevel) -> tuple[Float, Float]:
@@ -59,28 +67,20 @@ def origins(course: Course, bevel: Bevel, height_mm: float) -> Float:
     return np.asarray(course.position_mm + course.in_base(bevel.middle(course, height_mm)))
 
 
-def make_layer(plan: Plan, index: int, height_mm: float, face_mm: Float | None = None) -> Layer:
-    """The layer at a height above the finished face.
-
-    Args:
-        plan: what all layers share.
-        index: from 1, in cutting order.
-        height_mm: of the layer.
-        face_mm: (k,) height that its face has at each place instead (rework fades out into what is there).
-    """
-    course, bevel, s = plan.course, plan.bevel, plan.course.arc_length_mm
-    face = np.full(s.shape, height_mm) if face_mm is None else face_mm
-    lead = smoothstep(np.maximum(plan.from_mm - s, s - plan.to_mm) / plan.lead_mm)
-    height = np.maximum(lifted_heights(s, plan.lifts, height_mm, plan.ramp_mm), face + lead * (plan.clear_mm - face))
-    lift = height - face
-    width = bevel.width_mm(course, face)
-    inside = (s > plan.from_mm - 1e-6) & (s < plan.to_mm + 1e-6)
-    cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (width > 0.0)
+def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
+    """The layer at a height above the finished face; `index` from 1, in cutting order."""
+    course, s = plan.course, plan.course.arc_length_mm
+    lead = smoothstep(np.maximum(-s, s - plan.length_mm) / plan.air.lead_mm)
+    lifted = lifted_heights(s, plan.lifts, height_mm, plan.air.ramp_mm)
+    lift = np.maximum(lifted - height_mm, lead * (plan.clear_mm - height_mm))
+    inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
+    cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (plan.stock_mm - height_mm > LEAST_DEPTH_MM)
     return Layer(
         index=index, height_mm=float(height_mm), arc_length_mm=s,
-        position_mm=origins(course, bevel, height_mm) + (height - height_mm)[:, None] * plan.outward,
+        position_mm=origins(course, plan.bevel, height_mm) + lift[:, None] * plan.outward,
         quaternion_wxyz=plan.quaternion_wxyz, feed_mm_s=np.full(s.shape, plan.v_slow_mm_s),
-        cutting=cutting, measured=course.seen, width_mm=np.where(cutting, width, 0.0),
+        cutting=cutting, measured=course.seen,
+        width_mm=np.where(cutting, plan.bevel.width_mm(course, height_mm), 0.0),
     )  # fmt: skip
 
 

@@ -44,8 +44,7 @@ class Bevel:
         """Width (k,) of the face at a height, up the bevel; 0 where the stock does not reach that high."""
         lower, upper = self.face(course, height_mm)
         up = np.array([-math.sin(self.angle), math.cos(self.angle)])
-        stands = self.height_mm(course.upper_mm) - height_mm > LEAST_DEPTH_MM
-        return np.asarray(np.where(stands, np.maximum((upper - lower) @ up, 0.0), 0.0))
+        return np.asarray(np.maximum((upper - lower) @ up, 0.0))
 
     def middle(self, course: Course, height_mm: float | Float) -> Float:
         """Middle (k, 2) of the face at a height: the origin of the tool's frame."""

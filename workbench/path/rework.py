@@ -1,0 +1,150 @@
+"""`path.rework`: a path for the stretches of an inspected edge with too much material; too little is reported."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, Edge, Inspection, Rework, Stretch, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.stations import nearest_stations
+from workbench.path.check import check
+from workbench.path.course import Course, lower_course, with_thickness
+from workbench.path.excess import Excess, excess_of
+from workbench.path.feed import feed
+from workbench.path.make_plan import make_plan, travels_of
+from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
+from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
+from workbench.path.poses import poses_of
+from workbench.path.refusals import refuse_cutter
+from workbench.path.section import Bevel, bevel_of, layer_heights
+from workbench.stage import stage
+from workbench.units import Bool, Float
+
+LEAVE = "nothing to rework"
+
+
+@stage("path.rework")
+def rework(
+    edge: Edge,
+    inspection: Inspection,
+    toolpath: Toolpath,
+    cloud: Cloud,
+    *,
+    overlap_mm: Annotated[float, Field(ge=0, le=50, description="milled beyond each end of a failing stretch")] = 3.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height above stock and clamps in the air")] = 5.0,
+    side_clearance_mm: Annotated[float, Field(ge=0.1, le=50, description="distance to a clamp beside it")] = 2.0,
+    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 10.0,
+    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000, description="feed far from all material")] = 20.0,
+    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="greatest change of the feed")] = 50.0,
+) -> Rework:
+    """Plan to mill again where an inspection fails by too much material, and only there.
+
+    The profile of the inspection is judged place by place (ISO 14253-1). A place that fails is milled to the required
+    bevel if the measured face lies on or above it; layers step down by the depth of cut of the first plan, and beyond
+    the ends of a stretch the cutter rises out of the surface that is there. Where the root is too small, or a failing
+    angle has left part of the face below the required one, nothing can be mended: that is said, with the amount.
+
+    Args:
+        edge: the milled edge as measured.
+        inspection: of that edge.
+        toolpath: that it was milled with: its cutter, requirement and depth of cut hold again.
+        cloud: the scan of the milled edge.
+        overlap_mm: milled beyond each end of a failing stretch.
+        clearance_mm, side_clearance_mm, ramp_mm, lead_mm: as in `path.layers`.
+        v_fast_mm_s, acceleration_mm_s2: as in `path.feed`; the path is checked as by `path.check`.
+
+    Raises:
+        InputError: a raw edge, or an inspection of another edge.
+    """
+    if edge.kind != "milled" or len(inspection.profile.root_mm) != len(edge.arc_length_mm):
+        raise InputError("edge", "expected the milled edge that was inspected")
+    bevel = bevel_of(toolpath.root_mm, toolpath.bevel_deg)
+    table = with_thickness(lower_course(edge, edge.arc_length_mm), *_thickness(edge, toolpath))
+    excess = excess_of(inspection, bevel, table.upper_mm[:, 1])
+    too_much, too_little = excess.fails & ~excess.lacks, excess.lacks
+    told = _stretches(table, excess, too_much), _stretches(table, excess, too_little)
+    path, warnings = None, edge.warnings
+    if too_much.any():
+        air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
+        wanted = _widened(edge.arc_length_mm, too_much, overlap_mm)
+        path = _path(edge, cloud, toolpath, table, bevel, excess, wanted, air)
+        path = feed(path, cloud, edge, v_slow_mm_s=toolpath.v_slow_mm_s, v_fast_mm_s=v_fast_mm_s,
+                    acceleration_mm_s2=acceleration_mm_s2)  # fmt: skip
+        gate = check(path, edge, cloud, v_fast_mm_s=v_fast_mm_s, acceleration_mm_s2=acceleration_mm_s2)
+        path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
+    return Rework(path, *told, _reason(*told), warnings)
+
+
+def _thickness(edge: Edge, toolpath: Toolpath) -> tuple[Float, Float]:
+    """Arc lengths (g,) and the stock's thickness there: where the plan's finished bevel met the upper surface."""
+    final = toolpath.layers[-1]
+    if not final.cutting.any():
+        raise InputError("toolpath", "expected a path that cuts something")
+    poses = poses_of(toolpath, final)
+    top = (poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z)[final.cutting]
+    guess = np.clip(np.rint(final.arc_length_mm[final.cutting]), 0, len(edge.arc_length_mm) - 1).astype(np.int64)
+    _, arc, section = nearest_stations(top, guess, sections_of(lower_course(edge, edge.arc_length_mm)))
+    order = np.argsort(arc)
+    return arc[order], section[order, 1]
+
+
+def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
+    """Runs of True as arc lengths, each wider by `by_mm` at both ends, within the edge."""
+    return [(max(a - by_mm, 0.0), min(b + by_mm, float(s[-1]))) for a, b in cut_stretches(s, mask)]
+
+
+def _path(edge: Edge, cloud: Cloud, before: Toolpath, table: Course, bevel: Bevel, excess: Excess,
+          wanted: list[tuple[float, float]], air: Air) -> Toolpath:  # fmt: skip
+    """The path over the whole edge that comes down on the wanted stretches only."""
+    s = key_points(float(edge.arc_length_mm[-1]), air.lead_mm)
+    course = with_thickness(lower_course(edge, s), table.arc_length_mm, table.upper_mm[:, 1])
+    at = course.seen & (s >= 0.0) & (s <= edge.arc_length_mm[-1])
+    refuse_cutter(course, at, bevel, before.cutter, before.depth_of_cut_mm)
+    clear = float(bevel.height_mm(course.upper_mm).max()) + air.over_mm
+    leave = _between(wanted, clear, air.ramp_mm)
+    plan = make_plan(edge, cloud, course, table, bevel, before.cutter, air, before.v_slow_mm_s, leave)
+    good = np.isfinite(excess.height_mm)
+    stock = np.interp(s, edge.arc_length_mm[good], excess.height_mm[good])
+    plan = Plan(course, bevel, stock, plan.outward, plan.quaternion_wxyz, plan.lifts, plan.clear_mm, air,
+                plan.length_mm, plan.v_slow_mm_s)  # fmt: skip
+    down = make_layer(plan, 1, 0.0).cutting
+    heights = layer_heights(stock[down], before.depth_of_cut_mm) if down.any() else np.zeros(1)
+    cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
+    return Toolpath(
+        cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=before.root_mm,
+        bevel_deg=before.bevel_deg, depth_of_cut_mm=before.depth_of_cut_mm, v_slow_mm_s=before.v_slow_mm_s,
+        edge_length_mm=plan.length_mm, part_id=cloud.part_id, source=cloud.source,
+    )  # fmt: skip
+
+
+def _between(wanted: list[tuple[float, float]], clear_mm: float, ramp_mm: float) -> list[Lift]:
+    """Lifts over what lies between the stretches, where there is room to rise."""
+    ends = [-math.inf, *(x for stretch in wanted for x in stretch), math.inf]
+    gaps = zip(ends[::2], ends[1::2], strict=True)
+    return [Lift(a + ramp_mm, b - ramp_mm, clear_mm, LEAVE) for a, b in gaps if b - a > 2.0 * ramp_mm + LEAST_CUT_MM]
+
+
+def _stretches(table: Course, excess: Excess, mask: Bool) -> tuple[Stretch, ...]:
+    """Runs of True with what stands above the required face there, or lacks."""
+    s, found = table.arc_length_mm, []
+    for a, b in cut_stretches(s, mask):
+        here = (s >= a) & (s <= b)
+        above, lack = float(np.nanmax(excess.height_mm[here])), float(np.nanmax(excess.lack_mm[here]))
+        words = f"{lack:.2f} mm below" if excess.lacks[here].any() else f"{above:.2f} mm above"
+        found.append(Stretch(a, b, f"the bevel face lies up to {words} the required one"))
+    return tuple(found)
+
+
+def _reason(too_much: tuple[Stretch, ...], too_little: tuple[Stretch, ...]) -> str:
+    parts = []
+    if too_much:
+        parts.append(f"too much material on {len(too_much)} stretches, from arc length {too_much[0].from_mm:.1f} mm")
+    if too_little:
+        parts.append(f"too little material on {len(too_little)} stretches, from arc length "
+                     f"{too_little[0].from_mm:.1f} mm: these cannot be mended")  # fmt: skip
+    return "; ".join(parts) or LEAVE

@@ -1,7 +1,7 @@
 """What people get wrong in loading tests, and what each mistake would look like: signs, conventions, units, axes.
 
-A mistake is tried only when the loads fit badly or ask for negative stiffness: the data are read once more as if it had
-been made, and it is named if they then fit.
+A mistake is tried only when the loads fit badly, say nothing or ask for an impossible robot: the data are read once
+more as if it had been made, and it is named if they then make sense.
 """
 
 from __future__ import annotations
@@ -12,33 +12,51 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from workbench.api import Chain, Float, LoadingSetup, abb_angles, forward_kinematics, within_limits
-from workbench.plugins.stiffness.equations import equations
+from workbench.plugins.stiffness.equations import Equations, covariances, equations
 from workbench.plugins.stiffness.estimate import Estimate, solve
 from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import LoadingTests
 
-BETTER = 10.0  # how many times smaller the misfit must become
+MISFIT = 10.0  # ratio of the residuals' variance to the noise's that asks for a reason
 SURE = 3.0  # standard uncertainties by which a compliance counts as negative
+EXPLAINED = 0.3  # share of the displacements' square that may be left over, for a reading that makes sense
+PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
 
 
-def suspicious(found: Estimate) -> bool:
-    """Whether the loads fit much worse than their noise, or ask for a negative stiffness."""
-    return found.scale2 > BETTER or not _possible(found)
+def makes_sense(found: Estimate, largest_relative_u: float) -> bool:
+    """Whether an estimate is of a possible robot, and known well enough."""
+    u = found.u * np.sqrt(max(found.scale2, 1.0))
+    if not (found.compliance > 0).all() or (u > largest_relative_u * found.compliance).any():
+        return False
+    return PLAUSIBLE_NM_PER_RAD[0] < mean_stiffness(found) < PLAUSIBLE_NM_PER_RAD[1]
 
 
-def explain(chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate) -> str | None:
-    """The mistake that explains the misfit best, in words; None: none does."""
-    enough = found.scale2 / BETTER if _possible(found) else max(4.0, 2 * found.scale2)
+def mean_stiffness(found: Estimate) -> float:
+    """Geometric mean over the joints, Nm/rad."""
+    return float(np.exp(-np.mean(np.log(found.compliance))))
+
+
+def explain(chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate,
+            largest_relative_u: float) -> str | None:  # fmt: skip
+    """The mistake that explains best why an estimate fits badly or makes no sense, in words; None: none does."""
+    sense = makes_sense(found, largest_relative_u)
+    if sense and found.scale2 < MISFIT:
+        return None
+    away = np.log(found.scale2 / MISFIT) if sense else np.inf
     fits = []
     for what, changed in _readings(chain, tests):
-        other = solve(equations(chain, setup, changed), np.ones(len(tests.lines)))
-        if _possible(other) and other.scale2 < enough:
-            fits.append((other.scale2, what))
+        eq = equations(chain, setup, changed)
+        other = solve(eq, np.ones(len(tests.lines)))
+        share = _share_left(eq, other)
+        if makes_sense(other, largest_relative_u) and share < EXPLAINED and abs(np.log(other.scale2)) < away:
+            fits.append((abs(np.log(other.scale2)) + np.log(share), what))
     return min(fits)[1] if fits else None
 
 
-def _possible(found: Estimate) -> bool:
-    return bool((found.compliance > -SURE * found.u * np.sqrt(max(found.scale2, 1.0))).all())
+def _share_left(eq: Equations, found: Estimate) -> float:
+    """Square of the residuals over that of the displacements, both over the noise."""
+    variance = np.diagonal(covariances(eq, np.abs(found.compliance)), axis1=1, axis2=2)
+    return float(np.sum(found.residual**2 / variance) / np.sum((eq.y * eq.seen) ** 2 / variance))
 
 
 def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
@@ -74,13 +92,15 @@ def _turned(tests: LoadingTests, of_wrench: Float | None, of_displacement: Float
 
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     """Single columns and groups of columns that are a factor off."""
-    for columns, factor, unit in _factors(
-        WRENCH, {"n": (("kN", 1e3), ("mN", 1e-3)), "nm": (("Nmm", 1e-3), ("kNm", 1e3))}
-    ):
+    yield "the wrench is 1,000 times too small: in kN and kNm?", dataclasses.replace(tests, wrench=1e3 * tests.wrench)
+    of_wrench = {"n": (("kN", 1e3), ("mN", 1e-3)), "nm": (("Nmm", 1e-3), ("kNm", 1e3))}
+    for columns, factor, unit in _factors(WRENCH, of_wrench):
         scaled = tests.wrench.copy()
         scaled[:, [WRENCH.index(name) for name in columns]] *= factor
         yield _in_words(columns, factor, unit), dataclasses.replace(tests, wrench=scaled)
     if tests.displacement is not None:
+        both = tests.displacement * ([1e3] * 3 + [180 / np.pi] * 3)
+        yield "displacements are in m and rad, not mm and deg", dataclasses.replace(tests, displacement=both)
         kinds = {"mm": (("m", 1e3), ("micrometres", 1e-3)), "deg": (("rad", 180 / np.pi), ("mrad", 0.18 / np.pi))}
         for columns, factor, unit in _factors(DISPLACEMENT, kinds):
             scaled = tests.displacement.copy()

@@ -1,0 +1,185 @@
+"""Identification: Table 2 comes back with honest uncertainty, what cannot be known is refused with the reason."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from workbench import Pipeline
+from workbench.errors import InputError
+from workbench.plugins.stiffness import identify
+from workbench.plugins.stiffness.equations import covariances, equations
+from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness.simulate import loads_csv, simulate_tests
+from workbench.plugins.stiffness.values import LoadingTests
+from workbench.robot import Cell
+
+from .conftest import ROOT, K
+
+
+def run(cell: Cell, tests: LoadingTests, **more: Any) -> Any:
+    assert cell.loading is not None
+    return identify_from(cell.chain, cell.loading, tests, **more)[0]
+
+
+@pytest.mark.parametrize("targets", [0, 3, 4])
+def test_exact_loads_give_table_2_exactly(cell: Cell, exact: Any, targets: int) -> None:
+    """Second order included: what is left is of third order."""
+    found = run(cell, exact(targets))
+    r = np.diag(found.covariance) / K**2
+    assert np.abs(found.nm_per_rad * (1 + r) / K - 1).max() < 5e-4
+    assert (found.postures, found.loads) == (3, 72)
+    assert found.warnings == ()
+
+
+def test_errors_are_at_the_bound_and_uncertainties_honest(cell: Cell, exact: Any, noisy: Any) -> None:
+    """80 trials: the spread over the Cramer-Rao bound, computed with the true stiffness, and the 95 % ellipsoid."""
+    trials = 80
+    clean = exact()
+    assert cell.loading is not None
+    eq = equations(cell.chain, cell.loading, clean)
+    information = sum(a.T @ np.linalg.solve(s, a) for a, s in zip(eq.a, covariances(eq, 1 / K), strict=True))
+    bound = np.sqrt(np.diag(np.linalg.inv(information))) * K
+    found = [run(cell, noisy(seed)) for seed in range(trials)]
+    spread = np.sqrt(np.mean([(one.nm_per_rad / K - 1) ** 2 for one in found], axis=0)) / bound
+    assert abs(spread - 1).max() < 4 / np.sqrt(2 * trials)
+    assert abs(np.sqrt(np.mean(spread**2)) - 1) < 4 / np.sqrt(12 * trials)
+    squares = [(one.nm_per_rad - K) @ np.linalg.solve(one.covariance, one.nm_per_rad - K) for one in found]
+    assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / trials)
+    assert np.mean(squares) > 6 * (1 - 4 / np.sqrt(3 * trials))
+
+
+@pytest.mark.metrology
+def test_coverage_over_many_trials(cell: Cell, noisy: Any) -> None:
+    squares = []
+    for seed in range(1000):
+        found = run(cell, noisy(seed))
+        squares.append((found.nm_per_rad - K) @ np.linalg.solve(found.covariance, found.nm_per_rad - K))
+    assert 0.93 < np.mean(np.array(squares) < chi2.ppf(0.95, 6)) < 0.97
+
+
+def test_missing_points_are_no_loss_of_sense(cell: Cell, noisy: Any) -> None:
+    tests = noisy(3, 4)
+    holes = tests.targets_mm.copy()
+    holes[::3, 1] = np.nan
+    holes[5, :3] = np.nan
+    found = run(cell, dataclasses.replace(tests, targets_mm=holes))
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+    assert (found.u_nm_per_rad > run(cell, tests).u_nm_per_rad).all()
+
+
+def test_a_point_off_the_rigid_body_is_named(cell: Cell, noisy: Any) -> None:
+    tests = noisy(4, 4)
+    bad = tests.targets_mm.copy()
+    bad[10, 2] += [0.3, 0, 0]
+    found = run(cell, dataclasses.replace(tests, targets_mm=bad))
+    assert any("line 12: point p3 does not move with the others" in note for note in found.warnings)
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+
+
+def test_gross_loads_are_put_aside(cell: Cell, noisy: Any) -> None:
+    tests = noisy(5)
+    bad = tests.displacement.copy()
+    bad[7, 2] += 1.0
+    bad[31, :3] *= -1
+    found = run(cell, dataclasses.replace(tests, displacement=bad))
+    assert found.loads == 70
+    assert sum("this load contradicts the others" in note for note in found.warnings) == 2
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+
+
+def test_more_noise_than_stated_widens(cell: Cell, exact: Any) -> None:
+    tests, rng = exact(), np.random.default_rng(6)
+    noise = rng.normal(size=(72, 6)) * ([0.04] * 3 + [1.4e-4] * 3)
+    found = run(cell, dataclasses.replace(tests, displacement=tests.displacement + noise))
+    assert any("times what the cell's noise predicts" in note for note in found.warnings)
+    assert found.loads == 72
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+
+
+def test_what_does_not_reverse_is_pointed_out(cell: Cell, noisy: Any) -> None:
+    """A drift of 0.05 mm in one posture: pairs cancel it, and it is named."""
+    tests = noisy(7)
+    drifted = tests.displacement.copy()
+    drifted[24:48, 0] += 0.05
+    found = run(cell, dataclasses.replace(tests, displacement=drifted))
+    assert any(note.startswith("posture 2: opposite loads do not give opposite") for note in found.warnings)
+    assert (np.abs(found.nm_per_rad - K) < 5 * found.u_nm_per_rad).all()
+
+
+def loads(cell: Cell, joints: Any, force: Any, points: Any, seed: int = 1) -> LoadingTests:
+    """+- pairs of given forces (flange axes) at points of the flange."""
+    setup = cell.loading
+    assert setup is not None
+    rows = [
+        (q, s * np.concatenate([f, np.cross(p - setup.flange_from_sensor[:3, 3], f) / 1e3]))
+        for q in joints for f in force for p in points for s in (1, -1)
+    ]  # fmt: skip
+    q, w = (np.array(part) for part in zip(*rows, strict=True))
+    return simulate_tests(cell.chain, setup, K, q, w, ("1",) * len(q), rng=np.random.default_rng(seed))
+
+
+def in_base(cell: Cell, q: Any, force: Any) -> Any:
+    from workbench.robot import forward_kinematics
+
+    return forward_kinematics(cell.chain, q)[:3, :3].T @ np.array(force, float)
+
+
+def test_in_line_tool_loses_joint_6(cell: Cell, noisy: Any) -> None:
+    with pytest.raises(InputError, match=r"joint 6 cannot be determined: every force acts through its axis"):
+        run(cell, noisy(8, 0, slice(0, 1)))
+
+
+@pytest.mark.parametrize(("force", "lost"), [([0, 0, 200], "joint 1 cannot"), ([0, 200, 0], "joints 2 and 3 cannot")])
+def test_one_direction_loses_joints(cell: Cell, table_a1: Any, force: Any, lost: str) -> None:
+    """Forces along the base's z do not turn joint 1; along y, at q1 = 0, neither joint 2 nor joint 3."""
+    assert cell.loading is not None
+    points = cell.loading.load_points_mm[1:]
+    parts = [loads(cell, [q], [in_base(cell, q, force)], points, seed=i) for i, q in enumerate(table_a1)]
+    tests = dataclasses.replace(
+        parts[0], labels=("1",) * 18, lines=tuple(range(2, 20)),
+        joints=np.vstack([p.joints for p in parts]), wrench=np.vstack([p.wrench for p in parts]),
+        displacement=np.vstack([p.displacement for p in parts if p.displacement is not None]),
+    )  # fmt: skip
+    with pytest.raises(InputError, match="all forces are parallel to its axis") as caught:
+        run(cell, tests)
+    assert lost in str(caught.value)
+
+
+def test_too_small_loads_say_so(cell: Cell, table_a1: Any) -> None:
+    assert cell.loading is not None
+    tests = loads(cell, table_a1, 2.0 * np.eye(3), cell.loading.load_points_mm[1:2])
+    with pytest.raises(InputError, match="too small for the noise"):
+        run(cell, tests)
+
+
+def test_pipeline_writes_the_contract(tmp_path: Path) -> None:
+    """The shipped pipeline on the shipped loads."""
+    results = Pipeline.load(ROOT / "pipelines" / "identify_stiffness.json").run(tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "stiffness.json").read_text())
+    assert document["postures"] == 3
+    assert document["loads"] == 120
+    k, covariance = np.array(document["joint_stiffness_nm_per_rad"]), np.array(document["covariance"])
+    assert (k - K) @ np.linalg.solve(covariance, k - K) < chi2.ppf(0.999, 6)
+    assert document["condition_number"] > 1
+    assert results.warnings == []
+
+
+def test_file_and_dh_angles(cell: Cell, noisy: Any, tmp_path: Path) -> None:
+    """A file written and read gives what the tests in memory give; DH angles with their convention too."""
+    path = tmp_path / "loads.csv"
+    tests = noisy(9, 4)
+    path.write_bytes(loads_csv(tests, "a comment"))
+    from_file = identify(cell, loads=path)[0]
+    assert np.allclose(from_file.nm_per_rad, run(cell, tests).nm_per_rad, rtol=1e-4)
+    back = tests.joints * [1, -1, -1, 1, -1, 1] + np.radians([0, 90, 0, 0, 0, -180])
+    path.write_bytes(loads_csv(dataclasses.replace(tests, joints=back)))
+    assert np.allclose(identify(cell, loads=path, angle_convention="dh")[0].nm_per_rad, from_file.nm_per_rad, rtol=1e-4)
+    with pytest.raises(InputError, match="Denavit-Hartenberg angles need angle_convention 'dh'"):
+        identify(cell, loads=path)
+    with pytest.raises(InputError, match="loading"):
+        identify(dataclasses.replace(cell, loading=None), loads=path)

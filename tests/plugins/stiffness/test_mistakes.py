@@ -1,0 +1,83 @@
+"""Loading tests with a mistake in them: each is refused, and named."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness.values import LoadingTests
+from workbench.robot import Cell, forward_kinematics
+from workbench.units import Float
+
+Change = Callable[[LoadingTests, Cell], LoadingTests]
+
+
+def scaled(part: str, columns: Any, factor: float) -> Change:
+    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+        values = getattr(tests, part).copy()
+        values[(slice(None), *columns) if isinstance(columns, tuple) else (slice(None), columns)] *= factor
+        return dataclasses.replace(tests, **{part: values})
+
+    return change
+
+
+def wrench_in_base(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    rotation = forward_kinematics(cell.chain, tests.joints)[:, :3, :3]
+    halves = [(rotation @ tests.wrench[:, part, None])[..., 0] for part in (slice(0, 3), slice(3, 6))]
+    return dataclasses.replace(tests, wrench=np.hstack(halves))
+
+
+def in_si(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    assert tests.displacement is not None
+    return dataclasses.replace(tests, displacement=tests.displacement * ([1e-3] * 3 + [np.pi / 180] * 3))
+
+
+def other_sense(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    """The file holds the other reading of the paper's DH angles, taken for ABB's."""
+    q: Float = tests.joints + np.radians([0, 90, 0, 0, 0, 0])
+    return dataclasses.replace(tests, joints=q)
+
+
+MISTAKES: list[tuple[str, int, Change, str]] = [
+    ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
+    ("signs, points", 4, scaled("wrench", slice(None), -1), "opposite signs"),
+    ("dx in m", 0, scaled("displacement", 0, 1e-3), "column dx_mm is 1,000 times too small: in m?"),
+    ("dz in micrometres", 0, scaled("displacement", 2, 1e3), "column dz_mm is 1,000 times too large"),
+    ("rx in rad", 0, scaled("displacement", 3, np.pi / 180), "column rx_deg is 57.296 times too small: in rad?"),
+    ("all translations in m", 0, scaled("displacement", slice(0, 3), 1e-3), "columns dx_mm to dz_mm are 1,000 times"),
+    ("fy in kN", 0, scaled("wrench", 1, 1e-3), "column fy_n is 1,000 times too small: in kN?"),
+    ("tz in Nmm", 0, scaled("wrench", 5, 1e3), "column tz_nm is 1,000 times too large: in Nmm?"),
+    ("all torques in Nmm", 0, scaled("wrench", slice(3, 6), 1e3), "columns tx_nm to tz_nm are 1,000 times too large"),
+    ("p2y in m", 4, scaled("targets_mm", (1, 1), 1e-3), "column p2y_mm is 1,000 times too small: in m?"),
+    (
+        "all points in m",
+        4,
+        scaled("targets_mm", slice(None), 1e-3),
+        "columns p1x_mm to p4z_mm are 1,000 times",
+    ),
+    ("displacements in m and rad", 0, in_si, "displacements are in m and rad"),
+    ("wrench in kN and kNm", 0, scaled("wrench", slice(None), 1e-3), "wrench is 1,000 times too small"),
+    ("wrench in base axes", 0, wrench_in_base, "wrench is in base axes"),
+    ("other convention", 0, other_sense, "angle_convention to 'dh_same_sense'"),
+    ("angles in rad", 0, scaled("joints", slice(None), np.pi / 180), "joint angles are in rad"),
+]
+
+
+@pytest.mark.parametrize(("targets", "change", "message"), [pytest.param(*m[1:], id=m[0]) for m in MISTAKES])
+def test_mistakes_are_named(cell: Cell, noisy: Any, targets: int, change: Change, message: str) -> None:
+    assert cell.loading is not None
+    with pytest.raises(InputError) as caught:
+        identify_from(cell.chain, cell.loading, change(noisy(20, targets), cell))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("targets", [0, 4])
+def test_no_sound_set_is_refused(cell: Cell, noisy: Any, targets: int) -> None:
+    assert cell.loading is not None
+    for seed in range(30, 50):
+        assert identify_from(cell.chain, cell.loading, noisy(seed, targets))[0].loads >= 71

@@ -1,0 +1,77 @@
+"""The shipped robot cell, and pinocchio's model of its robot."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from workbench.robot import Cell, Chain, read_cell
+from workbench.units import Float
+
+DATA = Path(__file__).parents[2] / "data" / "robot"
+METRES = np.array([1e-3] * 3 + [1.0] * 3)[:, None]
+
+
+class Pin:
+    """Forward kinematics and Jacobian by pinocchio, in m and rad."""
+
+    def __init__(self) -> None:
+        self.model = pin.buildModelFromUrdf(str(DATA / "irb6700_150_320.urdf"))
+        self.data = self.model.createData()
+        self.flange = self.model.getFrameId("tool0")
+
+    def forward(self, q: Float) -> Float:
+        pin.framesForwardKinematics(self.model, self.data, q)
+        return np.array(self.data.oMf[self.flange].homogeneous)
+
+    def jacobian(self, q: Float, point_m: Float) -> Float:
+        """Of a point of the flange, base axes."""
+        frame = pin.Frame("p", 6, self.flange, self.model.frames[self.flange].placement
+                          * pin.SE3(np.eye(3), point_m), pin.FrameType.OP_FRAME)  # fmt: skip
+        model = self.model.copy()
+        index = model.addFrame(frame)
+        return np.array(pin.computeFrameJacobian(model, model.createData(), q, index, pin.LOCAL_WORLD_ALIGNED))
+
+
+@pytest.fixture(scope="session")
+def cell() -> Cell:
+    return read_cell(DATA / "cell.json")
+
+
+@pytest.fixture(scope="session")
+def chain(cell: Cell) -> Chain:
+    return cell.chain
+
+
+@pytest.fixture(scope="session")
+def by_pin() -> Pin:
+    return Pin()
+
+
+@pytest.fixture
+def postures(chain: Chain) -> Callable[[int, int], Float]:
+    """`postures(count, seed)`: random joint angles within limits."""
+
+    def draw(count: int, seed: int) -> Float:
+        rng = np.random.default_rng(seed)
+        return rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (count, 6))
+
+    return draw
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Callable[..., Path]:
+    """`cell_file(change)`: a copy of the shipped cell, changed as a JSON tree."""
+
+    def write(change: Callable[[Any], Any] = lambda tree: None) -> Path:
+        tree = json.loads((DATA / "cell.json").read_text())
+        change(tree)
+        (tmp_path / "irb6700_150_320.urdf").write_bytes((DATA / "irb6700_150_320.urdf").read_bytes())
+        (tmp_path / "cell.json").write_text(json.dumps(tree))
+        return tmp_path / "cell.json"
+
+    return write

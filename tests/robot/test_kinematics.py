@@ -1,0 +1,76 @@
+"""Our kernels against pinocchio, and the Jacobian's derivative against differences of pinocchio's Jacobian."""
+
+from typing import Any
+
+import numpy as np
+
+from workbench.robot import Chain, abb_angles, forward_kinematics, jacobian, jacobian_derivative, joint_axes
+from workbench.robot.kinematics import motions
+
+METRES = np.array([1e-3] * 3 + [1.0] * 3)[:, None]
+
+
+def test_forward_is_pins(chain: Chain, by_pin: Any, postures: Any) -> None:
+    q = postures(300, 1)
+    ours = forward_kinematics(chain, q)
+    ours[:, :3, 3] /= 1e3
+    assert np.abs(ours - [by_pin.forward(one) for one in q]).max() < 1e-12
+
+
+def test_jacobian_is_pins_at_a_point_of_the_flange(chain: Chain, by_pin: Any, postures: Any) -> None:
+    point = np.array([260.0, -35.0, 140.0])
+    q = postures(100, 2)
+    ours = METRES * jacobian(chain, q, point)
+    assert np.abs(ours - [by_pin.jacobian(one, point / 1e3) for one in q]).max() < 1e-12
+    assert np.abs(METRES * jacobian(chain, q[0]) - by_pin.jacobian(q[0], np.zeros(3))).max() < 1e-12
+
+
+def test_derivative_of_the_jacobian(chain: Chain, by_pin: Any, postures: Any) -> None:
+    point, step = np.array([260.0, -35.0, 140.0]), 1e-6
+    for q in postures(5, 3):
+        ours = jacobian_derivative(joint_axes(chain, q)[0], METRES * jacobian(chain, q, point))
+        for j in range(6):
+            there, back = q + step * np.eye(6)[j], q - step * np.eye(6)[j]
+            difference = by_pin.jacobian(there, point / 1e3) - by_pin.jacobian(back, point / 1e3)
+            assert np.abs(ours[:, :, j] - difference / (2 * step)).max() < 1e-8
+
+
+def test_links_move_with_pins_links(chain: Chain, by_pin: Any, postures: Any) -> None:
+    """The motion of link i takes its place at zero to its place at q."""
+    zero = [np.array(m.homogeneous) for m in _placements(by_pin, np.zeros(6))]
+    for q in postures(20, 4):
+        moved = motions(chain, q)
+        moved[:, :3, 3] /= 1e3
+        for i, there in enumerate(_placements(by_pin, q), 1):
+            assert np.abs(moved[i] @ zero[i - 1] - there.homogeneous).max() < 1e-12
+
+
+def _placements(by_pin: Any, q: Any) -> list[Any]:
+    by_pin.forward(q)
+    return [by_pin.data.oMi[i + 1].copy() for i in range(6)]
+
+
+def test_leading_axes_broadcast(chain: Chain, postures: Any) -> None:
+    q = postures(12, 5)
+    assert (forward_kinematics(chain, q.reshape(3, 4, 6)) == forward_kinematics(chain, q).reshape(3, 4, 4, 4)).all()
+
+
+def test_table_a1_has_the_dexterity_of_the_notes(chain: Chain) -> None:
+    """1/omega = 0.372, 0.512, 0.353 m^-3, by numbers that were found outside this code."""
+    q = abb_angles(np.radians([(0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45)]), "dh")
+    omega = np.abs(np.linalg.det(METRES * jacobian(chain, q)))
+    assert np.abs(1 / omega - [0.372, 0.512, 0.353]).max() < 5e-4
+    low, high = chain.limits.T
+    assert ((low <= q) & (q <= high)).all()
+
+
+def test_dh_convention_is_the_standard_dh_chain(chain: Chain) -> None:
+    """Denavit-Hartenberg's own product of matrices, with the robot's lengths, is what 'dh' angles mean."""
+    theta = np.radians([12.0, 93.0, -5.0, 45.0, 33.0, -70.0])
+    a, d, alpha = (320, 1280, 200, 0, 0, 0), (780, 0, 0, 1592.5, 0, 200), np.radians((90, 0, 90, -90, 90, 0))
+    pose = np.eye(4)
+    for t, length, offset, twist in zip(theta, a, d, alpha, strict=True):
+        (c, s), (ca, sa) = (np.cos(t), np.sin(t)), (np.cos(twist), np.sin(twist))
+        pose = pose @ [[c, -s * ca, s * sa, length * c], [s, c * ca, -c * sa, length * s], [0, sa, ca, offset],
+                       [0, 0, 0, 1]]  # fmt: skip
+    assert np.abs(forward_kinematics(chain, abb_angles(theta, "dh")) - pose).max() < 1e-9

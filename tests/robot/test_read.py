@@ -1,0 +1,100 @@
+"""The cell file: what it makes, and what is refused."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError, WorkbenchError
+from workbench.robot import Cell, cell, read_cell
+
+
+def test_shipped_cell(cell: Cell) -> None:
+    assert cell.chain.joint_names == tuple(f"joint_{i}" for i in range(1, 7))
+    assert np.allclose(np.degrees(cell.chain.limits[1]), [-65, 85])
+    assert cell.warnings == ()
+    assert {shape.body for shape in cell.shapes} >= {"base_link", "link_4", "tool", "turntable", "floor"}
+    axis = cell.flange_from_cutter[:3, 2]
+    assert abs(axis @ [0, 0, 1]) < 1e-12  # the spindle stands at right angles to the flange
+
+
+def test_the_stage_takes_the_file(cell_file: Any) -> None:
+    assert isinstance(cell(cell=cell_file()), Cell)
+
+
+def test_a_pose_is_a_matrix_or_position_and_quaternion(cell_file: Any) -> None:
+    pose = {"position_mm": [260, 0, 140], "quaternion_wxyz": [0, 0.7071067811865476, 0, 0.7071067811865476]}
+    other = read_cell(cell_file(lambda tree: tree["tool"].update(flange_from_cutter=pose)))
+    assert np.abs(other.flange_from_cutter - read_cell(cell_file()).flange_from_cutter).max() < 1e-12
+
+
+def test_coaxial_spindle_is_pointed_out(cell_file: Any) -> None:
+    straight = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 200], [0, 0, 0, 1]]
+    made = read_cell(cell_file(lambda tree: tree["tool"].update(flange_from_cutter=straight)))
+    assert "coaxial" in made.warnings[0]
+    offset = [[1, 0, 0, 80], *straight[1:]]
+    assert read_cell(cell_file(lambda tree: tree["tool"].update(flange_from_cutter=offset))).warnings == ()
+
+
+Change = Callable[[Any], Any]
+BAD: list[tuple[Change, str]] = [
+    (lambda t: t["robot"].update(flange_frame="tool1"), "unknown frame; did you mean 'tool0'?"),
+    (lambda t: t["robot"].update(urdf="none.urdf"), "none.urdf: cannot be read"),
+    (lambda t: t["robot"].update(urdf="cell.json"), "expected a URDF"),
+    (lambda t: t["workpiece"].update(mesh="plate.stl"), "plate.stl' does not exist"),
+    (lambda t: t.update(turntabel=t.pop("turntable")), "did you mean 'turntable'?"),
+    (lambda t: t["tool"].update(flange_from_cutter=[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+     "expected a rigid motion"),
+    (lambda t: t["fixtures"][0].update(sphere_mm=3), "exactly one of box_mm"),
+    (lambda t: t["fixtures"][0].update(box_mm=[1, -1, 1]), "$.fixtures"),
+    (lambda t: t.update(may_touch=[["link_1", "flor"]]), "did you mean 'floor'?"),
+    (lambda t: t["loading"].update(force_noise_n=0), "$.loading.force_noise_n"),
+    (lambda t: (t.update(turntable=None), t["fixtures"][0].update(on="turntable")), "the cell has no turntable"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "message"), BAD)
+def test_bad_cells_are_refused_in_one_line(cell_file: Any, change: Change, message: str, capfd: Any) -> None:
+    with pytest.raises(InputError) as caught:
+        read_cell(cell_file(change))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": NaN}', '{"a": 1, "a": 2}'])
+def test_what_is_no_strict_json_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.json").write_text(text)
+    with pytest.raises(WorkbenchError):
+        read_cell(tmp_path / "cell.json")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('type="revolute"', 'type="prismatic"', "expected a revolute joint"),
+        ('name="joint_6" type="revolute"', 'name="joint_6" type="fixed"', "six revolute joints"),
+        ('xyz="1.5925 0 0"', 'xyz="1.5925 0.03 0"', "not spherical"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"', "expected a URDF"),
+        ('lower="-6.283185307179586"', 'lower="7"', "lower < upper"),
+        ('<sphere', '<sphere', ""),
+    ],
+)  # fmt: skip
+def test_other_robots(cell_file: Any, old: str, new: str, message: str, capfd: Any) -> None:
+    path = cell_file()
+    urdf = path.parent / "irb6700_150_320.urdf"
+    urdf.write_text(urdf.read_text().replace(old, new))
+    if not message:
+        read_cell(path)
+        return
+    with pytest.raises(InputError, match=message):
+        read_cell(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_json_of_the_data_folder_is_plain() -> None:
+    text = (Path(__file__).parents[2] / "data" / "robot" / "cell.json").read_text()
+    assert json.loads(text)["version"] == 1

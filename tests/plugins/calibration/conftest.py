@@ -104,3 +104,70 @@ def off_design(rng: np.random.Generator, turn_deg: float = 20.0, shift_mm: float
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
+
+
+@dataclass
+class Scan:
+    """One scan: the flange's true motion p(t), t in [0, seconds], sphere centre along `path` in the profiler frame."""
+
+    turn: Any  # (3, 3) flange orientation
+    start: Any  # (3,) sphere centre in the profiler frame
+    end: Any
+    seconds: float = 1.0
+    weave_deg: float = 0.0  # amplitude of a swing about the flange's z, twice a scan
+
+
+def scan_motion(scan: Scan, time: Any) -> tuple[Any, Any]:
+    """True flange orientations (k, 3, 3) and positions (k, 3) at times (k,); the motion goes on beyond its ends."""
+    swing = np.radians(scan.weave_deg) * np.sin(4 * np.pi * time / scan.seconds)
+    turn = scan.turn @ Rotation.from_rotvec(swing[:, None] * [0.3, 0.4, 0.87]).as_matrix()
+    f = (time / scan.seconds)[:, None]
+    centre = (1 - f) * scan.start + f * scan.end
+    if scan.weave_deg:  # sideways too
+        centre = centre + 4.0 * np.sin(2 * np.pi * f * 1.5) * [1.0, 0.0, 1.0]
+    flange = centre @ TRUE[:3, :3].T + TRUE[:3, 3]
+    return turn, CENTER - (turn @ flange[..., None])[..., 0]
+
+
+def scan_recording(rng: np.random.Generator, scans: Any, offset_s: float = 0.0, own: bool = True, frames: int = 50,
+                   rate_hz: float = 25.0, margin_s: float = 0.3, design: Any = TRUE, pose_mm: float = 0.07,
+                   pose_deg: float = 0.01) -> Recording:  # fmt: skip
+    """A calibration recording of scans over the sphere, poses at `rate_hz`, profiles on a clock ahead by `offset_s`."""
+    data: dict[str, list[Any]] = {key: [] for key in ("time", "x", "z", "pass", "rt", "rp", "rq", "rn")}
+    for number, scan in enumerate(scans):
+        begin = 10.0 * number
+        time = np.linspace(0, scan.seconds, frames)
+        turn, position = scan_motion(scan, time)
+        centre = np.einsum("kji,kj->ki", turn, CENTER - position)
+        centre = (centre - TRUE[:3, 3]) @ TRUE[:3, :3]
+        for c in centre:
+            x, z = profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else (np.zeros(1200), np.full(1200, np.nan))
+            data["x"].append(x)
+            data["z"].append(z)
+        poses = np.arange(-margin_s, scan.seconds + margin_s + 1e-9, 1 / rate_hz)
+        turn, position = scan_motion(scan, poses)
+        noisy = Rotation.from_matrix(turn) * Rotation.from_rotvec(rng.normal(0, np.radians(pose_deg), (len(poses), 3)))
+        data["time"].append(begin + time + offset_s)
+        data["pass"].append(np.full(frames, number))
+        data["rt"].append(begin + poses)
+        data["rp"].append(position + rng.normal(0, pose_mm, position.shape))
+        data["rq"].append(noisy.as_quat(scalar_first=True))
+        data["rn"].append(np.full(len(poses), number))
+    joined = {key: np.concatenate(parts) for key, parts in data.items() if key not in ("x", "z")}
+    return Recording(
+        source="scans.h5", time_s=joined["time"], x_mm=np.array(data["x"], np.float32),
+        z_mm=np.array(data["z"], np.float32), pass_index=joined["pass"], robot_time_s=joined["rt"],
+        robot_position_mm=joined["rp"], robot_quaternion_wxyz=joined["rq"], robot_pass=joined["rn"],
+        flange_from_profiler=design, sphere_diameter_mm=2 * RADIUS, clock="own" if own else "robot",
+    )  # fmt: skip
+
+
+def scans_over(rng: np.random.Generator, count: int = 6, turn_deg: float = 25.0, weave_deg: float = 0.0) -> list[Scan]:
+    """Scans in several orientations, to and fro across the laser plane."""
+    turns, centre = postures(rng, count, turn_deg)
+    out = []
+    for i in range(count):
+        way = np.array([rng.uniform(-2, 2), (-1) ** i * 5.5, rng.uniform(-2, 2)])
+        middle = centre[i] * [1.0, 0.0, 1.0]
+        out.append(Scan(turns[i], middle - way, middle + way, weave_deg=weave_deg))
+    return out

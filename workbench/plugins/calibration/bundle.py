@@ -8,12 +8,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from workbench.api import Bool, Float
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise, whitened
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Normal, linearise, normal_equations
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.signs import GATE, distances
 
 STEPS = 30
-CONVERGED = 1e-8  # of a step's length in standard deviations, squared
+CONVERGED = 1e-6  # of a step's length in standard deviations, squared
 GROSS = float(chi2.ppf(1 - 1e-5, 3))  # squared distance of a posture, left out of the fit, that is no chance
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
@@ -31,48 +31,43 @@ class Fit:
 
 
 def fit(start: Estimate, seen: Observations | Passes, noise: Noise, *, used: Bool | None = None,
-        with_offset: bool = False, shared: Float | None = None) -> Fit:  # fmt: skip
+        with_offset: bool = False) -> Fit:  # fmt: skip
     """Least squares from `start` on the observations `used` (k,), None: all.
 
     Every step weights with the noise predicted at the estimate. The sphere's radius is pulled to the stated one; the
     pull is an observation like any other. `with_offset`: `seen` are passes whose clock offset is estimated too.
     """
+    count = len(seen.circle)
+    keep = np.ones(count, bool) if used is None else used
 
-    def place(estimate: Estimate) -> Observations:
-        all_ = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
-        return all_ if used is None else all_.subset(used)
+    def system(estimate: Estimate) -> Normal:
+        here = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
+        here = here if keep.all() else here.subset(keep)
+        return normal_equations(linearise(estimate, here, noise, with_offset), here, noise, estimate.radius_mm)
 
-    def system(estimate: Estimate) -> tuple[Float, Float]:
-        r, J = whitened(linearise(estimate, here := place(estimate), noise, with_offset), here, noise, shared)
-        return _with_prior(r, J, estimate, noise)
-
-    estimate = start
-    r, J = system(estimate)
+    estimate, now = start, system(start)
     for _ in range(STEPS):
-        information = J.T @ J
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))  # mm and rad differ in size
-        step = scale * np.linalg.lstsq(scale[:, None] * information * scale, scale * (J.T @ r), rcond=1e-13)[0]
-        step *= min(1.0, 0.5 / max(float(np.linalg.norm(step[3:6])), 1e-12))
-        moved, new_r, new_J = estimate, r, J
+        step = _step(now)
+        moved, then = estimate, now
         for _ in range(6):
             moved = estimate.moved(step)
-            new_r, new_J = system(moved)
-            if new_r @ new_r < 1.5 * (r @ r) + 1.0:  # weights move with the estimate, so it may rise a little
+            then = system(moved)
+            if then.chi2 < 1.5 * now.chi2 + 1.0:  # weights move with the estimate, so it may rise a little
                 break
             step = step / 3
-        length = float(step @ information @ step)
-        estimate, r, J = moved, new_r, new_J
+        length = float(step @ now.matrix @ step)
+        estimate, now = moved, then
         if length < CONVERGED:
             break
-    count = (len(r) - 1) // 3
-    keep = np.ones(count, bool) if used is None else used
-    return Fit(estimate, _inverse(J.T @ J), float(r @ r), len(r) - J.shape[1], keep)
+    freedom = 3 * int(keep.sum()) + 1 - len(now.side)
+    return Fit(estimate, _inverse(now.matrix), now.chi2, freedom, keep)
 
 
-def _with_prior(r: Float, J: Float, estimate: Estimate, noise: Noise) -> tuple[Float, Float]:
-    prior = np.zeros((1, J.shape[1]))
-    prior[0, SIZE - 1] = 1 / noise.radius_u_mm
-    return np.append(r, (noise.radius_mm - estimate.radius_mm) / noise.radius_u_mm), np.concatenate([J, prior])
+def _step(now: Normal) -> Float:
+    """Gauss-Newton step (P,), none along what nothing determines; mm and rad differ in size, so scaled first."""
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(now.matrix), 1e-12))
+    step = scale * np.linalg.lstsq(scale[:, None] * now.matrix * scale, scale * now.side, rcond=1e-13)[0]
+    return np.asarray(step * min(1.0, 0.5 / max(float(np.linalg.norm(step[3:6])), 1e-12)))
 
 
 def _inverse(information: Float) -> Float:
@@ -117,14 +112,18 @@ def misfits(result: Fit) -> bool:
 
 
 def matched(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
-    """The fit with the robot's noise as large as the residuals say, so that profiles keep their due weight."""
+    """The fit with the robot's noise as large as the residuals say, so that profiles keep their due weight.
+
+    Postures that only the smaller noise made gross come back.
+    """
     for _ in range(10):
         ratio = result.chi2 / result.freedom
-        if abs(ratio - 1) < 0.02:
-            break
         factor = float(np.clip(np.sqrt(ratio), 0.3, 10.0))
         noise = replace(noise, pose_mm=factor * noise.pose_mm, pose_deg=factor * noise.pose_deg)
-        result = fit(result.estimate, seen, noise, used=result.used)
+        used = result.used | (left_out(result, seen, noise) < GROSS)
+        if abs(ratio - 1) < 0.02 and (used == result.used).all():
+            break
+        result = fit(result.estimate, seen, noise, used=used)
     return result, noise
 
 

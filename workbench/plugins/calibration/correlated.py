@@ -13,60 +13,72 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.api import Float, inverse, vector_from_rotation
-from workbench.plugins.calibration.bundle import Fit, fit
-from workbench.plugins.calibration.model import SIZE, Noise, dense_covariance, linearise
+from workbench.plugins.calibration.bundle import Fit, without_gross
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations
 
-AMPLITUDES_MM = (0.0, *np.geomspace(0.05, 3.0, 10))
-LENGTHS_RAD = (0.05, 0.15, 0.4, 1.0)
+AMPLITUDES_MM = (0.0, *np.geomspace(0.05, 6.0, 11))
+LENGTHS_RAD = (0.05, 0.15, 0.4, 1.0, 2.5)
+LENIENT = 4.0  # what a posture may be off over the robot's noise before it is gross: systematic errors are not
+ROUNDS = 2  # of linearisation
 RAD_PER_MM = 1e-3  # flange positions a metre apart are as far as orientations a radian apart
 
 
 def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, float]:
     """The fit with systematic robot errors allowed for, and their amplitude in mm (RMS over the grid)."""
+    lenient = replace(noise, pose_mm=LENIENT * noise.pose_mm, pose_deg=LENIENT * noise.pose_deg)
+    result = without_gross(result.estimate, seen, lenient)
     here = seen.subset(result.used)
-    best_kernel = _likely(result, here, noise)[3]
-    start = fit(result.estimate, seen, noise, used=result.used, shared=best_kernel)
-    weights, steps, covariances, _, amplitudes = _likely(start, here, noise)
-    mean = weights @ steps
+    estimate = result.estimate
+    for _ in range(ROUNDS):
+        weights, steps, covariances, amplitudes = _over_grid(estimate, here, noise)
+        mean = weights @ steps
+        estimate = estimate.moved(mean)
     spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
     covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
-    answer = replace(start, estimate=start.estimate.moved(mean), covariance=covariance)
-    return answer, float(np.sqrt(weights @ amplitudes**2))
+    return replace(result, estimate=estimate, covariance=covariance), float(np.sqrt(weights @ amplitudes**2))
 
 
-def _likely(result: Fit, here: Observations, noise: Noise) -> tuple[Float, Float, Float, Float, Float]:
-    """Over the grid: weights (g,), Gauss-Newton steps (g, P), covariances (g, P, P); likeliest kernel; amplitudes."""
-    linear = linearise(result.estimate, here, noise)
-    pull = np.zeros(SIZE)
-    pull[SIZE - 1] = noise.radius_u_mm**-2
+def _over_grid(estimate: Estimate, here: Observations, noise: Noise) -> tuple[Float, Float, Float, Float]:
+    """Weights (g,) of the grid's points, Gauss-Newton steps (g, P), their covariances (g, P, P), amplitudes (g,)."""
+    linear = linearise(estimate, here, noise)
     apart = _distances(here)
-    logs, steps, covariances, kernels, amplitudes = [], [], [], [], []
-    J, r = linear.jacobian.reshape(-1, SIZE), linear.residual.reshape(-1)
-    for amplitude in AMPLITUDES_MM:
-        for length in LENGTHS_RAD if amplitude > 0 else LENGTHS_RAD[:1]:
-            kernel = amplitude**2 * np.exp(-0.5 * (apart / length) ** 2)
-            L = np.linalg.cholesky(dense_covariance(linear, here, noise, kernel))
-            white = np.linalg.solve(L, np.column_stack([J, r]))
-            information = white[:, :-1].T @ white[:, :-1] + np.diag(pull)
-            side = white[:, :-1].T @ white[:, -1] + pull * (noise.radius_mm - result.estimate.radius_mm)
-            step = np.linalg.solve(information, side)
-            cost = white[:, -1] @ white[:, -1] - side @ step
-            logs.append(-0.5 * (cost + np.linalg.slogdet(information)[1]) - np.log(np.diagonal(L)).sum())
-            steps.append(step)
-            covariances.append(np.linalg.inv(information))
-            kernels.append(kernel)
-            amplitudes.append(amplitude)
-    log = np.array(logs)
+    grid = [(a, length) for a in AMPLITUDES_MM for length in (LENGTHS_RAD if a > 0 else LENGTHS_RAD[:1])]
+    found = [
+        _restricted(linear, here, noise, a**2 * np.exp(-0.5 * (apart / length) ** 2), estimate) for a, length in grid
+    ]
+    log = np.array([one[0] for one in found])
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
     weights = np.exp(log - log.max())
-    return (
-        weights / weights.sum(),
-        np.array(steps),
-        np.array(covariances),
-        kernels[int(np.argmax(log))],
-        np.array(amplitudes),
-    )
+    return (weights / weights.sum(), np.array([one[1] for one in found]), np.array([one[2] for one in found]),
+            np.array([a for a, _ in grid]))  # fmt: skip
+
+
+def _restricted(linear: Linear, here: Observations, noise: Noise, kernel: Float,
+                estimate: Estimate) -> tuple[float, Float, Float]:  # fmt: skip
+    """Restricted log-likelihood of one kernel (k, k), the step to its answer (P,) and the covariance (P, P)."""
+    L = np.linalg.cholesky(_covariance(linear, kernel))
+    white = np.linalg.solve(L, np.column_stack([linear.jacobian.reshape(-1, SIZE), linear.residual.reshape(-1)]))
+    J, r = white[:, :-1], white[:, -1]
+    pull = np.zeros(SIZE)
+    pull[SIZE - 1] = noise.radius_u_mm**-2
+    off = noise.radius_mm - estimate.radius_mm
+    information = J.T @ J + np.diag(pull)
+    side = J.T @ r + pull * off
+    covariance = np.linalg.inv(information)
+    step = covariance @ side
+    cost = r @ r + off**2 * pull[-1] - side @ step
+    log = -0.5 * (cost + np.linalg.slogdet(information)[1]) - np.log(np.diagonal(L)).sum()
+    return float(log), step, covariance
+
+
+def _covariance(linear: Linear, kernel: Float) -> Float:
+    """Covariance (3k, 3k) of all observations: their own, and the shared position errors brought to the profiles."""
+    by_position = linear.by_pose[..., :3]
+    out = np.einsum("ab,aip,bjp->aibj", kernel, by_position, by_position)
+    index = np.arange(len(kernel))
+    out[index, :, index, :] += linear.covariance
+    return np.asarray(out.reshape(3 * len(kernel), -1))
 
 
 def _distances(here: Observations) -> Float:

@@ -36,7 +36,7 @@ def directions(covariance: Float, estimate: Estimate, centre: Float) -> tuple[tu
 
 def check_postures(seen: Observations, where: str) -> None:
     """Refuse fewer than four postures; frames of a scan are judged by the uncertainty alone."""
-    if any(len(rows) > 1 for rows, _ in seen.groups):
+    if seen.scans:
         return
     count = distinct_postures(seen.base_from_flange)
     if count < MIN_POSTURES:

@@ -39,7 +39,7 @@ def hand_eye(
     ] = 0.01,
     sphere_radius_u_mm: Annotated[
         float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
-    ] = 0.02,
+    ] = 0.05,
     robot_error: Annotated[
         Literal["independent", "correlated"],
         Field(description="'correlated': near postures share errors of the robot, whose size the data tell"),
@@ -75,6 +75,8 @@ def hand_eye(
     where = f"{recording.source}: /robot"
     answer = _solve(passes, recording, noise, where, max_u_mm)
     result, systematic_mm = answer.fit, None
+    if robot_error == "correlated" and answer.seen.scans:
+        raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
     if robot_error == "correlated":
         result, systematic_mm = correlated(answer.fit, answer.seen, noise)
     if method != "bundle":

@@ -11,9 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
-from workbench.api import DEG, Float, Int, rotation_from_vector
-from workbench.plugins.calibration.observations import Observations
+from workbench.api import DEG, Float, rotation_from_vector
+from workbench.plugins.calibration.observations import Group, Observations
 
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
 FIELD_MM = (16.0, 20.0)  # half width and half height of the field of view that errors are judged over
@@ -26,7 +27,7 @@ class Noise:
     pose_mm: float = 0.07  # standard deviation of a flange position, each axis
     pose_deg: float = 0.01  # of its orientation, each axis
     radius_mm: float = 5.0
-    radius_u_mm: float = 0.02
+    radius_u_mm: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -97,73 +98,63 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose)
 
 
-def whitened(linear: Linear, seen: Observations, noise: Noise, shared: Float | None = None) -> tuple[Float, Float]:
-    """Residuals (3k,) and Jacobian (3k, P) in units of the noise, correlated pose errors included.
+@dataclass(frozen=True)
+class Normal:
+    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares."""
 
-    `shared` (k, k): covariance in mm^2 of a further position error, each axis of the base, that postures share.
-    """
-    k, p = len(linear.residual), linear.jacobian.shape[2]
+    matrix: Float
+    side: Float
+    chi2: float
+
+
+def normal_equations(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> Normal:
+    """Normal equations of a Gauss-Newton step, pose errors that frames share and the prior of the radius included."""
     both = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=-1)
-    if shared is not None:
-        groups = [(np.arange(k)[None], _joint_correlation(seen)[None])]
-    else:
-        groups = _batched(seen)
-    out = []
-    for rows, correlation in groups:
-        covariance = _group_covariance(linear, noise, rows, correlation, shared)
-        size = 3 * rows.shape[1]
-        out.append(
-            np.linalg.solve(np.linalg.cholesky(covariance), both[rows].reshape(-1, size, p + 1)).reshape(-1, p + 1)
-        )
-    stacked = np.concatenate(out)
-    return stacked[:, -1], stacked[:, :-1]
+    own = both[seen.still]
+    joined = np.tensordot(own, np.linalg.solve(linear.covariance[seen.still], own), axes=([0, 1], [0, 1]))
+    for scan in seen.scans:
+        joined = joined + _scan_equations(linear, both, scan, noise)
+    pull, off = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
+    joined[SIZE - 1, SIZE - 1] += pull
+    joined[SIZE - 1, -1] += pull * off
+    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2))
 
 
-def _group_covariance(linear: Linear, noise: Noise, rows: Int, correlation: Float, shared: Float | None) -> Float:
-    """Covariances (g, 3m, 3m) of g groups of m rows each."""
-    g, m = rows.shape
-    if m == 1 and shared is None:
-        return np.asarray(linear.covariance[rows[:, 0]])
-    H = linear.by_pose[rows]  # (g, m, 3, 6)
-    scatter = H * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
-    own = np.einsum("gaip,gajp->gaij", scatter, scatter)
-    between = np.einsum("gab,gaip,gbjp->gaibj", correlation, scatter, scatter)
-    if shared is not None:
-        between += np.einsum("ab,gaip,gbjp->gaibj", shared, H[..., :3], H[..., :3])
-    index = np.arange(m)
-    between[:, index, :, index, :] += np.swapaxes(linear.covariance[rows] - own, 0, 1)
-    return np.asarray(between.reshape(g, 3 * m, 3 * m))
+def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> Float:
+    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames, S = D + U U^T by Woodbury's identity.
+
+    D are the circles' covariances; U carries the errors of the recorded poses, in standard deviations, to the frames.
+    A frame rests on two poses, so I + U^T D^-1 U is block-tridiagonal: the cost grows with the frames, not their cube.
+    """
+    spread = linear.by_pose[scan.rows] * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
+    inverse = np.linalg.inv(linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2))
+    weighted = inverse @ both[scan.rows]
+    joined = np.tensordot(both[scan.rows], weighted, axes=([0, 1], [0, 1]))
+    square = np.swapaxes(spread, 1, 2) @ inverse @ spread  # (m, 6, 6)
+    side = np.swapaxes(spread, 1, 2) @ weighted  # (m, 6, P + 1)
+    diagonal, below = np.zeros((scan.nodes, 6, 6)), np.zeros((scan.nodes, 6, 6))
+    at_nodes = np.zeros((scan.nodes, 6, both.shape[2]))
+    after, before = scan.fraction[:, None, None], 1 - scan.fraction[:, None, None]
+    np.add.at(diagonal, scan.node, before**2 * square)
+    np.add.at(diagonal, scan.node + 1, after**2 * square)
+    np.add.at(below, scan.node, before * after * square)
+    np.add.at(at_nodes, scan.node, before * side)
+    np.add.at(at_nodes, scan.node + 1, after * side)
+    band = np.zeros((12, scan.nodes, 6))  # LAPACK's lower band storage
+    band[0] = 1.0
+    for row in range(6):
+        for column in range(6):
+            if row >= column:
+                band[row - column, :, column] += diagonal[:, row, column]
+            band[6 + row - column, :-1, column] += below[:-1, row, column]
+    flat = at_nodes.reshape(-1, both.shape[2])
+    return np.asarray(joined - flat.T @ solveh_banded(band.reshape(12, -1), flat, lower=True))
 
 
-def _batched(seen: Observations) -> list[tuple[Int, Float]]:
-    """Groups of equal size together: rows (g, m), correlations (g, m, m)."""
-    by_size: dict[int, list[tuple[Int, Float]]] = {}
-    for rows, correlation in seen.groups:
-        by_size.setdefault(len(rows), []).append((rows, correlation))
-    return [(np.stack([r for r, _ in some]), np.stack([c for _, c in some])) for some in by_size.values()]
-
-
-def dense_covariance(linear: Linear, seen: Observations, noise: Noise, shared: Float) -> Float:
-    """Covariance (3k, 3k) of all observations together."""
-    rows = np.arange(len(seen))[None]
-    return np.asarray(_group_covariance(linear, noise, rows, _joint_correlation(seen)[None], shared)[0])
-
-
-def _joint_correlation(seen: Observations) -> Float:
-    out = np.zeros((len(seen), len(seen)))
-    for rows, correlation in seen.groups:
-        out[np.ix_(rows, rows)] = correlation
-    return out
-
-
-def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False,
-                shared: Float | None = None) -> Float:  # fmt: skip
+def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:
     """Fisher information (P, P) of the unknowns, the prior of the radius included: its inverse is the bound."""
     linear = linearise(estimate, seen, noise, with_offset)
-    J = whitened(linear, seen, noise, shared)[1]
-    matrix = J.T @ J
-    matrix[9, 9] += noise.radius_u_mm**-2
-    return np.asarray(matrix)
+    return normal_equations(linear, seen, noise, estimate.radius_mm).matrix
 
 
 def field_of_view(estimate: Estimate, centre: Float) -> tuple[Float, Float]:

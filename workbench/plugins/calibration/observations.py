@@ -1,7 +1,7 @@
 """Circles joined with the flange's poses: one observation a posture held still, one a frame of a scan.
 
 Repeats of a still posture share its pose error, so they are averaged. The poses of a scan are interpolated between
-recorded ones, and so are their errors: frames of one pass are correlated by W W^T, W the interpolation's weights.
+recorded ones, and so are their errors: frames between the same two recorded poses share these poses' errors.
 """
 
 from __future__ import annotations
@@ -19,6 +19,16 @@ SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
 
 
 @dataclass(frozen=True)
+class Group:
+    """Observations whose pose errors come from the same recorded poses, in the order of time."""
+
+    rows: Int  # (m,) of the observations
+    node: Int  # (m,) recorded pose before each
+    fraction: Float  # (m,) of the way to the next one
+    nodes: int  # recorded poses
+
+
+@dataclass(frozen=True)
 class Observations:
     """k observations: circles with their covariance, and the pose of the flange at each, with what its errors share."""
 
@@ -26,7 +36,8 @@ class Observations:
     covariance: Float  # (k, 3, 3)
     base_from_flange: Float  # (k, 4, 4)
     velocity: Float  # (k, 6) of the flange, in the flange frame: mm/s, rad/s; 0 at rest
-    groups: tuple[tuple[Int, Float], ...]  # rows (m,) with correlated pose errors, and their correlation (m, m)
+    still: Int  # (s,) rows with a pose error of their own
+    scans: tuple[Group, ...]
     frames: tuple[tuple[int, ...], ...]  # (k) of the recording
 
     def __len__(self) -> int:
@@ -35,17 +46,21 @@ class Observations:
     def subset(self, keep: Bool) -> Observations:
         """The observations marked in `keep` (k,)."""
         number = np.cumsum(keep) - 1
-        groups = tuple((number[r[keep[r]]], c[np.ix_(keep[r], keep[r])]) for r, c in self.groups if keep[r].any())
+        scans = tuple(
+            Group(number[g.rows[kept]], g.node[kept], g.fraction[kept], g.nodes)
+            for g in self.scans
+            if (kept := keep[g.rows]).any()
+        )
         frames = tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept)
         return Observations(self.circle[keep], self.covariance[keep], self.base_from_flange[keep], self.velocity[keep],
-                            groups, frames)  # fmt: skip
+                            number[self.still[keep[self.still]]], scans, frames)  # fmt: skip
 
 
 def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
     """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
     k = len(circle)
-    groups = tuple((np.array([i]), np.ones((1, 1))) for i in range(k))
-    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), groups, tuple((i,) for i in range(k)))
+    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), np.arange(k), (),
+                        tuple((i,) for i in range(k)))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -84,19 +99,23 @@ class Passes:
         """Observations with the flange's poses at the frames' times minus `offset_s`."""
         k = len(self.circle)
         base_from_flange, velocity = np.empty((k, 4, 4)), np.zeros((k, 6))
-        groups = []
+        still, scans = [], []
         for number in np.unique(self.number):
             rows = np.flatnonzero(self.number == number)
             time, *poses = self._poses(number)
-            at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1]) if len(time) > 1 else time[[0]]
+            if len(time) == 1:
+                base_from_flange[rows] = interpolate_poses(time, time, *poses)
+                still.append(rows)
+                continue
+            at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
             base_from_flange[rows] = interpolate_poses(at, time, *poses)
-            correlation = np.ones((1, 1))
-            if len(time) > 1:
-                velocity[rows] = _velocity(at, time, *poses)
-                weights = np.stack([np.interp(at, time, column) for column in np.eye(len(time))], axis=1)
-                correlation = weights @ weights.T
-            groups.append((rows, correlation))
-        return Observations(self.circle, self.covariance, base_from_flange, velocity, tuple(groups), self.frames)
+            velocity[rows] = _velocity(at, time, *poses)
+            node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+            scans.append(Group(rows, node, (at - time[node]) / (time[node + 1] - time[node]), len(time)))
+        at_rest = np.concatenate([*still, np.zeros(0, int)]).astype(int)
+        return Observations(
+            self.circle, self.covariance, base_from_flange, velocity, at_rest, tuple(scans), self.frames
+        )
 
     def _poses(self, number: int) -> tuple[Float, Float, Float]:
         r = self.recording

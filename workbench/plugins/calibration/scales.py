@@ -7,7 +7,7 @@ from scipy.stats import t
 
 from workbench.api import Float
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import Noise, linearise, whitened
+from workbench.plugins.calibration.model import Noise, linearise
 from workbench.plugins.calibration.observations import Observations
 
 SURE = 1e-4  # probability, two-sided, below which a scale is called wrong
@@ -21,11 +21,11 @@ def wrong_scales(result: Fit, seen: Observations, noise: Noise) -> tuple[tuple[s
     would be left, so a misfit of another kind does not pass for this.
     """
     here = seen.subset(result.used)
-    if result.freedom < SPARE or any(len(rows) > 1 for rows, _ in here.groups):
+    if result.freedom < SPARE or here.scans:
         return ()
     linear = linearise(result.estimate, here, noise)
-    r, J = whitened(linear, here, noise)
     white = np.linalg.inv(np.linalg.cholesky(linear.covariance))
+    r, J = (white @ linear.residual[..., None]).ravel(), (white @ linear.jacobian).reshape(-1, linear.jacobian.shape[2])
     found = []
     for name, row in (("x", 0), ("z", 1)):
         column = np.zeros((len(here), 3, 1))

@@ -18,7 +18,8 @@ COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postur
 TRIED = 6  # answers of the search that are refined
 RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
 REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
-HOPELESS = 0.3  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
+HOPELESS = 0.5  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
+CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
 OFFSET_GRID_MM, MAX_OFFSETS = 1.0, 200  # how finely clock offsets are searched
 
@@ -31,7 +32,6 @@ class Answer:
     seen: Observations
     noise: Noise  # that the fit rests on: the robot's as large as the residuals say, the sphere's radius set free
     stated: Fit  # with the noise as stated: its chi-square tells a misfit
-    directions: tuple[tuple[str, float], ...]
     alone: bool  # False: the design had to exclude a rival
     with_offset: bool = False
     radius_free: bool = False  # the data contradict the sphere's stated radius
@@ -55,14 +55,13 @@ def solve(seen: Observations, noise: Noise, design: Float | None = None, *, wher
     refined = _refine(_search(seen, noise, design), seen, noise)
     best = refined[0]
     _check_explains(best, seen, noise, where)
-    _determined(best, seen, limit_mm, noise, where)  # before rivals: where nothing is determined there are many
+    _check_determined(best, seen, noise, limit_mm, where)  # before rivals: where nothing is determined there are many
     best, alone = _only(refined, design, where)
     stated, raised = best, noise
     if bundle.misfits(best):
         best, raised = bundle.matched(best, seen, noise)
     best, final = _with_free_radius(best, seen, raised)
-    found = _determined(best, seen, limit_mm, final, where)
-    return Answer(best, seen, final, stated, found, alone, radius_free=final is not raised)
+    return Answer(best, seen, final, stated, alone, radius_free=final is not raised)
 
 
 def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None, *, where: str = "postures",
@@ -89,8 +88,8 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
     _check_explains(best, seen, noise, where)
-    found = _determined(best, seen, limit_mm, noise, where, with_offset=True)
-    return Answer(best, seen, noise, best, found, True, with_offset=True)
+    _check_determined(best, seen, noise, limit_mm, where, with_offset=True)
+    return Answer(best, seen, noise, best, True, with_offset=True)
 
 
 def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Estimate]:
@@ -127,9 +126,8 @@ def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit,
     if free.radius_u_mm <= noise.radius_u_mm or len(seen) < 6:
         return best, noise
     other = bundle.without_gross(best.estimate, seen, free)
-    fits = other.chi2 < best.chi2 - RIVAL and (other.used >= best.used).all()
-    contradicted = fits and abs(other.estimate.radius_mm - noise.radius_mm) > 4 * np.sqrt(other.covariance[9, 9])
-    return (other, free) if contradicted else (best, noise)
+    fits = other.chi2 < best.chi2 - CONTRADICTED and (other.used >= best.used).all()
+    return (other, free) if fits else (best, noise)
 
 
 def _only(refined: list[Fit], design: Float | None, where: str) -> tuple[Fit, bool]:
@@ -164,12 +162,11 @@ def _within_reach(estimate: Estimate, design: Float) -> bool:
     return bool(turn < REACH_RAD and np.linalg.norm(estimate.translation_mm - design[:3, 3]) < REACH_MM)
 
 
-def _determined(best: Fit, seen: Observations, limit_mm: float, noise: Noise, where: str,
-                with_offset: bool = False) -> tuple[tuple[str, float], ...]:  # fmt: skip
+def _check_determined(best: Fit, seen: Observations, noise: Noise, limit_mm: float, where: str,
+                      with_offset: bool = False) -> None:  # fmt: skip
     centre = linearise(best.estimate, seen, noise).centre[best.used]
     found = directions(best.covariance[:6, :6], best.estimate, centre)
     check_determined(found, best.estimate, seen.subset(best.used), centre, limit_mm, where, with_offset)
-    return found
 
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.artefacts import Layer, Toolpath
+from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.path import simplify
 
@@ -154,6 +154,17 @@ def test_a_path_that_goes_back_on_itself_is_followed() -> None:
     moves = simplify(path)
     for i in (29, 10):
         assert np.linalg.norm(moves.position_mm - layer.position_mm[i], axis=1).min() < 1.01
+
+
+def test_a_layer_begins_and_ends_at_a_target_though_the_way_goes_straight_on() -> None:
+    x = np.arange(40.0)[:, None] * [[1.0, 0, 0]]
+    q = np.tile([1.0, 0, 0, 0], (40, 1))
+    path = with_points(mill_path(Shape(length_mm=5)), x[10:20], q[10:20])
+    layer = replace(path.layers[0], cutting=np.zeros(10, bool))
+    around = tuple(Travel(x[part], q[part], np.ones(len(x[part]))) for part in (slice(0, 10), slice(20, 40)))
+    moves = simplify(replace(path, layers=(layer,), travels=around))
+    assert moves.position_mm[:, 0].tolist() == [0, 9, 19, 39]
+    assert moves.layer.tolist() == [0, 0, 1, 0]
 
 
 def way(moves, k):

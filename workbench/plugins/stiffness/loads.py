@@ -32,7 +32,7 @@ def read_loads(path: Path) -> LoadingTests:
     Raises:
         InputError: it cannot be read; a column is missing; a cell is no finite number; a load has no displacement.
     """
-    header, rows = _table(path)
+    header, lines = _table(path)
     targets = _target_columns(header)
     missing = [name for name in ("posture", *ANGLES, *WRENCH) if name not in header]
     if missing:
@@ -44,6 +44,7 @@ def read_loads(path: Path) -> LoadingTests:
         )
     if six and targets:
         raise InputError(f"{path}: header", "expected dx_mm ... rz_deg or tracked points p1x_mm ..., not both")
+    rows = _rows(header, lines, path)
     known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *(name for names in targets for name in names)}
     ignored = [name for name in header if name not in known]
     return LoadingTests(
@@ -58,8 +59,8 @@ def read_loads(path: Path) -> LoadingTests:
     )
 
 
-def _table(path: Path) -> tuple[list[str], list[_Row]]:
-    """Header and rows with their line numbers; comments and empty lines left out."""
+def _table(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
+    """Header and rows as text with their line numbers; comments and empty lines left out."""
     try:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
@@ -75,13 +76,17 @@ def _table(path: Path) -> tuple[list[str], list[_Row]]:
     header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]
     if len(set(header)) < len(header):
         raise InputError(f"{path}: header", "a column stands twice")
+    return header, numbered[1:]
+
+
+def _rows(header: list[str], lines: list[tuple[int, str]], path: Path) -> list[_Row]:
     rows = []
-    for line, text in numbered[1:]:
+    for line, text in lines:
         cells = next(csv.reader([text]))
         if len(cells) != len(header):
             raise InputError(f"{path}: line {line}", f"expected {len(header)} cells, found {len(cells)}")
         rows.append(_Row(line, dict(zip(header, cells, strict=True))))
-    return header, rows
+    return rows
 
 
 def _target_columns(header: list[str]) -> list[tuple[str, str, str]]:

@@ -1,0 +1,119 @@
+"""Milling force against the averaged formulas of a slot, symmetry, runout, and the stage on a path."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.api import Cutter, Engagement, Layer, LayerEngagement, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.poses import quaternion_from_rotation, rotation_from_vector
+from workbench.plugins.stiffness import force
+from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
+from workbench.plugins.stiffness.cutting import milling_force
+
+C = PUBLISHED["al7075_t6"]
+CUTTER = Cutter()
+
+
+def one(radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, **more: Any) -> Any:
+    return milling_force(c, CUTTER, np.array([feed]), np.array([radial]), np.array([axial]), **more)[0]
+
+
+@pytest.mark.parametrize("helix_deg", [0.0, 30.0])
+def test_mean_of_a_slot(helix_deg: float) -> None:
+    """Altintas' averages: N a/4 K c + N a/pi K_e across, N a/pi K c + N a/2 K_e along; the helix changes no mean."""
+    n, a, c = CUTTER.flutes, 2.0, 0.05
+    found = one(CUTTER.diameter_mm, a, c, helix=np.radians(helix_deg), steps=3600).mean(axis=0)
+    tangential = n * a / 4 * C.ktc_n_mm2 * c + n * a / np.pi * C.kte_n_mm
+    radial = n * a / 4 * C.krc_n_mm2 * c + n * a / np.pi * C.kre_n_mm
+    axial = n * a / np.pi * C.kac_n_mm2 * c + n * a / 2 * C.kae_n_mm
+    assert np.allclose(found, [tangential, -radial, axial], rtol=1e-3)
+
+
+def test_mean_of_a_partial_cut() -> None:
+    """Averages over 0 to phi, integrated by hand: up-milling at a radial depth of 1 mm."""
+    n, a, f = CUTTER.flutes, 3.0, 0.04
+    p = np.arccos(1 - 1.0 / 5.0)
+    found = one(1.0, a, f, steps=7200).mean(axis=0)
+    sin2, sincos = p / 2 - np.sin(2 * p) / 4, np.sin(p) ** 2 / 2
+    sine, cosine = 1 - np.cos(p), np.sin(p)
+    scale = n * a / (2 * np.pi)
+    x = C.ktc_n_mm2 * f * sin2 + C.kte_n_mm * sine - C.krc_n_mm2 * f * sincos - C.kre_n_mm * cosine
+    y = -C.ktc_n_mm2 * f * sincos - C.kte_n_mm * cosine - C.krc_n_mm2 * f * sin2 - C.kre_n_mm * sine
+    z = C.kac_n_mm2 * f * sine + C.kae_n_mm * p
+    assert np.allclose(found, scale * np.array([x, y, z]), rtol=3e-3)
+
+
+def test_up_milling_resists_the_feed_and_power_is_positive() -> None:
+    """The force on the cutter points against the feed, and its torque brakes the spindle."""
+    through = one(1.0, 3.0)
+    assert (through[:, 1] <= 0).all()
+    assert through[:, 1].min() < -10
+
+
+def test_papers_case_peaks_at_40_n() -> None:
+    """6000 rpm, 1 mm/s, 1 mm, 4 flutes, 10 mm: 2.5 micrometres a tooth; the edge makes 90 to 99 % of some 40 N."""
+    peak = np.linalg.norm(one(1.0, 1.0, 0.0025, helix=np.radians(30)), axis=1).max()
+    edge = CuttingCoefficients(0, 0, 0, C.kte_n_mm, C.kre_n_mm, C.kae_n_mm)
+    of_edge = np.linalg.norm(one(1.0, 1.0, 0.0025, c=edge, helix=np.radians(30)), axis=1).max()
+    assert 35 < peak < 45
+    assert 0.90 < of_edge / peak < 0.99
+
+
+def test_runout_leaves_the_chip_to_fewer_teeth() -> None:
+    """No edge forces: runout beyond the feed leaves one tooth, which takes the whole chip; the mean stays."""
+    chip = CuttingCoefficients(700, 200, 100, 0, 0, 0)
+    even = one(1.0, 1.0, 0.0025, c=chip)
+    uneven = one(1.0, 1.0, 0.0025, c=chip, runout_mm=0.05)
+    assert np.allclose(uneven.mean(axis=0), even.mean(axis=0), rtol=1e-3)
+    assert np.isclose(np.linalg.norm(uneven, axis=1).max(), 4 * np.linalg.norm(even, axis=1).max(), rtol=0.02)
+    cutting = [np.count_nonzero(np.linalg.norm(one_, axis=1) > 1e-9) for one_ in (even, uneven)]
+    assert np.isclose(cutting[0] / cutting[1], 4, rtol=0.05)
+
+
+def test_no_engagement_no_force() -> None:
+    assert (one(0.0, 3.0) == 0).all()
+    assert (one(1.0, 0.0) == 0).all()
+
+
+@pytest.fixture
+def path() -> Toolpath:
+    k = 5
+    turn = rotation_from_vector(np.array([0.3, -0.4, 0.2]))
+    layer = Layer(
+        index=1, height_mm=0.0, arc_length_mm=np.arange(k) - 1.0, position_mm=np.zeros((k, 3)),
+        quaternion_wxyz=np.tile(quaternion_from_rotation(turn), (k, 1)), feed_mm_s=np.ones(k),
+        cutting=np.arange(k) > 0, measured=np.ones(k, bool), width_mm=np.where(np.arange(k) > 0, 4.0, 0.0),
+    )  # fmt: skip
+    return Toolpath(cutter=CUTTER, layers=(layer,), travels=(), root_mm=1.5, bevel_deg=40, depth_of_cut_mm=1.0,
+                    v_slow_mm_s=1.0, edge_length_mm=3.0)  # fmt: skip
+
+
+def test_stage_on_a_path(path: Toolpath) -> None:
+    """Without engagement: the path's depth and the face's width; in the air nothing; turned into the path's frame."""
+    found, document = force(path)
+    layer = found.layers[0]
+    expected = one(1.0, 4.0, 0.0025, helix=np.radians(30))
+    assert np.allclose(layer.mean_n[1:], expected.mean(axis=0))
+    assert (layer.mean_n[0] == 0).all()
+    assert np.allclose(np.linalg.norm(layer.peak_n[1:], axis=1), np.linalg.norm(expected, axis=1).max())
+    turn = rotation_from_vector(np.array([0.3, -0.4, 0.2]))
+    assert np.allclose(layer.mean_in_path_n[1], turn @ layer.mean_n[1])
+    assert document.name == "milling_force.json"
+
+
+def test_engagement_counts(path: Toolpath) -> None:
+    met = LayerEngagement(1, path.layers[0].arc_length_mm, np.array([0, 0.5, 1, 1, 0.0]), np.array([0, 2.0, 4, 1, 0]),
+                          np.zeros(5))  # fmt: skip
+    layer = force(path, Engagement((met,)))[0].layers[0]
+    assert np.allclose(layer.mean_n[1], one(0.5, 2.0, 0.0025, helix=np.radians(30)).mean(axis=0))
+    assert (layer.mean_n[4] == 0).all()
+    short = LayerEngagement(1, *(np.zeros(3),) * 4)
+    with pytest.raises(InputError, match="another path"):
+        force(path, Engagement((short,)))
+
+
+def test_a_depth_beyond_the_cutter_is_refused(path: Toolpath) -> None:
+    with pytest.raises(InputError, match="cutter's diameter"):
+        force(path, radial_depth_mm=11.0)

@@ -1,0 +1,75 @@
+"""The file of loading tests: what is read, and what is refused in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.plugins.stiffness.loads import read_loads
+
+HEAD = "posture,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+SIX = HEAD + ",dx_mm,dy_mm,dz_mm,rx_deg,ry_deg,rz_deg"
+ROW = "a,1,2,3,4,5,6,10,20,30,1,2,3"
+POINTS = HEAD + ",p1x_mm,p1y_mm,p1z_mm,p2x_mm,p2y_mm,p2z_mm"
+
+
+def write(path: Path, *lines: str) -> Path:
+    (path / "loads.csv").write_text("\n".join(lines) + "\n")
+    return path / "loads.csv"
+
+
+def test_six_dimensions(tmp_path: Path) -> None:
+    tests = read_loads(write(tmp_path, "# comment", SIX, "", ROW + ",0.1,0.2,0.3,0.01,0.02,0.03", "  # another"))
+    assert tests.labels == ("a",)
+    assert tests.lines == (4,)
+    assert np.allclose(np.degrees(tests.joints), [[1, 2, 3, 4, 5, 6]])
+    assert np.allclose(tests.wrench, [[10, 20, 30, 1, 2, 3]])
+    assert tests.displacement is not None
+    assert np.allclose(tests.displacement[0, :3], [0.1, 0.2, 0.3])
+    assert np.allclose(np.degrees(tests.displacement[0, 3:]), [0.01, 0.02, 0.03])
+
+
+def test_points_with_missing_cells(tmp_path: Path) -> None:
+    tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,,3,4,5,6", ROW + ",1,2,3,4,5,6"))
+    assert tests.targets_mm is not None
+    seen = np.isfinite(tests.targets_mm).all(axis=2)
+    assert seen.tolist() == [[True, False], [False, True], [True, True]]
+
+
+def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:
+    names, cells = (SIX + ",temperature_c").split(","), (ROW + ",0.1,0.2,0.3,0.01,0.02,0.03,21").split(",")
+    turned = read_loads(write(tmp_path, ",".join(names[::-1]), ",".join(cells[::-1])))
+    assert np.allclose(turned.wrench, [[10, 20, 30, 1, 2, 3]])
+    assert "temperature_c" in turned.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([HEAD, ROW], "loads without displacement"),
+        ([SIX.replace("fz_n,", ""), ROW], "expected the column 'fz_n'"),
+        ([SIX + POINTS.removeprefix(HEAD), ROW + ",0" * 12], "not both"),
+        ([SIX], "one row a load"),
+        ([SIX, ROW], "line 2: expected 19 cells, found 13"),
+        ([SIX, ROW + ",0.1,0.2,,0,0,0"], "line 2: dz_mm: expected a number, found ''"),
+        ([SIX, ROW + ",0.1,0.2,nan,0,0,0"], "expected a number, found 'nan'"),
+        ([SIX, ROW.replace("20", "2O") + ",1,2,3,0,0,0"], "line 2: fy_n"),
+        ([POINTS, ROW + ",,,,,,"], "line 2: a load without displacement"),
+        ([SIX + ",dx_mm", ROW + ",0" * 7], "stands twice"),
+        ([SIX.replace("rz_deg", "rz_rad"), ROW + ",0" * 6], "loads without displacement"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_loads(write(tmp_path, *lines))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+    (tmp_path / "loads.csv").write_bytes(b"\xff\xfe\x00posture")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_loads(tmp_path / "loads.csv")
+    with pytest.raises(InputError, match="No such file"):
+        read_loads(tmp_path / "none.csv")

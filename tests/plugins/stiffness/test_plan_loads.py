@@ -1,0 +1,99 @@
+"""Planned loading tests keep their promises: uncertainty, limits, collision, counts."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.plugins.stiffness import plan_loads, simulate_loads
+from workbench.plugins.stiffness.design import choose, choose_postures, cost, relative_u
+from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness.loads import read_loads
+from workbench.plugins.stiffness.values import JointStiffness
+from workbench.robot import Cell, CollisionModel
+
+from .conftest import K
+
+
+@pytest.fixture(scope="module")
+def planned(cell: Cell, stiffness: JointStiffness) -> Any:
+    return plan_loads(cell, stiffness, trials=80)[0]
+
+
+def test_every_joint_within_5_percent_with_40_loads_a_posture(planned: Any) -> None:
+    assert planned.relative_u.max() <= 0.0255
+    assert planned.warnings == ()
+    counts = [planned.labels.count(label) for label in set(planned.labels)]
+    assert len(counts) <= 3
+    assert max(counts) <= 40
+
+
+def test_postures_are_free_and_within_limits(cell: Cell, planned: Any) -> None:
+    model = CollisionModel(cell)
+    low, high = cell.chain.limits.T
+    for q in np.unique(planned.joints, axis=0):
+        assert ((low <= q) & (q <= high)).all()
+        assert model.collision(q) is None
+
+
+def test_promise_is_kept(cell: Cell, planned: Any, stiffness: JointStiffness, tmp_path: Any) -> None:
+    """Simulated, written, read and identified: the uncertainty is the promised one, the error within it."""
+    path = tmp_path / "loads.csv"
+    path.write_bytes(simulate_loads(planned, cell, stiffness, seed=3).content)
+    assert cell.loading is not None
+    found, _ = identify_from(cell.chain, cell.loading, read_loads(path))
+    assert np.allclose(found.u_nm_per_rad / found.nm_per_rad, planned.relative_u, rtol=0.1)
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+
+
+def test_loads_come_in_opposite_pairs_of_the_size_asked_for(planned: Any) -> None:
+    assert np.allclose(np.linalg.norm(planned.force_n, axis=1), 200)
+    assert np.array_equal(planned.wrench[::2], -planned.wrench[1::2])
+
+
+def test_chosen_postures_beat_random_ones() -> None:
+    """The design is no worse than the best of 300 random choices, for both criteria."""
+    rng = np.random.default_rng(4)
+    a = rng.normal(size=(40, 20, 3, 6)) * np.array([1, 1, 1, 0.3, 0.2, 0.1])
+    information = np.swapaxes(a, 2, 3) @ a
+    of_postures = information.mean(axis=1)
+    for criterion in ("minmax", "d_optimal"):
+        best = cost(of_postures[choose_postures(of_postures, 3, criterion)].sum(axis=0), criterion)
+        tried = [cost(of_postures[rng.choice(40, 3, replace=False)].sum(axis=0), criterion) for _ in range(300)]
+        assert best <= min(tried) + 1e-9
+        chosen = choose(information, 3, 5, criterion, 1e-9)
+        assert len(chosen) == 15
+        by_design = sum(information[pair] for pair in chosen)
+        kept = sorted({p for p, _ in chosen})
+        drawn = [
+            sum(information[p, rng.integers(20)] for p in kept for _ in range(5)) for _ in range(300)
+        ]  # fmt: skip
+        assert cost(by_design, criterion) <= min(cost(one, criterion) for one in drawn)
+
+
+def test_a_looser_target_needs_fewer_loads(cell: Cell, stiffness: JointStiffness, planned: Any) -> None:
+    loose, _ = plan_loads(cell, stiffness, trials=80, target_relative_u=0.08)
+    assert len(loose.labels) < len(planned.labels) / 2
+    assert loose.relative_u.max() <= 0.08
+
+
+def test_paper_postures_say_how_many_loads_are_missing(cell: Cell, stiffness: JointStiffness) -> None:
+    postures = [(0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45)]
+    found, document = plan_loads(cell, stiffness, postures_deg=postures, angle_convention="dh", loads_per_posture=6)
+    assert "needs some" in found.warnings[0]
+    assert len(found.labels) == 18
+    assert document.content.count(b"\n") == 20
+    assert np.isclose(relative_u(np.eye(6)).max(), 1)
+
+
+def test_bad_postures_and_cells_are_refused(cell: Cell, stiffness: JointStiffness) -> None:
+    with pytest.raises(InputError, match="joint 2 is beyond"):
+        plan_loads(cell, stiffness, postures_deg=[(0, 93, -5, 45, 45, 45)])
+    with pytest.raises(InputError, match="free of collision"):
+        plan_loads(cell, stiffness, postures_deg=[(90, 80, 60, 0, 10, 0)])
+    with pytest.raises(InputError, match="load_points_mm"):
+        plan_loads(dataclasses.replace(cell, loading=None), stiffness)
+    with pytest.raises(InputError, match="targets_mm"):
+        plan_loads(cell, stiffness, targets=9)

@@ -1,0 +1,56 @@
+"""`stiffness.read`: a file's stiffness, or given numbers; nothing that is no stiffness."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError, PipelineError
+from workbench.plugins.stiffness import read
+from workbench.plugins.stiffness.read import stiffness_document
+from workbench.plugins.stiffness.values import JointStiffness
+
+from .conftest import K
+
+
+def test_default_is_table_2() -> None:
+    assert read().nm_per_rad.tolist() == K.tolist()
+
+
+def test_a_file_comes_back(tmp_path: Path) -> None:
+    covariance = np.diag((0.02 * K) ** 2)
+    covariance[0, 1] = covariance[1, 0] = 0.3 * (0.02**2) * K[0] * K[1]
+    document = stiffness_document(JointStiffness(K, covariance, 12.5, 3, 40))
+    (tmp_path / "stiffness.json").write_bytes(document.content)
+    found = read(stiffness=tmp_path / "stiffness.json")
+    assert np.array_equal(found.nm_per_rad, K)
+    assert np.array_equal(found.covariance, covariance)
+    assert (found.condition_number, found.postures, found.loads) == (12.5, 3, 40)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joint_stiffness_nm_per_rad": [1e6, 0, 1e6, 1e6, 1e6, 1e6]}, "above 0, found 0 Nm/rad for joint 2"),
+        ({"joint_stiffness_nm_per_rad": [1e6, 1e6, 1e6, 1e6, 1e6, -3]}, "above 0, found -3 Nm/rad for joint 6"),
+        ({"joint_stiffness_nm_per_rad": [1e6] * 5}, "shape (6,)"),
+        ({"joint_stiffness_nm_per_rad": "soft"}, "shape (6,)"),
+        ({"covariance": [[1.0] * 6] * 5}, "shape (6, 6)"),
+        ({"covariance": (-np.eye(6)).tolist()}, "positive semi-definite"),
+        ({"covariance": (np.eye(6) + np.eye(6, k=1)).tolist()}, "symmetric"),
+        ({"covariance": None}, "finite numbers"),
+    ],
+)
+def test_what_is_no_stiffness_is_refused(tmp_path: Path, change: Any, message: str) -> None:
+    good = {"joint_stiffness_nm_per_rad": K.tolist(), "covariance": np.eye(6).tolist()}
+    (tmp_path / "stiffness.json").write_text(json.dumps(good | change))
+    with pytest.raises(InputError) as caught:
+        read(stiffness=tmp_path / "stiffness.json")
+    assert message in str(caught.value)
+
+
+def test_numbers_given_are_checked() -> None:
+    with pytest.raises(PipelineError, match="greater than 0"):
+        read(joint_stiffness_nm_per_rad=(1e6, 1e6, 0, 1e6, 1e6, 1e6))

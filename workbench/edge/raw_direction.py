@@ -18,6 +18,7 @@ from workbench.units import DEG, Float, Int
 
 WHERE = "edge.segment_raw.upper_side"
 KEY_FRAMES = 60  # a pass
+TRAVEL_FRAMES = 400  # that say where the scan goes
 SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
 LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
 NEIGHBOURS = 4  # key frames on each side whose median direction counts
@@ -75,8 +76,10 @@ def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
 
 def _travelled(cloud: Cloud) -> Float:
     """How far (3,) the seen surface moved through the base in the longest pass, mm."""
+    shown = np.flatnonzero(cloud.keep.any(axis=1))
+    shown = shown[np.unique(np.linspace(0, shown.size - 1, TRAVEL_FRAMES).round().astype(int))] if shown.size else shown
     centre = np.full((len(cloud.keep), 3), np.nan)
-    for i in np.flatnonzero(cloud.keep.any(axis=1)):
+    for i in shown:
         x, z = (float(np.median(v[i][cloud.keep[i]])) for v in (cloud.x_mm, cloud.z_mm))
         pose = cloud.base_from_profiler[i]
         centre[i] = pose[:3, 3] + x * pose[:3, 0] + z * pose[:3, 2]

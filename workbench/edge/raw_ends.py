@@ -9,7 +9,6 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud
 from workbench.edge.raw_faces import FaceEnds, RawFaces
-from workbench.geometry.chains import noise_sigma
 from workbench.geometry.courses import Course, fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.end_posterior import end_at
@@ -20,6 +19,11 @@ from workbench.units import Bool, Float, Int
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 SAMPLE_FRAMES = 60
+SMOOTH_MM = 1.0  # a plate's surfaces are smooth: corners with them scatter by noise alone, frame by frame
+COVERS = 0.9  # share of the edge that corners must show for silhouettes to be left aside
+CELL_MM = 5.0
+LEAST_CORNERS = 20
+PLACE_MM = 4.0  # distance of the places at which the posterior of a silhouette's end is taken
 KNOTS_MM = (64.0, 32.0, 16.0)  # of the course along m: a plate's thickness hardly waves
 
 
@@ -46,13 +50,20 @@ class EndCourse:
     s: Float  # (n,) of the course
     ends: Ends | None = None  # silhouettes: what the likelihood has to say
     likely: SmoothEnd | None = None
+    shared_u: Float | None = None  # (n,) of the frames' own shift
 
     def at(self, s: Float) -> tuple[Float, Float]:
         """Distance along m and its standard uncertainty at arc lengths s (m,), mm."""
         if self.ends is None or self.likely is None:
             return self.course.spline(s)[:, 0], self.course.u(self.s, s, self.residual)
-        value, u = end_at(self.ends, self.likely, s)
-        return self.outward * value, u
+        first, last = self.ends.s[[0, -1]]
+        places = np.linspace(s.min(), s.max(), max(3, int(np.ptp(s) / PLACE_MM)))
+        value, u = end_at(self.ends, self.likely, np.clip(places, first, last))
+        off = value - self.likely.spline(np.clip(places, first, last))
+        good = np.isfinite(off)
+        smooth = self.likely.spline(np.clip(s, first, last)) + np.interp(s, places[good], off[good])
+        shared = 0.0 if self.shared_u is None else np.interp(s, self.s, self.shared_u)
+        return self.outward * smooth, np.hypot(np.interp(s, places[good], u[good]), shared)
 
     def rough(self, s: Float) -> Float:
         """Distance along m at s (m,), mm, without the likelihood's own effort."""
@@ -100,52 +111,73 @@ def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
     return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
 
 
-def corner_shift(placed: tuple[PlacedEnds, PlacedEnds], vibration: Float) -> tuple[Float, Float]:
-    """How far (N,) each frame as a whole lies off along m, and what this leaves of `vibration` (N,), mm.
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameShift:
+    """What shifts each frame as a whole along m (N,), mm: `known` by a corner, up to `u`; else of this `spread`."""
+
+    known: Float
+    u: Float
+    spread: Float
+
+
+def frame_shift(placed: tuple[PlacedEnds, PlacedEnds], vibration: Float) -> FrameShift:
+    """How far each frame as a whole lies off along m; vibration (N,): how far frames may.
 
     A surface that joins the face is smooth, so what a frame's corner with it is off its course is the frame's own.
     """
-    shift, left = np.zeros(vibration.size), vibration.copy()
+    shift, u, spread = np.zeros(vibration.size), np.zeros(vibration.size), vibration.copy()
     for ends in placed:
         corner = np.isfinite(ends.m) & (ends.step == 0.0)
-        if corner.sum() >= 20:
-            course = fit_course(ends.s[corner], ends.m[corner, None])
-            off = ends.m[corner] - course.spline(ends.s[corner])[:, 0]
-            shift[corner] = off
-            left[corner] = 0.0
-    return shift, left
+        if corner.sum() >= LEAST_CORNERS:
+            s = ends.s[corner]
+            course = fit_course(s, ends.m[corner, None], together_mm=SMOOTH_MM)
+            off = ends.m[corner] - course.spline(s)[:, 0]
+            shift[corner], u[corner], spread[corner] = off, course.u(s, s, off), 0.0
+    return FrameShift(shift, u, spread)
 
 
-def end_course(ends: PlacedEnds, shift: Float, vibration: Float, whole: bool) -> EndCourse:
-    """The course of one edge; `whole`: by the silhouettes' likelihood where there are any, else by their middles."""
+def end_course(ends: PlacedEnds, shift: FrameShift, whole: bool) -> EndCourse:
+    """The course of one edge: by its corners where they show enough of it, else by the silhouettes' likelihood.
+
+    whole: False takes the silhouettes' middles instead, which is quick and half as good.
+    """
     out = ends.outward
     mine = np.flatnonzero(np.isfinite(ends.m))
+    if _corners_cover(ends.s[mine], ends.step[mine] == 0.0):
+        mine = mine[ends.step[mine] == 0.0]
     mine = mine[np.argsort(ends.s[mine], kind="stable")]
     s, step = ends.s[mine], ends.step[mine]
-    low = out * (ends.m[mine] - np.where(step > 0, shift[mine], 0.0))
+    corner = step == 0.0
+    low = out * (ends.m[mine] - np.where(corner, 0.0, shift.known[mine]))
     middle = out * (low + 0.5 * step)
-    course = fit_course(s, middle[:, None])
+    course = fit_course(s, middle[:, None], together_mm=SMOOTH_MM)
     residual = middle - course.spline(s)[:, 0]
     used = np.zeros(ends.m.size, bool)
     used[mine[course.kept]] = True
-    if not whole or not (step > 0).any():
+    if not whole or corner.all():
         return EndCourse(used, out, course, residual, s)
-    sigma = np.hypot(ends.sigma[mine], vibration[mine])
-    corner = step == 0.0
+    sigma = np.hypot(ends.sigma[mine], shift.spread[mine])
     if corner.any():
         sigma[corner] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
     kept = course.kept
+    shared_u = np.where(corner, 0.0, shift.u[mine])
     known = Ends(s[kept], low[kept], step[kept], sigma[kept], ends.missing[mine][kept], np.ones(kept.sum()))
-    return EndCourse(used, out, course, residual, s, known, fit_end(known, KNOTS_MM))
+    return EndCourse(used, out, course, residual, s, known, fit_end(known, KNOTS_MM), shared_u)
+
+
+def _corners_cover(s: Float, corner: Bool) -> bool:
+    """Do corners alone show (nearly) all of the edge that is seen?"""
+    cell = np.floor(s / CELL_MM)
+    return bool(np.unique(cell[corner]).size >= COVERS * np.unique(cell).size)
 
 
 def range_noise(cloud: Cloud, found: RawFaces) -> float:
-    """Standard deviation of the range noise on the end face, mm: median over some frames."""
+    """Standard deviation of the range noise on the end face, mm: from second differences, median over some frames."""
     face, values = found.faces[ROOT_FACE], []
     frames = np.flatnonzero(face.count >= 16)
     for i in frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(int))]:
         first, last = face.columns[i]
         on = np.flatnonzero(found.labels[i, first : last + 1] == ROOT_FACE) + first
         line = face.z_mean[i] + face.sxz[i] / face.sxx[i] * (cloud.x_mm[i, on].astype(float) - face.x_mean[i])
-        values.append(noise_sigma(cloud.z_mm[i, on] - line))
-    return float(np.median(values))
+        values.append(float(np.median(np.abs(np.diff(cloud.z_mm[i, on] - line, 2)))))
+    return float(np.median(values)) / 0.6745 / math.sqrt(6.0)

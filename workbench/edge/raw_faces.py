@@ -15,6 +15,7 @@ from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float
 
 LABELS = np.array([ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE])  # in the order of geometry.end_face
+BURR_POINTS = 3  # that stand out in a frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +27,7 @@ class FaceEnds:
     pitch: Float  # (N,) distance of the columns in x, mm; 0 at a corner
     slope: Float  # (N,) dz/dx of the face next to its last return
     alone: Bool  # (N,) the next column saw both the face and what lies behind it
+    burred: Bool  # (N,) points stand out beside the edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +49,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     Raises InputError where no frame shows it, or where one of its ends is never seen.
     """
     n, columns = cloud.x_mm.shape
-    sums, ends = np.zeros((n, 3, 8)), np.full((n, 2, 6), np.nan)
+    sums, ends = np.zeros((n, 3, 8)), np.full((n, 2, 7), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     known = as_input(along), sense, as_input(LABELS)
@@ -110,4 +112,5 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     point = np.where(corner[:, None], crossing, ends[:, [end_face.END_X, end_face.END_Z]])
     point[kind == end_face.HIDDEN] = np.nan
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
-    return FaceEnds(corner, point, pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0)
+    burred = seen & (ends[:, end_face.PROUD] >= BURR_POINTS)
+    return FaceEnds(corner, point, pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0, burred)

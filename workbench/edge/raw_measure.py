@@ -15,7 +15,7 @@ import numpy as np
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import pass_tilt, smooth_slope, wrapped
 from workbench.edge.measure import check_advance
-from workbench.edge.raw_ends import EndCourse, corner_shift, end_course, place_ends, range_noise
+from workbench.edge.raw_ends import EndCourse, end_course, frame_shift, place_ends, range_noise
 from workbench.edge.raw_faces import RawFaces, middle_of, outward_of
 from workbench.geometry.courses import fit_course_curve
 from workbench.geometry.curves import Curve, arrange, fit_curve
@@ -55,7 +55,7 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
     s = np.full(seen.size, np.nan)
     s[seen] = arrange(middle[seen], cloud.pass_index[seen], _forward(cloud, found, middle)[seen])
     tangent_u = fit_curve(middle[seen], s[seen]).tangent_u
-    curve, _ = fit_course_curve(middle[seen], s[seen])
+    curve = fit_course_curve(middle[seen], s[seen])
     sigma = range_noise(cloud, found)
     for last in [False] * ROUNDS + [True]:
         s[seen] = curve.project(middle[seen], s[seen])
@@ -67,15 +67,15 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
         stand_out = face.place @ n
         placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, sigma)
                        for ends, way in ((found.lower, -1.0), (found.upper, 1.0)))  # fmt: skip
-        shift, vibration = corner_shift((placed[0], placed[1]), _vibration(cloud, stand_out, sigma))
-        lower = end_course(placed[0], shift, vibration, last)
+        shift = frame_shift((placed[0], placed[1]), _vibration(cloud, stand_out))
+        lower = end_course(placed[0], shift, last)
         if not last:
             on = np.isfinite(stand_out) & np.isfinite(face.s)
             _, a, b = curve.frame(face.s[on])
             spot = stand_out[on, None] * n + lower.rough(face.s[on])[:, None] * m
             points = curve.position(face.s[on]) + spot[:, :1] * a + spot[:, 1:] * b
-            curve, _ = fit_course_curve(points, face.s[on])
-    upper = end_course(placed[1], shift, vibration, True)
+            curve = fit_course_curve(points, face.s[on])
+    upper = end_course(placed[1], shift, True)
     return RawMeasured(
         curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma),
         np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
@@ -98,7 +98,7 @@ def _forward(cloud: Cloud, found: RawFaces, middle: Float) -> Bool:
     return forward
 
 
-def _vibration(cloud: Cloud, stand_out: Float, sigma: float) -> Float:
+def _vibration(cloud: Cloud, stand_out: Float) -> Float:
     """Standard deviation of what shifts each frame by itself (N,), pass by pass, from how the end face jumps; mm."""
     out = np.full(stand_out.shape, np.nan)
     for p in np.unique(cloud.pass_index):

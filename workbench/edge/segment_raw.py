@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge
+from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import RawMeasured, measure_raw_edge
@@ -77,7 +78,8 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         frame_arc_length_mm=measured.s - start, frame_tangent=frame_tangent, frames=None,
         tangent_u=math.hypot(measured.tangent_u, math.sqrt(2.0) * robot_noise_mm / length), arc_length_mm=at - start,
         position_mm=origin + low[:, None] * m, tangent=t, normal=n, across=m, seen=seen,
-        burr_stations=np.zeros(0, np.int64), upper_position_mm=origin + high[:, None] * m, upper_inward=inward,
+        burr_stations=raw_burr_stations(found, measured, at),
+        upper_position_mm=origin + high[:, None] * m, upper_inward=inward,
         position_u_mm=np.stack([_stand_out_u(measured, at), low_u], axis=1), normal_u=measured.tilt_u,
     )  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 A raw edge is rough: its points scatter about the edge in waves of up to a few centimetres that neighbours share, which
 cross-validation over neighbours would take for the edge itself. So the course is a least-squares spline, a line if
-that will do, else with knots far apart: as far as the measured points allow (a criterion that counts them by the length over which they hang
-together), and never nearer than the shortest wave that a course may have.
+that will do, else with knots as far apart as the measured points allow (a criterion that counts them by the length over
+which they hang together), and never nearer than the shortest wave that a course may have.
 """
 
 from __future__ import annotations
@@ -13,16 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
+from scipy.sparse import csr_array
 
 from workbench.geometry.curves import Curve, with_frame
 from workbench.units import Bool, Float
 
-# Degree and distance of knots to choose from; 20 mm carry waves from 60 mm on.
-SHAPES = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 60.0), (3, 40.0), (3, 28.0), (3, 20.0))
+Shape = tuple[int, float]  # degree and distance of knots, mm
+# Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on.
+SHAPES: tuple[Shape, ...] = (
+    (1, math.inf), (2, math.inf), (3, math.inf), (3, 60.0), (3, 40.0), (3, 28.0), (3, 20.0),
+)  # fmt: skip
 BIN_MM = 2.0
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
+CHOICE_MM = 400.0  # the shape is chosen on this much of the edge
 PRICE = 5.0  # of a coefficient, in the unit of twice the log-likelihood
 OUTLIER_SIGMAS = 5.0
+PLACES = 200  # at which the uncertainty is computed; linear between them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,48 +38,50 @@ class Course:
 
     spline: BSpline  # s (mm) -> (d,)
     kept: Bool  # (n,) points that it rests on; the others are outliers
-    knots: Float
+    shape: Shape
 
     def u(self, s: Float, at: Float, residual: Float) -> Float:
         """Standard uncertainty (m,) of one of the values at places `at` (m,), from its residuals (n,) at s (n,).
 
         Residuals that hang together over a distance count once over it.
         """
-        return _propagated(s[self.kept], residual[self.kept], self.knots, at)
+        return _propagated(s[self.kept], residual[self.kept], self.spline.t, at)
 
 
-def fit_course(s: Float, values: Float, weight: Float | None = None) -> Course:
-    """The smooth course through values (n, d) at s (n,), mm; outliers beyond OUTLIER_SIGMAS left out."""
-    weight = np.ones(len(s)) if weight is None else weight
-    kept = weight > 0
-    knots = _knots(s[kept], 1, math.inf)
-    for _ in range(3):
-        at, mean, count = _bin_means(s[kept], values[kept], weight[kept])
-        knots = _choice(at, mean, count, float(s[kept].max() - s[kept].min()))
-        spline = _fit(at, mean, count, knots)
-        off = np.linalg.norm(values - spline(s), axis=1)
-        scale = float(np.median(off[kept])) / 0.6745 + 1e-9
-        kept = (weight > 0) & (off < OUTLIER_SIGMAS * scale)
-    at, mean, count = _bin_means(s[kept], values[kept], weight[kept])
-    return Course(_fit(at, mean, count, knots), kept, knots)
+def fit_course(s: Float, values: Float, shape: Shape | None = None, together_mm: float = TOGETHER_MM) -> Course:
+    """The smooth course through values (n, d) at s (n,), mm, outliers left out.
+
+    shape: if it is known. together_mm: length over which the values' scatter hangs together.
+    """
+    kept = np.ones(len(s), bool)
+    known = shape
+    for again in (True, True, False):
+        at, mean, count = _bin_means(s[kept], values[kept])
+        if known is None:
+            shape = _choice(at, mean, count, together_mm)
+        spline = _fit(at, mean, count, _knots(s[kept], shape or SHAPES[0]))
+        if again:
+            off = np.linalg.norm(values - spline(s), axis=1)
+            kept = off < OUTLIER_SIGMAS * (float(np.median(off[kept])) / 0.6745 + 1e-9)
+    return Course(spline, kept, shape or SHAPES[0])
 
 
-def fit_course_curve(points_mm: Float, s: Float) -> tuple[Curve, Bool]:
-    """The smooth curve through points (n, 3) mm at rough arc lengths s (n,), and which points it rests on."""
+def fit_course_curve(points_mm: Float, s: Float) -> Curve:
+    """The smooth curve through points (n, 3) mm at rough arc lengths s (n,)."""
+    course = fit_course(s, points_mm)
     for _ in range(2):  # the spline's own parameter becomes its arc length
-        course = fit_course(s, points_mm)
         dense = np.linspace(s.min(), s.max(), max(50, int(s.max() - s.min()) * 2))
         speed = np.linalg.norm(course.spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = np.asarray(np.interp(s, dense, arc))
-    course = fit_course(s, points_mm)
-    return with_frame(course.spline, s, math.inf, 0.0), course.kept
+        course = fit_course(s, points_mm, course.shape)
+    return with_frame(course.spline, s, math.inf, 0.0)
 
 
-def _knots(s: Float, degree: int, distance: float) -> Float:
-    """Knots of a spline over s, about `distance` apart."""
-    length = float(s.max() - s.min())
-    pieces = 1 if math.isinf(distance) else max(1, round(length / distance))
+def _knots(s: Float, shape: Shape) -> Float:
+    """Knots of a spline of this shape over s."""
+    degree, distance = shape
+    pieces = 1 if math.isinf(distance) else max(1, round(float(np.ptp(s)) / distance))
     grid = np.linspace(s.min(), s.max(), pieces + 1)
     return np.asarray(np.r_[[grid[0]] * degree, grid, [grid[-1]] * degree])
 
@@ -81,51 +90,64 @@ def _degree(knots: Float) -> int:
     return int((knots == knots[0]).sum()) - 1
 
 
-def _basis(s: Float, knots: Float) -> Float:
-    """The B-splines (n, size) at s (n,); beyond the knots their values at the ends."""
-    return np.asarray(BSpline.design_matrix(np.clip(s, knots[0], knots[-1]), knots, _degree(knots)).toarray())
-
-
-def _bin_means(s: Float, values: Float, weight: Float) -> tuple[Float, Float, Float]:
-    """Mean place and values of bins along s, and their weights: a cubic's least squares in a fraction of the time."""
+def _bin_means(s: Float, values: Float) -> tuple[Float, Float, Float]:
+    """Mean place and values of bins along s, and how many points each has; few points are left as they are."""
     number = np.floor((s - s.min()) / BIN_MM).astype(np.int64)
-    if len(s) < 4 * (number.max() + 1):
-        order = np.argsort(s, kind="stable")
-        return s[order], values[order], weight[order]
     _, bin_of = np.unique(number, return_inverse=True)
-    total: Float = np.bincount(bin_of, weight).astype(np.float64)
-    mean = np.stack([np.bincount(bin_of, weight * v) / total for v in values.T], axis=1)
-    return np.bincount(bin_of, weight * s) / total, mean, total
+    count: Float = np.bincount(bin_of).astype(np.float64)
+    if len(s) < 4 * count.size:
+        order = np.argsort(s, kind="stable")
+        return s[order], values[order], np.ones(len(s))
+    mean = np.stack([np.bincount(bin_of, v) / count for v in values.T], axis=1)
+    return np.bincount(bin_of, s) / count, mean, count
+
+
+def _banded(at: Float, weight: Float, knots: Float) -> tuple[Float, csr_array]:
+    """Normal equations' matrix of the splines with these knots, in scipy's upper banded form, and their basis.
+
+    Over gaps without points a slight pull against bending carries the spline on.
+    """
+    degree, size = _degree(knots), knots.size - 1 - _degree(knots)
+    basis = BSpline.design_matrix(np.clip(at, knots[0], knots[-1]), knots, degree)
+    normal = basis.T @ basis.multiply(weight[:, None])
+    band = np.zeros((4, size))
+    for d in range(degree + 1):
+        band[3 - d, d:] = normal.diagonal(d)
+    pull = 1e-6 * float(band[3].mean())
+    for shift, factor in ((0, 1.0), (1, 4.0), (2, 1.0)):  # squares of the second differences 1, -2, 1
+        band[3, shift : size - 2 + shift] += pull * factor
+    for shift in (0, 1):
+        band[2, 1 + shift : size - 1 + shift] -= 2.0 * pull
+    band[1, 2:] += pull
+    band[3] += 1e-12 * float(band[3].mean())
+    return band, basis
 
 
 def _fit(at: Float, values: Float, weight: Float, knots: Float) -> BSpline:
-    """Weighted least squares; over gaps without points a slight pull against bending carries the spline on."""
-    basis = _basis(at, knots)
-    bend = np.diff(np.eye(basis.shape[1]), 2, axis=0)
-    normal = basis.T @ (weight[:, None] * basis)
-    pull = 1e-6 * np.trace(normal) / len(normal)
-    right = basis.T @ (weight[:, None] * values)
-    if len(bend):
-        normal = normal + pull * bend.T @ bend
-    return BSpline(knots, np.linalg.solve(normal + 1e-12 * np.trace(normal) * np.eye(len(normal)), right), _degree(knots))
+    """Weighted least squares."""
+    band, basis = _banded(at, weight, knots)
+    return BSpline(knots, solveh_banded(band, basis.T @ (weight[:, None] * values)), _degree(knots))
 
 
-def _choice(at: Float, values: Float, weight: Float, length: float) -> Float:
-    """The knots of least score: twice the negative log-likelihood of the residuals, plus the coefficients' price.
+def _choice(at: Float, values: Float, weight: Float, together_mm: float) -> Shape:
+    """The shape of least score: twice the negative log-likelihood of the residuals, plus the coefficients' price.
 
-    Residuals that hang together over TOGETHER_MM count as one.
+    Residuals that hang together over together_mm count as one.
     """
-    free = min(length / TOGETHER_MM, float(at.size))
-    best, least = _knots(at, 1, math.inf), math.inf
+    near = np.abs(at - 0.5 * (at[0] + at[-1])) <= 0.5 * CHOICE_MM
+    if near.sum() > 20:
+        at, values, weight = at[near], values[near], weight[near]
+    free = min(float(at[-1] - at[0]) / together_mm, float(at.size))
+    best, least = SHAPES[0], math.inf
     for shape in SHAPES:
-        knots = _knots(at, *shape)
-        size = knots.size - 1 - _degree(knots)
+        knots = _knots(at, shape)
+        size = knots.size - 1 - shape[0]
         if size > 4 and size >= free + 1.0:
             break
         left = values - _fit(at, values, weight, knots)(at)
         score = free * math.log(float((weight[:, None] * left**2).sum()) + 1e-12) + PRICE * size
         if score < least:
-            best, least = knots, score
+            best, least = shape, score
     return best
 
 
@@ -136,11 +158,11 @@ def _propagated(s: Float, residual: Float, knots: Float, at: Float) -> Float:
     number = np.minimum((s - knots[0]) / length * blocks, blocks - 1).astype(np.int64)
     used, block_of = np.unique(number, return_inverse=True)
     count = np.bincount(block_of)
-    mean = np.bincount(block_of, residual) / count
-    place = np.bincount(block_of, s) / count
+    mean, place = np.bincount(block_of, residual) / count, np.bincount(block_of, s) / count
     variance = float((mean**2).sum()) / max(used.size - size, 0.3 * used.size)
-    basis = _basis(place, knots)
-    normal = basis.T @ basis
-    normal += 1e-9 * np.trace(normal) * np.eye(size)
-    row = _basis(at, knots)
-    return np.asarray(np.sqrt(variance * np.einsum("ij,ji->i", row, np.linalg.solve(normal, row.T))))
+    band, _ = _banded(place, np.ones(place.size), knots)
+    places = np.linspace(at[0], at[-1], min(PLACES, at.size))
+    inside = np.clip(places, knots[0], knots[-1])
+    row = BSpline.design_matrix(inside, knots, _degree(knots)).toarray()
+    share = np.einsum("ij,ji->i", row, solveh_banded(band, row.T))
+    return np.asarray(np.interp(at, places, np.sqrt(variance * np.maximum(share, 0.0))))

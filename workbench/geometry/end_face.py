@@ -17,7 +17,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 FACE, UPPER, LOWER = range(3)
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
-KIND, END_X, END_Z, PITCH, SLOPE, ALONE = range(6)
+KIND, END_X, END_Z, PITCH, SLOPE, ALONE, PROUD = range(7)
 HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
 
 LEVEL_MM = 0.25  # width of the levels of q that are compared
@@ -34,6 +34,7 @@ SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
 ASIDE_MM = 0.3  # in front of or behind the face's line
+PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
 END_POINTS = 7  # at the face's end that say how it leans there
 
 
@@ -282,6 +283,8 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
         for k in range(n):
             chosen[k] = False
         sa, sb, around = _surface(p, depth, start, stop, p[end], chosen)
+        edge = sa if around > 0.0 else p[end]
+        ends[upper, PROUD] = _proud(p, depth, n, climb, edge, sb, around, gate)
         if around > 0.0:
             _sum_up(x, z, at, chosen, n, sums[UPPER if upper else LOWER])
             ends[upper, KIND] = CORNER
@@ -295,6 +298,18 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
         ends[upper, ALONE] = _stands_alone(z, j + way, way)
     return True
+
+
+@njit(cache=True, nogil=True)
+def _proud(p: Float, depth: Float, n: int, climb: float, edge: float, lean: float, around: float, gate: float) -> int:
+    """How many points next to the edge stand out of the face, or (around > 0: it is seen) of the surface beside it."""
+    count = 0
+    for k in range(n):
+        above = climb * (p[k] - edge - lean * depth[k])
+        from_face = -PROUD_NEAR_MM < above < 0.3 and gate < -depth[k] < PROUD_TO_MM
+        from_surface = around > 0.0 and -gate < depth[k] < PROUD_NEAR_MM
+        count += from_face or (from_surface and max(PROUD_FROM_MM, 2.0 * around) < above < PROUD_TO_MM)
+    return count
 
 
 @njit(cache=True, nogil=True)
@@ -326,7 +341,7 @@ def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, 
 
     x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
     to some degrees (NaN: leave the frame out); sense +1 if z counts away from the sensor, else -1; names (3,) labels of
-    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 6), seen (N,), labels (N, M).
+    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 7), seen (N,), labels (N, M).
     """
     columns = x.shape[1]
     work, at, chosen = np.empty((3, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)

@@ -58,10 +58,10 @@ class Cut:
         """The heights, lowered in the air beside the cut face: walls there cost the rays many small steps."""
         on_face: Bool = self.height_mm < self.stock_mm
         rows, columns = np.arange(on_face.shape[1]), np.arange(len(on_face))
-        first, last = np.argmax(on_face, axis=1), rows[-1] - np.argmax(on_face[:, ::-1], axis=1)
+        first, last = np.argmax(on_face, axis=1), rows[-1] - np.argmax(np.flip(on_face, axis=1), axis=1)
         nearest = self.height_mm[columns[:, None], np.clip(rows, first[:, None], last[:, None])]
         above = np.max(self.stock_mm, axis=1, keepdims=True) + _CLEAR_MM
-        beside = np.where(on_face.any(axis=1)[:, None], nearest, above)
+        beside = np.where(np.any(on_face, axis=1, keepdims=True), nearest, above)
         return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, beside))
 
     def _safe_share(self, height: Float) -> Float:

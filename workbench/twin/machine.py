@@ -41,13 +41,17 @@ class Machine:
         """Mill a layer; what its pieces met that do not cut, and what clamps and table."""
         poses, radius = self._poses(layer, layer.index), self._worn(self._cut_mm + _cut_length(layer))
         idle = np.zeros(len(self.stock.u))
-        hits: list[Hit] = []
+        hits: dict[str, Hit] = {}
         for first, last, cutting in _runs(layer.cutting[:-1] | layer.cutting[1:]):
             met = self._sweep(poses[first : last + 1], radius[first : last + 1])
             idle = idle if cutting else np.maximum(idle, met.depth_mm)
-            hits += met.hits
+            hits |= {
+                hit.what: hit
+                for hit in met.hits
+                if hit.depth_mm > hits.get(hit.what, hit._replace(depth_mm=0.0)).depth_mm
+            }
         self._cut_mm += float(_cut_length(layer)[-1])
-        return Met(idle, tuple(hits))
+        return Met(idle, tuple(hits.values()))
 
     def _poses(self, points: Layer | Travel, layer: int) -> Float:
         self._motions += 1

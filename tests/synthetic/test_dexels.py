@@ -1,0 +1,108 @@
+"""Lines cut by a cylinder: against points on the cylinder itself, and against finer and finer steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.synthetic.dexels import Lines, Sweep, cut_lines
+
+RADIUS, TIP = 5.0, 6.0
+SIZE = (81, 61)
+
+
+def lines(floor=-50.0):
+    """Lines along z at x = -4 .. 4 (columns) and y = -3 .. 3 (rows), 0.1 mm apart."""
+    base = np.zeros((SIZE[0], 3))
+    base[:, 0] = np.linspace(-4, 4, SIZE[0])
+    along = np.tile([0.0, 1.0, 0.0], (SIZE[0], 1)), np.tile([0.0, 0.0, 1.0], (SIZE[0], 1))
+    return Lines(base, *along, -3.0, 0.1, np.full(SIZE[1], floor))
+
+
+def swept(frames, positions, step=0.1, radius=RADIUS, floor=-50.0, start=np.inf):
+    """Heights after a sweep through tool frames: columns of each matrix are x, y, z of the tool."""
+    frames, positions = np.array(frames, float), np.array(positions, float)
+    pieces = len(positions) - 1
+    columns = np.zeros(pieces, np.int64), np.full(pieces, SIZE[0])
+    sweep = Sweep(positions, frames[:, :, 0].copy(), frames[:, :, 2].copy(), np.full(len(frames), radius), RADIUS, TIP,
+                  *columns)  # fmt: skip
+    height = np.full(SIZE, start)
+    cut_lines(height, lines(floor), sweep, step)
+    return height
+
+
+def points(height):
+    """Points (U, W, 3) at the heights of the lines."""
+    x, y = np.meshgrid(np.linspace(-4, 4, SIZE[0]), np.linspace(-3, 3, SIZE[1]), indexing="ij")
+    return np.stack([x, y, height], axis=-1)
+
+
+LYING = np.stack([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]], axis=-1)  # axis along y, x of the tool downwards
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_standing_cutter_leaves_its_own_surface(seed):
+    """However it leans: cut points lie on its flank or its tip's disc, and just above them is its inside."""
+    rng = np.random.default_rng(seed)
+    frame = Rotation.from_rotvec(rng.normal(0, 0.8, 3)).as_matrix() @ LYING
+    position = rng.uniform(-1.5, 1.5, 3)
+    height = swept([frame, frame], [position, position])
+    cut = np.isfinite(height)
+    assert cut.sum() > 100
+
+    def inside(at):
+        offset = at - (position - RADIUS * frame[:, 0])
+        along = offset @ frame[:, 2]
+        aside = np.linalg.norm(offset - along[..., None] * frame[:, 2], axis=-1)
+        return np.maximum(aside - RADIUS, along - TIP)  # below 0: inside
+
+    at = points(np.where(cut, height, 0.0))
+    up = np.array([0, 0, 1.0])
+    assert np.abs(inside(at)[cut]).max() < 1e-9
+    assert (inside(at + 1e-4 * up) < 1e-9)[cut].mean() > 0.99  # but where the line only touches
+    for below in (1e-4, 0.3, 5.0):
+        assert (inside(at - below * up) > -1e-9)[cut].all()
+    beside = points(np.zeros(SIZE))[~cut]
+    assert all((inside(beside + z * up) > -1e-6).all() for z in np.linspace(-20, 20, 81))
+
+
+def test_a_straight_cut_leaves_a_groove():
+    """Along x, axis along y, lowest at z = -1: flat in x, to the end of the tip at y = 6 - 4 = 2."""
+    height = swept([LYING, LYING], [[-20.0, -4, -1], [20, -4, -1]], step=0.01)
+    y = np.linspace(-3, 3, SIZE[1])
+    assert np.abs(height[:, y < 1.95] + 1.0).max() < 1e-5
+    assert np.isinf(height[:, y > 2.05]).all()
+
+
+def test_error_falls_with_the_square_of_the_step():
+    """A ridge of step^2 / (8 radius), 0.25 micrometres at 0.1 mm, on a path that turns, rises and leans as well."""
+    turns = [Rotation.from_rotvec(v).as_matrix() @ LYING for v in ([0, 0, 0], [0.02, 0.1, -0.05], [-0.04, 0.3, 0.1])]
+    path = [[-1.0, 0, 0], [0.2, 0.1, -0.3], [1.2, -0.1, 0.2]]
+    exact = swept(turns, path, step=0.002)
+    for step in (0.4, 0.2, 0.1):
+        ridge = swept(turns, path, step=step) - exact
+        assert ridge.min() > -1e-7
+        assert ridge.max() < 1.3 * step**2 / (8 * RADIUS)
+    assert ridge.max() < 0.0005
+
+
+def test_skipping_columns_changes_nothing():
+    """A second, higher pass is skipped column by column; a deeper one is not, wherever it leans."""
+    low = [[-1.0, 0, -1], [1.0, 0, -1]]
+    once = swept([LYING, LYING], low)
+    lean = Rotation.from_rotvec([0.0, 0.25, 0.3]).as_matrix() @ LYING
+    second = swept([lean, lean], [[-2.0, 0.5, -1.4], [2.0, -0.5, -0.8]])
+    sweep = Sweep(np.array([[-2.0, 0.5, -1.4], [2.0, -0.5, -0.8]]), np.tile(lean[:, 0], (2, 1)),
+                  np.tile(lean[:, 2], (2, 1)), np.full(2, RADIUS), RADIUS, TIP, np.zeros(1, np.int64),
+                  np.full(1, SIZE[0]))  # fmt: skip
+    both = once.copy()
+    cut_lines(both, lines(), sweep, 0.1)
+    assert np.abs(both - np.minimum(once, second)).max() < 1e-12
+    assert 0 < np.mean(both < once) < 1
+
+
+def test_a_cutter_below_the_part_does_not_cut_it():
+    assert np.isinf(swept([LYING, LYING], [[-1.0, 0, -30], [1, 0, -30]], floor=-15.0)).all()
+    through = swept([LYING, LYING], [[-1.0, 0, -18], [1, 0, -18]], floor=-15.0)
+    assert through[40, 30] == -15.0

@@ -1,6 +1,7 @@
-"""A small synthetic recording, as it is and rigidly moved, and what the shipped inspection makes of both."""
+"""Every shipped pipeline on small inputs, run without its pages; the inspection and the planning also rigidly moved."""
 
 import dataclasses
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,18 +20,15 @@ from workbench.scan import write
 from workbench.stage import Stage
 from workbench.synthetic import parse_recipe, simulate_recording
 
-PIPELINE = Path(__file__).parents[2] / "pipelines" / "inspect_bevel.json"
-RECIPE = {
-    "format": "bevel-recipe",
-    "version": 1,
-    "seed": 11,
-    "scanner": {"columns": 400},
-    "passes": [{"from_mm": 5.0, "to_mm": 45.0}],
-}
+PIPELINES = Path(__file__).parents[2] / "pipelines"
+SCANNED = {"format": "bevel-recipe", "version": 1, "seed": 11, "passes": [{"from_mm": 5.0, "to_mm": 45.0}]}
+MILLED = SCANNED | {"scanner": {"columns": 400}}
+RAW = SCANNED | {"scanner": {"columns": 500}, "part": {"kind": "raw", "length_mm": 50.0, "thickness_mm": 5.0}}
 MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
-STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chain leaves out</p>"),)
+STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave out</p>"),)
+GIVEN: dict[str, dict[str, Any]] = {}  # parameters of stages in no shipped pipeline that have no defaults
 
 
 @dataclass(frozen=True)
@@ -44,28 +42,10 @@ class Chain:
         """The step of a stage, if the pipeline has one."""
         return next((step for step in self.plan.steps if step.stage.name == stage.name), None)
 
-    def parameters(self, stage: Stage) -> dict[str, Any]:
-        """The pipeline's parameters for a stage or, outside it, the defaults."""
-        step = self.step(stage)
-        return dict(step.parameters) if step else stage.validate({})
-
-    def sources(self, stage: Stage) -> dict[str, Any]:
-        """The artefacts that a stage takes: those of its step, else the last of each type."""
-        step, taken = self.step(stage), {}
-        for source in stage.sources:
-            makers = step.sources[source.name] if step else self.results.artefacts
-            found = [one for maker in makers for one in self.results.artefacts[maker] if isinstance(one, source.type)]
-            if source.type is Provenance:
-                found = [provenance(self.plan, self.results)]
-            found = found or [one for one in STAND_INS if isinstance(one, source.type)]
-            if found or source.required:
-                taken[source.name] = tuple(found) if source.several else found[-1]
-        return taken
-
-    def run(self, stage: Stage) -> tuple[Any, ...]:
-        """Run one stage again, on the chain's artefacts."""
-        made = stage.function(**self.sources(stage), **self.parameters(stage))
-        return made if isinstance(made, tuple) else (made,)
+    def offered(self, step: Step | None, name: str) -> list[Any]:
+        """What the pipeline's step takes as source `name`; without a step, all that the pipeline made."""
+        made = self.results.artefacts
+        return [one for maker in (step.sources[name] if step else made) for one in made[maker]]
 
     @staticmethod
     def values(artefact: Any, place: str = "") -> Iterator[tuple[str, Any]]:
@@ -81,9 +61,42 @@ class Chain:
             yield from Chain.values(part, f"{place}.{key}")
 
 
+@dataclass(frozen=True)
+class Chains:
+    """All of them; a stage is at home in the first that has it."""
+
+    chains: tuple[Chain, ...]
+
+    def parameters(self, stage: Stage) -> dict[str, Any]:
+        """The pipeline's parameters for a stage or, outside all, the defaults."""
+        step = next(filter(None, (chain.step(stage) for chain in self.chains)), None)
+        return dict(step.parameters) if step else stage.validate(GIVEN.get(stage.name, {}))
+
+    def sources(self, stage: Stage) -> dict[str, Any]:
+        """The artefacts that a stage takes: those of its step, else the last of each type."""
+        home = next((chain for chain in self.chains if chain.step(stage)), None)
+        taken = {}
+        for source in stage.sources:
+            chains = [home] if home else self.chains
+            found = [one for chain in chains for one in chain.offered(chain.step(stage), source.name)]
+            found = [one for one in [*STAND_INS, *found] if isinstance(one, source.type)]
+            if source.type is Provenance:
+                found = [provenance(chains[0].plan, chains[0].results)]
+            if found or source.required:
+                taken[source.name] = tuple(found) if source.several else found[-1]
+        return taken
+
+    def run(self, stage: Stage) -> tuple[Any, ...]:
+        """Run one stage again, on the chains' artefacts."""
+        made = stage.function(**self.sources(stage), **self.parameters(stage))
+        return made if isinstance(made, tuple) else () if made is None else (made,)
+
+    values = staticmethod(Chain.values)
+
+
 @pytest.fixture(scope="session")
 def recording() -> Recording:
-    return simulate_recording(parse_recipe(RECIPE))[0]
+    return simulate_recording(parse_recipe(MILLED))[0]
 
 
 @pytest.fixture(scope="session")
@@ -95,11 +108,38 @@ def recording_file(recording: Recording, tmp_path_factory: pytest.TempPathFactor
 
 @pytest.fixture(scope="session")
 def chain(recording_file: Path) -> Chain:
-    return run_chain(recording_file)
+    return run_chain("inspect_bevel", recording=recording_file)
 
 
 @pytest.fixture(scope="session")
 def moved_chain(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Chain:
+    return run_chain("inspect_bevel", recording=moved_file(recording, tmp_path_factory.mktemp("moved")))
+
+
+@pytest.fixture(scope="session")
+def plan_chains(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chain, Chain]:
+    """The planning, as it is and moved."""
+    recording, folder = simulate_recording(parse_recipe(RAW))[0], tmp_path_factory.mktemp("raw")
+    write(recording, folder / "raw.h5")
+    here = run_chain("plan_bevel", recording=folder / "raw.h5")
+    turned = [float(x) for x in MOTION[:3, 2]]
+    return here, run_chain("plan_bevel", recording=moved_file(recording, folder), upper_side=turned)
+
+
+@pytest.fixture(scope="session")
+def chains(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Chains:
+    recipe = tmp_path_factory.mktemp("recipe") / "raw.json"
+    recipe.write_text(json.dumps(RAW))
+    others = sorted({path.stem for path in PIPELINES.glob("*.json")} - {"inspect_bevel", "closed_loop"})
+    return Chains((chain, run_chain("closed_loop", recipe=recipe), *map(run_chain, others)))
+
+
+@pytest.fixture(scope="session")
+def motion() -> Any:
+    return MOTION
+
+
+def moved_file(recording: Recording, folder: Path) -> Path:
     """The same recording with the robot's base elsewhere: positions and orientations of the flange moved by MOTION."""
     turn = Rotation.from_matrix(MOTION[:3, :3])
     turned = turn * Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True)
@@ -108,20 +148,14 @@ def moved_chain(recording: Recording, tmp_path_factory: pytest.TempPathFactory) 
         robot_position_mm=turn.apply(recording.robot_position_mm) + MOTION[:3, 3],
         robot_quaternion_wxyz=turned.as_quat(scalar_first=True),
     )
-    path = tmp_path_factory.mktemp("moved") / "part.h5"
-    write(moved, path)
-    return run_chain(path)
+    write(moved, folder / "moved.h5")
+    return folder / "moved.h5"
 
 
-@pytest.fixture(scope="session")
-def motion() -> Any:
-    return MOTION
-
-
-def run_chain(recording_file: Path) -> Chain:
-    """The shipped inspection without its pages, in memory."""
-    pipeline = Pipeline.load(PIPELINE)
+def run_chain(name: str, **inputs: Any) -> Chain:
+    """A shipped pipeline without its pages, in memory."""
+    pipeline = Pipeline.load(PIPELINES / f"{name}.json")
     stages = tuple(entry for entry in pipeline.document.stages if not entry["stage"].startswith("report."))
     pipeline.document = dataclasses.replace(pipeline.document, stages=stages)
-    plan = pipeline.plan({"recording": recording_file})
+    plan = pipeline.plan(inputs)
     return Chain(plan, run_plan(plan, Reporter()))

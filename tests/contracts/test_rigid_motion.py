@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 POSITIONS = {"position_mm", "origin_mm", "robot_position_mm"}
 DIRECTIONS = {"tangent", "normal", "across", "frame_tangent"}
@@ -27,6 +28,21 @@ def test_sizes_stay_and_positions_move(chain: Any, moved_chain: Any, motion: Any
     }
     wrong = [place for place, expected in compared.items() if not same(expected, there[place], place)]
     assert wrong == []
+
+
+def test_a_moved_plan_is_the_same_plan(plan_chains: Any, motion: Any) -> None:
+    """Points move with the part, cutter axes turn with it; heights, feeds and what is cut stay."""
+    here, there = (chain.results["path.feed"] for chain in plan_chains)
+    assert len(here.layers) == len(there.layers) > 2
+    for one, other in zip(here.layers, there.layers, strict=True):
+        np.testing.assert_allclose(other.position_mm, expectation("position_mm", one.position_mm, motion), atol=1e-4)
+        turned = Rotation.from_matrix(motion[:3, :3]) * Rotation.from_quat(one.quaternion_wxyz, scalar_first=True)
+        apart = turned.inv() * Rotation.from_quat(other.quaternion_wxyz, scalar_first=True)
+        assert apart.magnitude().max() < 1e-5
+        np.testing.assert_allclose(other.arc_length_mm, one.arc_length_mm, atol=1e-4)
+        np.testing.assert_allclose(other.width_mm, one.width_mm, atol=1e-4)
+        np.testing.assert_array_equal(other.cutting, one.cutting)
+        np.testing.assert_allclose(other.feed_mm_s, one.feed_mm_s, rtol=1e-3)
 
 
 def expectation(place: str, value: Any, motion: Any) -> Any:

@@ -47,19 +47,19 @@ def test_parameters_are_described(stage: Stage) -> None:
 
 
 @each_stage
-def test_parameters_round_trip_through_json(stage: Stage, chain: Any) -> None:
-    given = chain.parameters(stage)
+def test_parameters_round_trip_through_json(stage: Stage, chains: Any) -> None:
+    given = chains.parameters(stage)
     text = json.dumps(to_jsonable_python(given), allow_nan=False)
     assert stage.validate(json.loads(text)) == given
 
 
 @each_stage
-def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, chain: Any) -> None:
+def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, chains: Any) -> None:
     """A stage changes none of its inputs, and the same seed gives the same bytes."""
-    before = digest(chain, chain.sources(stage))
-    made = chain.run(stage)
-    assert digest(chain, chain.sources(stage)) == before
-    assert digest(chain, chain.run(stage)) == digest(chain, made)
+    before = digest(chains, chains.sources(stage))
+    made = chains.run(stage)
+    assert digest(chains, chains.sources(stage)) == before
+    assert digest(chains, chains.run(stage)) == digest(chains, made)
     assert [type(one) for one in made] == list(stage.produces)
 
 

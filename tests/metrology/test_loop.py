@@ -26,7 +26,10 @@ def case(root, milled, injected=1.5, bevel=40.0, u=0.01):
 def part(seed, perfect=None, errors=None, warnings=()):
     cases = {"perfect": perfect or case(1.51, 1.505), "errors": errors or case(1.80, 1.79, injected=1.7)}
     told = {"perfect": list(warnings), "errors": []}
-    return LoopResult("raw_arc", seed, cases=cases, warnings=told, seconds={"planning": 1.0, "errors: milling": 2.0})
+    cut = dict.fromkeys(cases, [True] * 9)
+    return LoopResult(
+        "raw_arc", seed, cases=cases, cut=cut, warnings=told, seconds={"planning": 1.0, "errors: milling": 2.0}
+    )
 
 
 def test_figures_of_known_sections():
@@ -71,3 +74,14 @@ def test_hidden_sections_and_refused_parts_are_told():
 
 def test_loops_are_run_under_raw_conditions():
     assert set(LOOP_CONDITIONS) <= set(RAW_CONDITIONS)
+
+
+def test_sections_beside_what_is_not_cut_do_not_count():
+    broken = case(1.5, 1.5)
+    broken["root_mm"] = [4.0, *broken["root_mm"][1:]]
+    result = part(0, perfect=broken)
+    assert summarise_loops("raw_arc", [result]).cases["perfect"].root.worst == pytest.approx(2.5)
+    result.cut["perfect"] = [False] + [True] * 8
+    found = summarise_loops("raw_arc", [result]).cases["perfect"]
+    assert found.root.worst == 0
+    assert (found.sections, found.left_out) == (8, 1)

@@ -157,6 +157,9 @@ def test_refusals_and_crashes_are_told():
     assert "seed 1: refused: no raw edge in view" in text
     assert "seed 2: **crashed**: KeyError" in text
     assert "raw_rough: 1 crashed" in found.shortcomings
+    assert "raw_rough: 1 refused although most of the edge is in view" in found.shortcomings
+    hidden = PlanResult("raw_rough", 1, refused="seen on 30 % of its length only", seen_share=0.3)
+    assert list(summarise_plans("raw_rough", [part(0), hidden]).shortcomings) == []
 
 
 def test_every_raw_condition_has_its_goal():

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from bench.metrology.bound import WINDOW_MM
 from bench.metrology.loop.result import LoopResult
 from bench.metrology.part import Clock
 from bench.metrology.part_result import Numbers, numbers
 from bench.metrology.planning.part import plan_as_a_user
 from bench.metrology.true_edge import true_edge_at
-from workbench.artefacts import Inspection
+from workbench.artefacts import Inspection, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import WorkbenchError
@@ -41,8 +42,10 @@ def close_loop(result: LoopResult, recipe: Recipe) -> LoopResult:
     result.seen_share = float(truth.seen.mean())
     clock.lap("simulation")
     try:
-        _, _, toolpath = plan_as_a_user(recording, truth)
-        clock.lap("planning")
+        _, toolpath, gate = plan_as_a_user(recording, truth, clock)
+        if not gate.passed:
+            result.refused = f"path.check: {gate.reason}"
+            return result
         for case in CASES:
             offset = injected_offset_mm(result.seed) if case == "errors" else np.zeros(3)
             milled, engagement = mill(Workpiece(recipe), toolpath, seed=result.seed, **mechanics(case, offset))
@@ -52,6 +55,7 @@ def close_loop(result: LoopResult, recipe: Recipe) -> LoopResult:
             inspection = sections(segment(denoise(fuse(again))))
             clock.lap(f"{case}: inspection")
             result.cases[case] = compare(inspection, milled_truth(milled), truth, offset)
+            result.cut[case] = wholly_cut(inspection, toolpath, truth)
             result.warnings[case] = list(engagement.warnings)
     except WorkbenchError as error:
         result.refused = str(error)
@@ -91,3 +95,12 @@ def compare(inspection: Inspection, milled: Truth, raw: Truth, offset_mm: Float)
         "bevel_u_deg": [s.bevel_u_deg for s in found],
         "bevel_milled_deg": numbers(milled.bevel_deg_at(origins)),
     }
+
+
+def wholly_cut(inspection: Inspection, toolpath: Toolpath, raw: Truth) -> list[bool]:
+    """Whether the plan cuts all along the frames that a section rests on; beside clamps it does not."""
+    final = toolpath.layers[-1]
+    key = (final.arc_length_mm >= 0) & (final.arc_length_mm <= toolpath.edge_length_mm) & ~final.cutting
+    left = raw.arc_length_mm_at(final.position_mm[key])
+    at = raw.arc_length_mm_at(np.array([s.origin_mm for s in inspection.sections]))
+    return [bool(np.all(np.abs(left - s) > WINDOW_MM)) for s in at]

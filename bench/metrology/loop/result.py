@@ -17,5 +17,6 @@ class LoopResult:
     crashed: str | None = None  # any other exception: a defect
     seen_share: float = 1.0  # of the raw edge, by truth
     cases: dict[str, dict[str, Numbers]] = field(default_factory=dict)  # case -> see `loop.part.compare`
+    cut: dict[str, list[bool]] = field(default_factory=dict)  # case -> whether the plan cuts all about each section
     warnings: dict[str, list[str]] = field(default_factory=dict)  # case -> of the mill
     seconds: dict[str, float] = field(default_factory=dict)

@@ -30,6 +30,7 @@ class LoopCase:
     mean_off: Spread  # mm, |mean over the sections of (inspected - nominal) - what the injected offset implies|
     measured: int  # sections
     sections: int
+    left_out: int  # sections beside stretches that the plan leaves alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +69,13 @@ def summarise_loops(condition: str, results: list[LoopResult]) -> LoopSummary:
         refused=[r for r in results if r.refused],
         crashed=[r for r in results if r.crashed],
         warned=[r for r in good if r.warnings["perfect"]],
-        cases={
-            name: _case(name, [r.cases[name] for r in good]) for name in dict.fromkeys(n for r in good for n in r.cases)
-        },
+        cases={name: _case(name, good) for name in dict.fromkeys(n for r in good for n in r.cases)},
         seconds=percentile([sum(r.seconds.values()) for r in good], 50),
     )
 
 
-def _case(name: str, parts: list[dict[str, list[float | None]]]) -> LoopCase:
-    values = [{key: np.array(column, dtype=float) for key, column in part.items()} for part in parts]
+def _case(name: str, parts: list[LoopResult]) -> LoopCase:
+    values = [_cut_sections(part, name) for part in parts]
     nominal, perfect = Requirements(), name == "perfect"
 
     def worst(key: str, about: float, goal: float | None = None) -> Spread:
@@ -93,7 +92,14 @@ def _case(name: str, parts: list[dict[str, list[float | None]]]) -> LoopCase:
         mean_off=spread(_mean_off(v["root_mm"] - v["root_injected_mm"]) for v in values),
         measured=sum(int(np.isfinite(v["root_mm"]).sum()) for v in values),
         sections=sum(len(v["root_mm"]) for v in values),
+        left_out=sum(not cut for part in parts for cut in part.cut[name]),
     )
+
+
+def _cut_sections(result: LoopResult, case: str) -> dict[str, Float]:
+    """Values of the sections that the plan cuts."""
+    cut = np.array(result.cut[case], dtype=bool)
+    return {key: np.array(column, dtype=float)[cut] for key, column in result.cases[case].items()}
 
 
 def _greatest(errors: Float) -> float | None:
@@ -113,4 +119,4 @@ def worst_loops(results: list[LoopResult], count: int) -> Iterator[str]:
 
 
 def _section_errors(result: LoopResult) -> Float:
-    return np.array(result.cases["perfect"]["root_mm"], dtype=float) - Requirements().root_nominal_mm
+    return _cut_sections(result, "perfect")["root_mm"] - Requirements().root_nominal_mm

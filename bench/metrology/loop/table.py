@@ -36,13 +36,19 @@ def perfect(summaries: list[LoopSummary]) -> list[str]:
     """How far root size and bevel angle lie from their nominal values, as inspected and as milled."""
     head = ["condition", "parts", f"inspected root - 1.5, mm (goal {ROOT_GOAL_MM:g})"]
     head += [f"inspected bevel - 40, deg (goal {BEVEL_GOAL_DEG:g})", "milled root - 1.5, mm", "milled bevel - 40, deg"]
-    head += ["sections measured", "refused", "s a part", "met"]
+    head += ["sections measured", "beside what is not cut", "refused", "s a part", "met"]
     rows = []
     for s in summaries:
         if "perfect" in s.cases:
             c = s.cases["perfect"]
             row = [s.condition, f"{s.parts}", three(c.root, 4), three(c.bevel, 3), three(c.milled_root, 4)]
-            row += [three(c.milled_bevel, 3), f"{c.measured} of {c.sections}", f"{len(s.refused)}", f"{s.seconds:.1f}"]
+            row += [
+                three(c.milled_bevel, 3),
+                f"{c.measured} of {c.sections}",
+                f"{c.left_out}",
+                f"{len(s.refused)}",
+                f"{s.seconds:.1f}",
+            ]
             rows.append([*row, "yes" if c.root.met and c.bevel.met else "**no**"])
     return markdown(head, rows)
 

@@ -10,7 +10,7 @@ from bench.metrology.part import Clock
 from bench.metrology.planning.compare import compare_edge, compare_path
 from bench.metrology.planning.result import PlanResult
 from bench.metrology.true_edge import best_plane_turn_deg
-from workbench.artefacts import Cloud, Edge, Recording, Toolpath
+from workbench.artefacts import Edge, Gate, Recording, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import WorkbenchError
@@ -31,12 +31,7 @@ def measure_plan(condition: str, seed: int, peers: tuple[str, ...] = ()) -> Plan
     result.seen_share = float(truth.seen.mean())
     clock.lap("simulation")
     try:
-        cloud, edge, toolpath = plan_as_a_user(recording, truth)
-        clock.lap("planning")
-        toolpath = feed(toolpath, cloud, edge)
-        clock.lap("feed")
-        gate = check(toolpath, edge, cloud)
-        clock.lap("check")
+        edge, toolpath, gate = plan_as_a_user(recording, truth, clock)
     except WorkbenchError as error:
         result.refused = str(error)
         return result
@@ -50,7 +45,7 @@ def measure_plan(condition: str, seed: int, peers: tuple[str, ...] = ()) -> Plan
     return result
 
 
-def plan_as_a_user(recording: Recording, truth: Truth) -> tuple[Cloud, Edge, Toolpath]:
+def plan_as_a_user(recording: Recording, truth: Truth, clock: Clock) -> tuple[Edge, Toolpath, Gate]:
     """The stages of planning with all their defaults: the paper's bevel.
 
     Where nothing but the end face returns, the scan does not tell in which sense z counts: the user does.
@@ -58,7 +53,14 @@ def plan_as_a_user(recording: Recording, truth: Truth) -> tuple[Cloud, Edge, Too
     recipe, cloud = truth.recipe, denoise(fuse(recording))
     z_away = recipe.scanner.z_away if recipe.title == "raw_square" else None
     edge = segment_raw(cloud, upper_side=rough_upper_side(truth), z_away=z_away)
-    return cloud, edge, layers(edge, cloud)
+    clock.lap("edge")
+    toolpath = layers(edge, cloud)
+    clock.lap("layers")
+    toolpath = feed(toolpath, cloud, edge)
+    clock.lap("feed")
+    gate = check(toolpath, edge, cloud)
+    clock.lap("check")
+    return edge, toolpath, gate
 
 
 def rough_upper_side(truth: Truth) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ GOALS: dict[str, tuple[float, float] | None] = dict.fromkeys(RAW_CONDITIONS, (0.
 }
 SPACING_GOAL = 0.05
 COVERED_GOAL = 0.99
+MOST_SEEN = 0.6  # an edge that is seen on less may be refused (`least_seen_share` of path.layers is 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,7 @@ class PlanSummary:
         """In words, what does not reach its goal."""
         checks = (
             (bool(self.crashed), f"{len(self.crashed)} crashed"),
+            (self.refused_seen > 0, f"{self.refused_seen} refused although most of the edge is in view"),
             (bool(self.rejected), f"{len(self.rejected)} rejected by path.check"),
             (not self.distance.met, "distance"),
             (not self.axis.met, "axis"),
@@ -57,6 +59,11 @@ class PlanSummary:
             *((c.surely_not_covered, f"{name} within 2u") for name, c in self._covers() if self.distance.goal),
         )
         return [f"{self.condition}: {words}" for wrong, words in checks if wrong]
+
+    @property
+    def refused_seen(self) -> int:
+        """Refused parts whose edge is in view, by truth, on most of its length."""
+        return sum(r.seen_share >= MOST_SEEN for r in self.refused)
 
     def _covers(self) -> Iterable[tuple[str, Cover]]:
         return ("edge along n", self.normal), ("edge along m", self.across), ("direction of n", self.turn)

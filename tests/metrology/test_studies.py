@@ -1,0 +1,56 @@
+"""The command that measures: what it would run, and where its tables go."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.metrology.__main__ import command, main, parse, tasks
+from bench.metrology.part_result import PartResult
+from bench.metrology.run import Measurement, digest
+from bench.metrology.studies import STUDIES
+from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
+
+
+def test_everything_is_measured_unless_said_otherwise():
+    options = parse([])
+    assert options.studies == ["inspection", "planning", "loop"]
+    assert len(tasks("inspection", options)) == 200 * len(CONDITIONS)
+    assert len(tasks("planning", options)) == 100 * len(RAW_CONDITIONS)
+    assert {seed for _, seed, _ in tasks("loop", options)} == set(range(1_000_000, 1_000_100))
+    assert sum(bool(peers) for _, _, peers in tasks("inspection", options)) == 40 * len(CONDITIONS)
+    assert not any(peers for _, _, peers in tasks("planning", options))
+
+
+def test_the_command_can_be_typed_again():
+    typed = "--studies planning --parts 3 --seed 5 --conditions raw_arc raw_wavy"
+    options = parse(typed.split())
+    assert command("planning", options) == "python -m bench.metrology --studies planning --parts 3 --seed 5" + (
+        " --conditions raw_arc raw_wavy"
+    )
+    assert tasks("planning", options) == [(c, s, ()) for s in (5, 6, 7) for c in ("raw_arc", "raw_wavy")]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_pages_have_a_place_for_the_tables(name):
+    study = STUDIES[name]
+    text = study.page.read_text(encoding="utf-8")
+    assert text.count(f"<!-- {study.marks}: begin -->") == text.count(f"<!-- {study.marks}: end -->") == 1
+
+
+def test_results_rest_on_the_source_that_they_name():
+    """What the inspection measures does not depend on planning; the other way round it may."""
+    keep = [Measurement(lambda *_: None, PartResult, folders) for folders in (("bench/peers",), ("bench/metrology",))]
+    assert digest(keep[0]) != digest(keep[1])
+    sources = {name: set(study.measurement.sources) for name, study in STUDIES.items()}
+    assert "workbench/path" not in sources["inspection"]
+    assert sources["planning"] < sources["loop"] | {"bench/metrology/planning"}
+    assert {"workbench/twin", "workbench/inspect", "workbench/path"} <= sources["loop"]
+
+
+def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
+    """One clamped part that is mostly hidden: refused and told; status 1, since no goal was reached."""
+    chosen = ["--studies", "planning", "--conditions", "raw_clamps", "--parts", "1", "--seed", "0"]
+    assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "raw_clamps, seed 0: refused: edge: seen on" in printed
+    assert (tmp_path / "planning" / "raw_clamps.jsonl").exists()

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.synthetic.recipe import Recipe
-from workbench.synthetic.recipe_file import parse_recipe, read_recipe
+from workbench.synthetic.recipe_file import parse_recipe, parse_sphere_recipe, read_any_recipe, read_recipe
 from workbench.synthetic.simulate import simulate_file, simulate_recording, truth_path, write_simulation
+from workbench.synthetic.sphere import SphereTruth, simulate_sphere
+from workbench.synthetic.sphere_conditions import random_sphere_recipe
+from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.truth import Truth, read_truth
 
 __all__ = [
     "CONDITIONS",
     "RAW_CONDITIONS",
     "Recipe",
+    "SphereRecipe",
+    "SphereTruth",
     "Truth",
     "parse_recipe",
+    "parse_sphere_recipe",
     "random_recipe",
+    "random_sphere_recipe",
+    "read_any_recipe",
     "read_recipe",
     "read_truth",
     "simulate_file",
     "simulate_recording",
+    "simulate_sphere",
     "truth_path",
     "write_simulation",
 ]

@@ -5,16 +5,31 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from workbench.errors import InputError, nearest
 from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.sphere_recipe import SphereRecipe
+
+M = TypeVar("M", bound=BaseModel)
 
 
 def read_recipe(path: str | Path) -> Recipe:
-    """The recipe in the JSON file `path`; InputError names the place and what was expected."""
+    """The recipe of a part in the JSON file `path`; InputError names the place and what was expected."""
+    return parse_recipe(_document(path), source=str(path))
+
+
+def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe:
+    """The recipe in the JSON file `path`, of a part or, by its `format`, of a calibration sphere."""
+    document = _document(path)
+    if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
+        return parse_sphere_recipe(document, source=str(path))
+    return parse_recipe(document, source=str(path))
+
+
+def _document(path: str | Path) -> Any:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
@@ -22,25 +37,33 @@ def read_recipe(path: str | Path) -> Recipe:
     except UnicodeDecodeError as error:
         raise InputError(str(path), "a recipe in JSON, encoded as UTF-8") from error
     try:
-        document = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"JSON: {error.msg}") from error
     except RecursionError as error:
         raise InputError(str(path), "JSON nested less deeply") from error
-    return parse_recipe(document, source=str(path))
 
 
 def parse_recipe(document: Any, source: str = "recipe") -> Recipe:
     """The recipe that `document` (parsed JSON) describes; InputError as for `read_recipe`."""
+    return _parse(Recipe, document, source)
+
+
+def parse_sphere_recipe(document: Any, source: str = "recipe") -> SphereRecipe:
+    """The recipe of a calibration recording that `document` describes; InputError as for `read_recipe`."""
+    return _parse(SphereRecipe, document, source)
+
+
+def _parse(model: type[M], document: Any, source: str) -> M:
     if not isinstance(document, Mapping):
         raise InputError(source, "a JSON object, the recipe")
     try:
-        return Recipe.model_validate(document)
+        return model.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place, expected = _path(first["loc"]), str(first["msg"])
         if first["type"] == "extra_forbidden":
-            expected = "no such key" + nearest(str(first["loc"][-1]), _siblings(first["loc"]))
+            expected = "no such key" + nearest(str(first["loc"][-1]), _siblings(model, first["loc"]))
         raise InputError(f"{source}: {place}" if place else source, expected) from error
 
 
@@ -49,9 +72,9 @@ def _path(location: tuple[int | str, ...]) -> str:
     return "".join(steps).removeprefix(".")
 
 
-def _siblings(location: tuple[int | str, ...]) -> list[str]:
+def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
     """Keys that the object at `location`'s parent may have."""
-    schema: dict[str, Any] = Recipe.model_json_schema()
+    schema: dict[str, Any] = model.model_json_schema()
     node = schema
     for step in location[:-1]:
         node = _resolved(node["items"] if isinstance(step, int) else node["properties"][step], schema)

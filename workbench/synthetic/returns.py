@@ -8,13 +8,14 @@ import numpy as np
 from numba import njit
 
 from workbench.synthetic.recipe import Disturbances, Noise, Recipe
+from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.units import AnyArray, Bool, Float
 
 _STREAK_COLUMNS = (4, 30)  # greatest and least extent of a streak, [low, high)
 _STREAK_FRAMES = (1, 5)
 
 
-def disturb(recipe: Recipe, ranges: Float, cosines: Float, rng: np.random.Generator) -> Float:
+def disturb(recipe: Recipe | SphereRecipe, ranges: Float, cosines: Float, rng: np.random.Generator) -> Float:
     """Ranges (frames, columns) as returned; NaN where there is no return. `ranges` are exact."""
     what = recipe.disturbances
     mixed = _mix_pixels(ranges, what, rng)

@@ -15,8 +15,10 @@ from workbench.errors import OutputError
 from workbench.storage import require_space
 from workbench.synthetic.motion import PassMotion, recorded_hand_eye
 from workbench.synthetic.recipe import Recipe
-from workbench.synthetic.recipe_file import read_recipe
+from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import plan_motion, scan_pass
+from workbench.synthetic.sphere import SphereTruth, write_sphere
+from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.truth import Truth, build_truth
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import Float, Int
@@ -58,19 +60,23 @@ def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
     return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
 
 
-def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> Truth:
+def simulate_file(
+    recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None
+) -> Truth | SphereTruth:
     """Write the recording of the recipe at `recipe_path` to `out_path`, its truth to `<out_path>.truth.json`.
 
     Both files appear whole or not at all. `progress` is told frames done and frames in all.
     InputError: the recipe is unusable. OutputError: the files cannot be written.
     """
-    recipe = read_recipe(recipe_path)
+    recipe = read_any_recipe(recipe_path)
     if Path(recipe_path).resolve() in (Path(out_path).resolve(), truth_path(out_path).resolve()):
         raise OutputError(str(out_path), "a name that does not overwrite the recipe")
     return write_simulation(recipe, out_path, progress)
 
 
-def write_simulation(recipe: Recipe, out_path: str | Path, progress: Progress | None = None) -> Truth:
+def write_simulation(
+    recipe: Recipe | SphereRecipe, out_path: str | Path, progress: Progress | None = None
+) -> Truth | SphereTruth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
     beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
@@ -78,7 +84,11 @@ def write_simulation(recipe: Recipe, out_path: str | Path, progress: Progress | 
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
-        truth = _write_recording(recipe, beside[0], progress)
+        truth: Truth | SphereTruth
+        if isinstance(recipe, SphereRecipe):
+            truth = write_sphere(recipe, beside[0])
+        else:
+            truth = _write_recording(recipe, beside[0], progress)
         text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
         beside[1].write_text(text, encoding="utf-8")
         beside[1].replace(truth_file)

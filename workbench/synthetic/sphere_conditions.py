@@ -1,0 +1,202 @@
+"""Random calibration recordings under named conditions: each function makes a drawn recipe what its name says.
+
+Those of DEGENERATE determine nothing, whatever the noise; those of SOUND determine the hand-eye pose.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from workbench.errors import InputError, nearest
+from workbench.synthetic.draws import Document, Generator
+from workbench.synthetic.recipe_file import parse_sphere_recipe
+from workbench.synthetic.sphere_recipe import SphereRecipe
+
+Condition: TypeAlias = Callable[[Generator, Document], None]
+
+TURN_DEG = 25.0  # of the flange about each axis, at most
+VIEW_MM = (10.0, 15.0)  # half width and half height of where the sphere's centre is shown
+OFF_PLANE_MM = (1.5, 4.25)  # least and greatest |y| of the centre: 0.3 to 0.85 of the radius
+RADIUS_MM = 5.0
+
+
+def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
+    """A calibration recording drawn at random under `condition`; the same seed gives the same recipe.
+
+    Unless the condition (a key of SOUND or DEGENERATE) says otherwise: nine postures of a 10 mm sphere within 25 deg
+    an axis, noise 0.015 mm at a pitch of 0.05 mm, pose noise 0.07 mm and 0.01 deg an axis, the design's hand-eye pose
+    off by up to 20 deg and 50 mm, z away from the sensor or towards it.
+    """
+    known = SOUND | DEGENERATE
+    if condition not in known:
+        raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
+    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    document: Document = {
+        "format": "sphere-recipe",
+        "title": condition,
+        "seed": seed,
+        "sphere": {"center_mm": _center(rng)},
+        "scanner": {"columns": 800, "noise": {"sd_mm": 0.015, "grazing_power": 0.0}, "z_away": bool(rng.random() < 0.7),
+                    "near_mm": 100.0, "far_mm": 210.0},
+        "robot": {
+            "flange_from_profiler": {
+                "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
+                "rpy_deg": (np.array([60.489, -3.813, -2.024]) + rng.uniform(-20, 20, 3)).tolist(),
+            },
+            "nominal_rpy_deg": [rng.uniform(-180, 180), rng.uniform(-80, 80), rng.uniform(-180, 180)],
+            "design_error_mm": rng.uniform(0, 50),
+            "design_error_deg": rng.uniform(0, 20),
+        },
+        "passes": postures(rng, 9),
+    }  # fmt: skip
+    known[condition](rng, document)
+    return parse_sphere_recipe(document, source=condition)
+
+
+def _center(rng: Generator) -> list[float]:
+    way = rng.normal(size=3)
+    return [float(v) for v in way / np.linalg.norm(way) * (1, 1, 0.6) * rng.uniform(1000, 2000)]
+
+
+def turn(rng: Generator) -> list[float]:
+    """Of the flange from its nominal orientation, deg."""
+    return [float(v) for v in rng.uniform(-TURN_DEG, TURN_DEG, 3)]
+
+
+def place(rng: Generator, least_mm: float = OFF_PLANE_MM[0]) -> list[float]:
+    """Where the sphere's centre lies in the view."""
+    y = rng.choice([-1.0, 1.0]) * rng.uniform(least_mm, OFF_PLANE_MM[1])
+    return [rng.uniform(-VIEW_MM[0], VIEW_MM[0]), float(y), rng.uniform(-VIEW_MM[1], VIEW_MM[1])]
+
+
+def postures(rng: Generator, count: int, least_mm: float = OFF_PLANE_MM[0]) -> list[Document]:
+    """Distinct postures held still."""
+    return [{"sphere_mm": place(rng, least_mm), "turn_deg": turn(rng)} for _ in range(count)]
+
+
+def nine(rng: Generator, document: Document) -> None:
+    """Nine distinct postures."""
+
+
+def six(rng: Generator, document: Document) -> None:
+    """Six."""
+    document["passes"] = postures(rng, 6)
+
+
+def equator(rng: Generator, document: Document) -> None:
+    """The centre may lie in the laser plane."""
+    document["passes"] = postures(rng, 9, 0.0)
+
+
+def stray(rng: Generator, document: Document) -> None:
+    """3 % outliers, a table, a stem, lost returns, and a sphere whose diameter is not what is stated."""
+    document["sphere"] |= {"table_gap_mm": rng.uniform(6, 30), "table_tilt_deg": rng.uniform(-15, 15, 2).tolist(),
+                           "stem_diameter_mm": rng.uniform(2, 5),
+                           "stated_diameter_mm": 2 * RADIUS_MM + rng.uniform(-0.2, 0.2)}  # fmt: skip
+    document["disturbances"] = {"outlier_share": 0.02, "streak_outlier_share": 0.01, "dropout_share": 0.01,
+                                "grazing_dropout": rng.uniform(0, 0.3), "outlier_reach_mm": rng.uniform(1, 10),
+                                "mixed_pixel_probability": rng.uniform(0.2, 0.8)}  # fmt: skip
+
+
+def gross(rng: Generator, document: Document) -> None:
+    """Two of fifteen postures are off by 2 to 20 mm."""
+    document["passes"] = postures(rng, 15)
+    for index in rng.choice(15, 2, replace=False):
+        way = rng.normal(size=3)
+        size = math.exp(rng.uniform(math.log(2), math.log(20)))
+        document["passes"][index]["gross_mm"] = [float(v) for v in way / np.linalg.norm(way) * size]
+
+
+def systematic(rng: Generator, document: Document) -> None:
+    """Fifteen postures; the robot errs smoothly by 0.5 mm (RMS length)."""
+    document["passes"] = postures(rng, 15)
+    document["robot"] |= {"systematic_mm": 0.5, "systematic_reach_deg": rng.uniform(60, 240)}
+
+
+def scans(rng: Generator, document: Document) -> None:
+    """Six scans over the sphere, to and fro, the profiles on their own clock."""
+    document["passes"] = [_scan(rng, (-1.0) ** i) for i in range(6)]
+    _own_clock(rng, document)
+
+
+def weaved(rng: Generator, document: Document) -> None:
+    """The same, weaved by 4 mm and 3 deg."""
+    document["passes"] = [_scan(rng, (-1.0) ** i) | {"weave_mm": 4.0, "weave_deg": 3.0} for i in range(6)]
+    _own_clock(rng, document)
+
+
+def _scan(rng: Generator, way: float) -> Document:
+    start, end = place(rng), [rng.uniform(-2, 2), -11.0 * way, rng.uniform(-2, 2)]
+    start[1] = 5.5 * way
+    return {"sphere_mm": start, "to_mm": [a + b for a, b in zip(start, end, strict=True)], "turn_deg": turn(rng)}
+
+
+def _own_clock(rng: Generator, document: Document) -> None:
+    document["robot"] |= {"clock": "own", "clock_offset_s": rng.uniform(-2, 2), "pose_rate_hz": 25.0}
+
+
+def grid(rng: Generator, document: Document) -> None:
+    """Three orientations, three positions each: what the analytic way needs."""
+    document["passes"] = [
+        {"sphere_mm": place(rng), "turn_deg": t} for t in [turn(rng) for _ in range(3)] for _ in "abc"
+    ]
+
+
+def same_orientation(rng: Generator, document: Document) -> None:
+    """All in one orientation."""
+    for one in document["passes"]:
+        one["turn_deg"] = document["passes"][0]["turn_deg"]
+
+
+def one_axis(rng: Generator, document: Document) -> None:
+    """All turned about one axis."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    for one in document["passes"]:
+        one["turn_deg"] = [float(v) for v in axis * rng.uniform(-TURN_DEG, TURN_DEG)]
+
+
+def two_orientations(rng: Generator, document: Document) -> None:
+    """Two orientations."""
+    both = turn(rng), turn(rng)
+    for index, one in enumerate(document["passes"]):
+        one["turn_deg"] = both[index % 2]
+
+
+def one_point(rng: Generator, document: Document) -> None:
+    """The sphere at one place of the view."""
+    for one in document["passes"]:
+        one["sphere_mm"] = document["passes"][0]["sphere_mm"]
+
+
+def collinear(rng: Generator, document: Document) -> None:
+    """The sphere's centres on one line of the view: the hand-eye pose may turn about it."""
+    first, last = place(rng), place(rng)
+    for one in document["passes"]:
+        share = rng.uniform(0, 1)
+        one["sphere_mm"] = [(1 - share) * a + share * b for a, b in zip(first, last, strict=True)]
+
+
+def two_postures(rng: Generator, document: Document) -> None:
+    """Two postures."""
+    document["passes"] = document["passes"][:2]
+
+
+def repeats(rng: Generator, document: Document) -> None:
+    """Three postures, each gone to three times, as in the paper."""
+    document["passes"] = [one for one in document["passes"][:3] for _ in "abc"]
+
+
+SOUND: dict[str, Condition] = {
+    "sphere_nine": nine, "sphere_six": six, "sphere_equator": equator, "sphere_stray": stray, "sphere_gross": gross,
+    "sphere_systematic": systematic, "sphere_scans": scans, "sphere_weaved": weaved, "sphere_grid": grid,
+}  # fmt: skip
+DEGENERATE: dict[str, Condition] = {
+    "same_orientation": same_orientation, "one_axis": one_axis, "two_orientations": two_orientations,
+    "one_point": one_point, "collinear": collinear, "two_postures": two_postures, "repeats": repeats,
+}  # fmt: skip

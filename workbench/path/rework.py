@@ -63,6 +63,11 @@ def rework(
     """
     if edge.kind != "milled" or len(inspection.profile.root_mm) != len(edge.arc_length_mm):
         raise InputError("edge", "expected the milled edge that was inspected")
+    asked = inspection.requirements
+    if (asked.root_nominal_mm, asked.bevel_nominal_deg) != (toolpath.root_mm, toolpath.bevel_deg):
+        raise InputError("inspection", f"expected the requirement of the path, {toolpath.root_mm:g} mm and "
+                         f"{toolpath.bevel_deg:g} deg, found {asked.root_nominal_mm:g} mm and "
+                         f"{asked.bevel_nominal_deg:g} deg")  # fmt: skip
     bevel = bevel_of(toolpath.root_mm, toolpath.bevel_deg)
     table = with_thickness(lower_course(edge, edge.arc_length_mm), *_thickness(edge, toolpath))
     excess = excess_of(inspection, bevel, table.upper_mm[:, 1])

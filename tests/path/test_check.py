@@ -1,0 +1,214 @@
+"""What a path's checks let through, and what they must not: each fault is injected."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.path.conftest import Raw
+from workbench.artefacts import Edge, Layer, Toolpath
+from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.tool_frames import same_sign
+from workbench.path import check, feed, layers
+from workbench.units import DEG, Float
+
+CLAMPED = {
+    "part": {"length_mm": 94.0, "clamps": [{"from_mm": 40, "to_mm": 54, "height_mm": 12}]},
+    "passes": [{"from_mm": 2.0, "to_mm": 92.0}],
+}
+
+
+def planned(scan: Raw, edge: Edge | None = None) -> Toolpath:
+    return feed(layers(edge or scan.edge, scan.cloud), scan.cloud, scan.edge)
+
+
+def change(path: Toolpath, **columns: Callable[[Layer], Any]) -> Toolpath:
+    """The path with columns of every layer replaced."""
+    made = [replace(layer, **{name: make(layer) for name, make in columns.items()}) for layer in path.layers]
+    return replace(path, layers=tuple(made))
+
+
+def turned(layer: Layer, axis: int, angle_deg: float) -> Float:
+    """Orientations turned about one of the tool's own axes."""
+    vector = np.eye(3)[axis] * angle_deg * DEG
+    turn = rotation_from_quaternion(layer.quaternion_wxyz) @ rotation_from_vector(vector)
+    return same_sign(quaternion_from_rotation(turn))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        CLAMPED,
+        {"part": {"roughness_mm": 0.2, "table_gap_mm": 3}},
+        {"part": {"curve": {"shape": "arc", "radius_mm": 300, "sense": "concave"}},
+         "passes": [{"from_mm": 2.0, "to_mm": 62.0, "motion": "stream", "follow": "edge"}]},
+        {"part": {"thickness_mm": {"start": 6, "end": 9}}},
+    ],
+)  # fmt: skip
+def test_a_sound_path_passes(raw: Callable[..., Raw], changes: dict[str, Any]) -> None:
+    scan = raw(**changes)
+    gate = check(planned(scan), scan.edge, scan.cloud)
+    assert gate.passed, gate.reason
+
+
+def test_a_path_in_the_work_objects_frame_passes(raw: Callable[..., Raw]) -> None:
+    scan = raw()
+    path = planned(scan)
+    work = pose_from(rotation_from_vector(np.array([0.3, -1.0, 0.4])), np.array([900.0, 100, 700]))
+
+    def moved(points: Any) -> Any:
+        turn = work[:3, :3].T @ rotation_from_quaternion(points.quaternion_wxyz)
+        return replace(points, position_mm=(points.position_mm - work[:3, 3]) @ work[:3, :3],
+                       quaternion_wxyz=same_sign(quaternion_from_rotation(turn)))  # fmt: skip
+
+    there = replace(path, layers=tuple(moved(p) for p in path.layers), travels=tuple(moved(p) for p in path.travels),
+                    base_from_workobject=work)  # fmt: skip
+    gate = check(there, scan.edge, scan.cloud)
+    assert gate.passed, gate.reason
+    assert not check(replace(there, base_from_workobject=None), scan.edge, scan.cloud).passed
+
+
+def mirrored(edge: Edge) -> Edge:
+    """The edge of someone who takes the lower side for the upper one: m and t the other way, the other edge."""
+    assert edge.upper_position_mm is not None
+    back = slice(None, None, -1)
+    return replace(
+        edge, position_mm=edge.upper_position_mm[back], upper_position_mm=edge.position_mm[back],
+        across=-edge.across[back], tangent=-edge.tangent[back], normal=edge.normal[back], seen=edge.seen[back],
+        upper_inward=-edge.normal[back], frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
+    )  # fmt: skip
+
+
+def inverted(edge: Edge) -> Edge:
+    """The edge of someone who takes the way into the plate for the way out: n and t the other way."""
+    assert edge.upper_position_mm is not None
+    back = slice(None, None, -1)
+    return replace(
+        edge, position_mm=edge.position_mm[back], upper_position_mm=edge.upper_position_mm[back],
+        across=edge.across[back], tangent=-edge.tangent[back], normal=-edge.normal[back], seen=edge.seen[back],
+        upper_inward=edge.normal[back], frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
+    )  # fmt: skip
+
+
+FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
+    "tilt about z, as the paper prints it": (
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 40)), "does not move along the edge"),
+    "no tilt": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 40)), "axis out of the bevel face"),
+    "tilt about x": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 0, 40)), "does not move along the edge"),
+    "tilt the other way": (
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 80)), "axis out of the bevel face"),
+    "tip and shank exchanged": (
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 180)), "axis out of the bevel face"),
+    "out of the material": (
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 180)), "does not face the material"),
+    "a tenth of a degree": (
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 0.1)), "axis out of the bevel face"),
+    "below the finished bevel": (
+        lambda p: replace(p, layers=(*p.layers[:-1], lowered(p.layers[-1]))), "layer 5 lies below the finished bevel"),
+    "final layer missing": (lambda p: replace(p, layers=p.layers[:-1], travels=p.travels[:-1]), "not the final one"),
+    "layers in another order": (
+        lambda p: replace(p, layers=(p.layers[1], p.layers[0], *p.layers[2:])), "cutting order"),
+    "a layer left out": (
+        lambda p: replace(p, layers=(p.layers[0], *p.layers[2:]), travels=p.travels[:-1]), "deeper than the depth"),
+    "a layer in the air": (
+        lambda p: replace(p, layers=(in_the_air(p.layers[0]), *p.layers[1:])), "layer 1 cuts nothing but air"),
+    "a key point left out": (lambda p: change(p, **without(20)), "no point every mm"),
+    "the end left out": (lambda p: change(p, **without(slice(-12, None))), "from one end of the edge to the other"),
+    "cutting what was not measured": (
+        lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)), "nothing was measured"),
+    "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "mm/s"),
+    "a jump of the feed": (
+        lambda p: change(p, feed_mm_s=lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)), "changes by more"),
+    "a quaternion's sign": (
+        lambda p: change(p, quaternion_wxyz=lambda q: q.quaternion_wxyz * np.sign(q.arc_length_mm[:, None] - 9.5)),
+        "continuous in sign"),
+    "back and forth": (
+        lambda p: change(p, position_mm=lambda q: swapped(q.position_mm, 25)), "crosses itself|not in the section"),
+}  # fmt: skip
+
+
+def lowered(layer: Layer) -> Layer:
+    inwards = rotation_from_quaternion(layer.quaternion_wxyz)[:, :, 0]
+    return replace(layer, position_mm=layer.position_mm + 0.01 * inwards)
+
+
+def in_the_air(layer: Layer) -> Layer:
+    return replace(layer, cutting=np.zeros_like(layer.cutting), width_mm=np.zeros_like(layer.width_mm))
+
+
+def without(rows: Any) -> dict[str, Callable[[Layer], Any]]:
+    """Every column of a layer without some rows."""
+    names = [f.name for f in dataclasses.fields(Layer) if f.name not in ("index", "height_mm")]
+    return {name: (lambda layer, name=name: np.delete(getattr(layer, name), rows, axis=0)) for name in names}
+
+
+def swapped(values: Float, row: int) -> Float:
+    out = values.copy()
+    out[[row, row + 1]] = out[[row + 1, row]]
+    return out
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_an_injected_fault_is_found(raw: Callable[..., Raw], name: str) -> None:
+    scan, (inject, words) = raw(), FAULTS[name]
+    gate = check(inject(planned(scan)), scan.edge, scan.cloud)
+    assert not gate.passed
+    assert gate.reason.startswith("path refused: ")
+    assert any(word in gate.reason for word in words.split("|")), gate.reason
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"), [(mirrored, "layer 1 does not move along"), (inverted, "layer 1 lies below")]
+)
+def test_a_path_for_the_wrong_side_is_found(raw: Callable[..., Raw], wrong: Callable[[Edge], Edge], words: str) -> None:
+    scan = raw(scanner={"columns": 400})
+    nothing = replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep))  # so that no obstacle stops the wrong plan
+    path = layers(wrong(scan.edge), nothing)
+    assert not check(path, scan.edge, scan.cloud).passed
+
+
+def test_a_wrong_edge_is_found_by_the_cloud_alone(raw: Callable[..., Raw]) -> None:
+    """Path and edge agree on the wrong way out: the cutter would go through the plate."""
+    scan = raw(scanner={"columns": 400})
+    wrong = inverted(scan.edge)
+    path = layers(wrong, replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep)))
+    gate = check(path, wrong, scan.cloud)
+    assert not gate.passed
+    assert "enters what must remain" in gate.reason
+
+
+def test_a_clamp_that_the_plan_did_not_know_is_found(raw: Callable[..., Raw]) -> None:
+    scan = raw(**CLAMPED)
+    blind = replace(scan.edge, seen=np.ones_like(scan.edge.seen), position_mm=filled(scan.edge.position_mm),
+                    upper_position_mm=filled(scan.edge.upper_position_mm))  # fmt: skip
+    nothing = replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep))
+    gate = check(layers(blind, nothing), blind, scan.cloud)
+    assert not gate.passed
+    assert "the cutter enters what must remain by" in gate.reason
+
+
+def filled(values: Float | None) -> Float:
+    assert values is not None
+    at, good = np.arange(len(values)), np.isfinite(values[:, 0])
+    return np.stack([np.interp(at, at[good], values[good, k]) for k in range(3)], axis=1)
+
+
+def test_a_travel_through_the_plate_is_found(raw: Callable[..., Raw]) -> None:
+    scan = raw()
+    path = planned(scan)
+    low = replace(path.travels[1], position_mm=path.travels[1].position_mm - 13 * bevel_normal_of(scan))
+    gate = check(replace(path, travels=(path.travels[0], low, *path.travels[2:])), scan.edge, scan.cloud,
+                 acceleration_mm_s2=1e5)  # fmt: skip
+    assert not gate.passed
+    assert "in the air" in gate.reason
+
+
+def bevel_normal_of(scan: Raw) -> Float:
+    return math.cos(40 * DEG) * scan.edge.normal[0] + math.sin(40 * DEG) * scan.edge.across[0]

@@ -1,0 +1,121 @@
+"""The feed against equation (26) by hand: distances to every point that still stands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.path.conftest import Raw
+from workbench.artefacts import Layer, Toolpath, Travel
+from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.path import feed, layers
+from workbench.path.feed import feed_of_distance, slow_time_s, travel_time_s
+from workbench.path.remaining import remaining_stock, stock_distances
+from workbench.units import DEG, Float
+
+
+def cloud_points(scan: Raw) -> Float:
+    """All kept points in the base, float64."""
+    rows, columns = np.nonzero(scan.cloud.keep)
+    x, z = (v[rows, columns].astype(np.float64)[:, None] for v in (scan.cloud.x_mm, scan.cloud.z_mm))
+    pose = scan.cloud.base_from_profiler[rows]
+    return np.asarray(pose[:, :3, 0] * x + pose[:, :3, 2] * z + pose[:, :3, 3])
+
+
+def to_segments(points: Float, start: Float, end: Float) -> Float:
+    """Least distance of each segment (k, 3) to points (n, 3)."""
+    out = []
+    for a, b in zip(start, end, strict=True):
+        along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        out.append(np.linalg.norm(points - a - along[:, None] * (b - a), axis=1).min())
+    return np.array(out)
+
+
+def axis_of(path: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
+    turn = rotation_from_quaternion(points.quaternion_wxyz)
+    centre = points.position_mm - path.cutter.diameter_mm / 2 * turn[:, :, 0]
+    half = path.cutter.flute_length_mm / 2 * turn[:, :, 2]
+    return centre - half, centre + half
+
+
+def test_distances_are_those_to_all_points_that_still_stand(raw: Callable[..., Raw]) -> None:
+    """A straight edge, where "above an earlier layer's face" is a plane for the whole part."""
+    scan = raw(part={"length_mm": 44.0}, passes=[{"from_mm": 2.0, "to_mm": 42.0}], scanner={"columns": 400})
+    path = layers(scan.edge, scan.cloud)
+    remaining, points = remaining_stock(path, scan.cloud, scan.edge), cloud_points(scan)
+    p, t, n, m = (v[0] for v in (scan.edge.position_mm, scan.edge.tangent, scan.edge.normal, scan.edge.across))
+    height = (points - p - 1.5 * m) @ (n * math.cos(40 * DEG) + m * math.sin(40 * DEG))
+    along = (points - p) @ t
+    over = (along >= -0.5) & (along <= path.edge_length_mm + 0.5)  # the cuts reach half a station beyond the ends
+    for done, layer in enumerate(path.layers):
+        gone = over & (height > path.layers[done - 1].height_mm) if done else np.zeros(len(points), bool)
+        every = slice(None, None, 3)
+        start, end = (v[every] for v in axis_of(path, layer))
+        true = to_segments(points[~gone], start, end)
+        found = stock_distances(remaining, path, layer, done)[every]
+        if not done:
+            np.testing.assert_allclose(found, true, atol=1e-6)
+            continue
+        assert (found <= true + 1e-6).all()
+        cut = layer.cutting[every]
+        np.testing.assert_allclose(
+            found[cut], 4.0, atol=1e-3
+        )  # the face before lies a mm nearer than the cutter reaches
+        away = found < true - 1e-6  # then it is the face that is nearer, and as near as its lines say
+        before = path.layers[done - 1]
+        side = before.width_mm[:, None] / 2 * rotation_from_quaternion(before.quaternion_wxyz)[:, :, 2]
+        lines = np.concatenate([before.position_mm + f * side for f in np.linspace(-1, 1, 201)])
+        np.testing.assert_allclose(
+            found[away], to_segments(lines[np.tile(before.cutting, 201)], start, end)[away], atol=0.01
+        )
+
+
+def test_equation_26() -> None:
+    assert feed_of_distance(np.array([15.0]), 5.0, 1.0, 20.0)[0] == pytest.approx(10.5)
+    values = feed_of_distance(np.array([0.0, 5.0, 17.0, 60.0]), 5.0, 1.0, 20.0)
+    np.testing.assert_allclose(values, [1.0105, 1.1272, 14.8910, 20.0], atol=1e-3)
+
+
+@pytest.mark.parametrize("acceleration", [5.0, 50.0])
+def test_feed_is_slow_in_the_material_and_respects_the_acceleration(
+    raw: Callable[..., Raw], acceleration: float
+) -> None:
+    scan = raw()
+    path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge, acceleration_mm_s2=acceleration)
+    moves: list[Layer | Travel] = [path.travels[0]]
+    for layer, travel in zip(path.layers, path.travels[1:], strict=True):
+        moves += [layer, travel]
+    position, v = (np.concatenate([getattr(p, name) for p in moves]) for name in ("position_mm", "feed_mm_s"))
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    assert (np.abs(np.diff(v**2)) / 2 <= acceleration * step + 1e-9).all()
+    assert v.min() >= 1.0
+    assert v.max() <= 20.0
+    for layer in path.layers:
+        np.testing.assert_array_equal(layer.feed_mm_s[layer.cutting], 1.0)
+    time = (step / v[1:]).sum()
+    assert travel_time_s(path) == pytest.approx(time)
+    assert slow_time_s(path) == pytest.approx(step.sum())
+    assert time < (0.6 if acceleration > 10 else 0.75) * step.sum()
+    free = stock_distances(remaining_stock(path, scan.cloud, scan.edge), path, path.layers[2], 2)
+    assert (path.layers[2].feed_mm_s <= feed_of_distance(free, 5.0, 1.0, 20.0) + 1e-9).all()
+
+
+def test_feed_above_a_clamp_knows_the_clamp(raw: Callable[..., Raw]) -> None:
+    clamped = {"part": {"length_mm": 94.0, "clamps": [{"from_mm": 35, "to_mm": 59, "height_mm": 12}]},
+               "passes": [{"from_mm": 2.0, "to_mm": 92.0}]}  # fmt: skip
+    scan = raw(**clamped)
+    path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge)
+    final = path.layers[-1]
+    above = (final.arc_length_mm > 38) & (final.arc_length_mm < 54)
+    assert (final.feed_mm_s[above] > 1.2).all()
+    assert (final.feed_mm_s[above] < 6).all()  # 5 mm above the clamp, not 15 mm above the plate
+
+
+def test_fast_below_slow_is_refused(raw: Callable[..., Raw]) -> None:
+    scan = raw()
+    with pytest.raises(InputError, match="v_fast_mm_s"):
+        feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge, v_fast_mm_s=0.5)

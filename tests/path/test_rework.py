@@ -1,0 +1,113 @@
+"""Rework of milled parts whose root size and bevel angle run out of tolerance, against their truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.path.conftest import Raw
+from workbench.artefacts import Cloud, Edge, Inspection, Toolpath
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.inspect import sections
+from workbench.path import layers, rework
+from workbench.scan import fuse
+from workbench.synthetic import Truth, parse_recipe, simulate_recording
+from workbench.units import DEG
+
+LENGTH = {"part": {"length_mm": 94.0}, "passes": [{"from_mm": 2.0, "to_mm": 92.0}]}
+
+
+@dataclass(frozen=True)
+class Milled:
+    edge: Edge
+    inspection: Inspection
+    cloud: Cloud
+    truth: Truth
+
+
+@pytest.fixture(scope="module")
+def plan(request: pytest.FixtureRequest) -> Toolpath:
+    scan: Raw = request.getfixturevalue("raw")(**LENGTH)
+    return layers(scan.edge, scan.cloud)
+
+
+def milled(**part: Any) -> Milled:
+    """The same plate, milled with the given root size and bevel angle."""
+    recipe = {
+        "format": "bevel-recipe", "version": 1, "seed": 3, "scanner": {"columns": 500},
+        "robot": {"frame_pitch_mm": 0.4},
+        "part": {"length_mm": 94.0, **part}, "passes": LENGTH["passes"],
+    }  # fmt: skip
+    recording, truth = simulate_recording(parse_recipe(recipe))
+    cloud = denoise(fuse(recording))
+    edge = segment(cloud)
+    return Milled(edge, sections(edge), cloud, truth)
+
+
+def test_too_large_a_root_is_milled_where_it_fails_and_only_there(plan: Toolpath) -> None:
+    part = milled(root_mm={"start": 1.2, "end": 3.6})
+    found = rework(part.edge, part.inspection, plan, part.cloud)
+    assert found.too_little_material == ()
+    assert found.reason.startswith("too much material on 1 stretches")
+    stretch = found.too_much_material[0]
+    root = np.interp(np.array([stretch.from_mm, stretch.to_mm]) + 2.0, part.truth.arc_length_mm, part.truth.root_mm)
+    assert root[0] == pytest.approx(2.0, abs=0.1)  # the tolerance ends at 1.5 + 0.5
+    assert "1.3" in stretch.reason  # (3.55 - 1.5) sin 40 deg = 1.32 mm above
+    assert found.toolpath is not None
+    assert [layer.height_mm for layer in found.toolpath.layers] == [1.0, 0.0]
+    final = found.toolpath.layers[-1]
+    cut = final.arc_length_mm[final.cutting]
+    assert stretch.from_mm - 4 <= cut[0] <= stretch.from_mm
+    assert cut[-1] == pytest.approx(stretch.to_mm, abs=1e-3)
+    n, m, p = part.truth.normal[0], part.truth.across[0], part.truth.position_mm[0]
+    b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
+    height = (final.position_mm - p - 1.5 * m) @ b
+    assert np.abs(height[final.cutting]).max() < 0.04
+    assert height.min() > -0.04  # never below the required face
+    axis = rotation_from_quaternion(final.quaternion_wxyz)[:, :, 2]
+    assert np.degrees(np.arccos(np.clip(axis @ (n * math.sin(40 * DEG) - m * math.cos(40 * DEG)), -1, 1))).max() < 0.2
+    idle = final.arc_length_mm < stretch.from_mm - 10
+    assert (height[idle & (final.arc_length_mm > 5)] > 5).all()
+    assert found.toolpath.layers[-1].feed_mm_s[idle].max() > 5
+
+
+def test_a_good_part_is_left_alone(plan: Toolpath) -> None:
+    part = milled(root_mm=1.5, bevel_deg=40)
+    found = rework(part.edge, part.inspection, plan, part.cloud)
+    assert found.toolpath is None
+    assert found.reason == "nothing to rework"
+    assert found.too_much_material == found.too_little_material == ()
+    with pytest.raises(InputError, match="requirement of the path"):
+        rework(part.edge, part.inspection, replace(plan, root_mm=2.0), part.cloud)
+    with pytest.raises(InputError, match="expected the milled edge"):
+        rework(replace(part.edge, kind="raw"), part.inspection, plan, part.cloud)
+
+
+@pytest.mark.parametrize(
+    ("part", "above", "below"),
+    [
+        ({"root_mm": 0.8}, False, True),  # too much is gone
+        ({"bevel_deg": 38.2}, True, False),  # too steep: material is left towards the upper surface
+        ({"bevel_deg": 42.0}, False, True),  # too flat: the upper edge is gone
+    ],
+)
+def test_what_cannot_be_mended_is_said(plan: Toolpath, part: dict[str, float], above: bool, below: bool) -> None:
+    made = milled(**part)
+    found = rework(made.edge, made.inspection, plan, made.cloud)
+    assert bool(found.too_much_material) == above
+    assert (found.toolpath is not None) == above
+    assert bool(found.too_little_material) == below
+    if below:
+        assert "cannot be mended" in found.reason
+        high = (8 - 1.5) * math.sin(40 * DEG)
+        root, angle = part.get("root_mm", 1.5), part.get("bevel_deg", 40.0) * DEG
+        lack = max((1.5 - root) * math.sin(40 * DEG), (8 - root) * math.tan(angle) * math.cos(40 * DEG) - high)
+        words = found.too_little_material[0].reason
+        assert float(words.split(" up to ")[1].split(" mm")[0]) == pytest.approx(lack, abs=0.06)

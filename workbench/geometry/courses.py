@@ -2,8 +2,8 @@
 
 A raw edge is rough: its points scatter about the edge in waves of up to a few centimetres that neighbours share, which
 cross-validation over neighbours would take for the edge itself. So the course is a least-squares spline, a line if
-that will do, else with knots as far apart as the measured points allow (a criterion that counts them by the length over
-which they hang together), and never nearer than the shortest wave that a course may have.
+that will do (a criterion decides that counts points by the length over which they hang together), and never with knots
+nearer than the shortest wave that a course may have.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from workbench.geometry.curves import Curve, with_frame
 from workbench.units import Bool, Float
 
 Shape = tuple[int, float]  # degree and distance of knots, mm
-# Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on.
-SHAPES: tuple[Shape, ...] = (
-    (1, math.inf), (2, math.inf), (3, math.inf), (3, 60.0), (3, 40.0), (3, 28.0), (3, 20.0),
-)  # fmt: skip
+# Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on. What lies between would be
+# chosen where it is just good enough.
+SHAPES: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 20.0))
 BIN_MM = 2.0
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 CHOICE_MM = 400.0  # the shape is chosen on this much of the edge

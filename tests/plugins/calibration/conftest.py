@@ -114,13 +114,14 @@ class Scan:
     start: Any  # (3,) sphere centre in the profiler frame
     end: Any
     seconds: float = 1.0
-    weave_deg: float = 0.0  # amplitude of a swing about the flange's z, twice a scan
+    weave_deg: float = 0.0  # amplitude of a swing about two axes, once and twice a scan
 
 
 def scan_motion(scan: Scan, time: Any) -> tuple[Any, Any]:
     """True flange orientations (k, 3, 3) and positions (k, 3) at times (k,); the motion goes on beyond its ends."""
-    swing = np.radians(scan.weave_deg) * np.sin(4 * np.pi * time / scan.seconds)
-    turn = scan.turn @ Rotation.from_rotvec(swing[:, None] * [0.3, 0.4, 0.87]).as_matrix()
+    phase = 2 * np.pi * time[:, None] / scan.seconds
+    swing = np.radians(scan.weave_deg) * (np.sin(2 * phase) * [0.3, 0.4, 0.87] + np.sin(phase + 1) * [0.0, 0.9, -0.4])
+    turn = scan.turn @ Rotation.from_rotvec(swing).as_matrix()
     f = (time / scan.seconds)[:, None]
     centre = (1 - f) * scan.start + f * scan.end
     if scan.weave_deg:  # sideways too

@@ -16,6 +16,11 @@ from workbench.plugins.calibration.observations import Observations, distinct_po
 MIN_POSTURES = 4
 LEVER_MM = float(np.hypot(*FIELD_MM) / np.sqrt(3))  # RMS distance of the field's points from its middle
 ALIKE_RAD = 3 * DEG  # orientations that differ by less hardly count
+OFFSET_MM = 0.2  # largest uncertainty of the clock's offset, as motion of the scans
+MOVE_DIFFERENTLY = (
+    "all scans move alike, so the clock's offset cannot be told from a shift along the motion: scan back and forth, "
+    "and across"
+)
 ALIKE_MM = 1.5  # sphere centres likewise
 
 
@@ -64,6 +69,16 @@ def check_determined(found: tuple[tuple[str, float], ...], estimate: Estimate, s
     )
 
 
+def check_offset(u_s: float, speed_mm_s: float, where: str) -> None:
+    """Refuse a clock offset that only the noise of the scans' motion tells: they move alike."""
+    if u_s * speed_mm_s > OFFSET_MM:
+        raise InputError(
+            where,
+            f"the scans do not determine the clock's offset: predicted uncertainty {1e3 * u_s:.3g} ms, "
+            f"{u_s * speed_mm_s:.2g} mm of motion, allowed {OFFSET_MM:g} mm; {MOVE_DIFFERENTLY}",
+        )
+
+
 def _words(v: Float) -> str:
     """A direction (6,) of translation and scaled rotation in the profiler's axes, in words."""
     turns = float(v[3:] @ v[3:]) > 0.5
@@ -96,8 +111,7 @@ def _cause(estimate: Estimate, seen: Observations, centre: Float, with_offset: b
     if spread[1] < ALIKE_MM:
         return "the sphere's centres lie on one line of the field of view: spread them over its width and depth"
     if with_offset:
-        return ("all scans move alike, so the clock's offset cannot be told from a shift along the motion: scan back "
-                "and forth, and across")  # fmt: skip
+        return MOVE_DIFFERENTLY
     return "add postures that differ in orientation and in where the sphere lies in the profile"
 
 

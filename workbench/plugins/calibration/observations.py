@@ -10,11 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import Bool, Float, InputError, Int, Recording, interpolate_poses, inverse, vector_from_rotation
+from workbench.api import (
+    Bool,
+    Float,
+    InputError,
+    Int,
+    Recording,
+    interpolate_poses,
+    inverse,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    vector_from_rotation,
+)  # fmt: skip
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
 REPEAT_GATE = 25.0  # squared Mahalanobis distance of a repeat from the median of its posture: 3 degrees of freedom
-DIFFERENCE_S = 1e-4  # for velocities
+DIFFERENCE_S = 1e-4  # for turning a rotation vector's rate into a spin
+MARGIN_S = 0.3  # of poses before and after a scan's frames that tell its motion
+MAX_DEGREE = 15  # of the polynomial in time that a scan's motion is taken for
 SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
 
 
@@ -180,9 +193,35 @@ def _mean(circle: Float, covariance: Float) -> tuple[Float, Float]:
 
 
 def _velocity(at: Float, time: Float, position: Float, quaternion: Float) -> Float:
-    """Velocity of the flange (m, 6) in its own frame, mm/s and rad/s, by differences within the poses' times."""
-    before, after = (np.clip(at + d, time[0], time[-1]) for d in (-DIFFERENCE_S, DIFFERENCE_S))
-    first = interpolate_poses(before, time, position, quaternion)
-    motion = inverse(first) @ interpolate_poses(after, time, position, quaternion)
-    twist = np.concatenate([motion[:, :3, 3], vector_from_rotation(motion[:, :3, :3])], axis=1)
-    return np.asarray(twist / (after - before)[:, None])
+    """Velocity of the flange (m, 6) at times (m,), in its own frame, mm/s and rad/s: of a smooth motion (see `_slope`).
+
+    Differences of neighbouring poses would pass their noise for motion, and so find a clock offset where none shows.
+    """
+    here = (time >= at.min() - MARGIN_S) & (time <= at.max() + MARGIN_S)
+    if here.sum() < 4:
+        here = np.ones(len(time), bool)
+    rotation = rotation_from_quaternion(quaternion)
+    now = interpolate_poses(at, time, position, quaternion)[:, :3, :3]
+    middle = rotation[len(rotation) // 2]
+    turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
+    linear = _slope(at, time[here], position[here])
+    vector, rate = vector_from_rotation(middle.T @ now), _slope(at, time[here], turned[here])
+    step = DIFFERENCE_S * rate
+    spin = vector_from_rotation(np.swapaxes(now, 1, 2) @ middle @ rotation_from_vector(vector + step)) / DIFFERENCE_S
+    return np.concatenate([np.einsum("kji,kj->ki", now, linear), spin], axis=1)
+
+
+def _slope(at: Float, time: Float, values: Float) -> Float:
+    """Derivative at times (m,) of a polynomial through values (K, 3), of the degree that they deserve (BIC)."""
+    middle, half = (time[0] + time[-1]) / 2, (time[-1] - time[0]) / 2
+    u, best, slope = (time - middle) / half, np.inf, np.zeros((len(at), 3))
+    for degree in range(1, min(MAX_DEGREE, max(1, len(time) // 2 - 1)) + 1):
+        series = np.polynomial.chebyshev.chebfit(u, values, degree)
+        left = float(np.sum((np.polynomial.chebyshev.chebval(u, series).T - values) ** 2)) + 1e-12 * values.size
+        score = values.size * np.log(left) + 3 * (degree + 1) * np.log(values.size)
+        if score < best:
+            best, slope = (
+                score,
+                np.polynomial.chebyshev.chebval((at - middle) / half, np.polynomial.chebyshev.chebder(series)).T / half,
+            )
+    return np.asarray(slope)

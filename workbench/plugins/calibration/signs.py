@@ -21,6 +21,7 @@ from workbench.plugins.calibration.observations import Observations
 SEED_SIZE = 5  # postures whose signs are tried exhaustively: 32 patterns
 SEEDS = 24  # sets of them: with 2 gross postures in 15, two in five have none
 KEPT = 24  # answers of a seed that are judged by all postures
+HOPELESS = 300.0  # chi-square of a seed's five postures, over four times the best: no answer
 GATE = 25.0  # squared Mahalanobis distance at which a posture stops counting against an answer
 SLACK = 9.0  # how much more than its noise a seed's answer may be off elsewhere: it is not refined yet
 DESIGN_MM, DESIGN_RAD = 50.0, 0.35  # how far the design may be off: a weak pull in the search only
@@ -145,7 +146,8 @@ def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterat
     for rows in _seeds(seen, centre):
         R, t, C, chi2 = solve_patterns(centre[rows][:, ::2].copy(), centre[rows, 1], weight[rows], A[rows],
                                        b[rows] - middle, starts_R, starts_t, pull)  # fmt: skip
-        order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if np.isfinite(chi2[i])]
+        hopeless = 4 * np.nanmin(chi2) + HOPELESS
+        order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
         answers = _distinct([Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order])[:KEPT]
         yield sorted(((truncated(answer, seen, noise), answer) for answer in answers), key=lambda pair: pair[0])
 

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.api import DEG, Float, InputError, vector_from_rotation
 from workbench.plugins.calibration import bundle, signs
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.determinacy import check_determined, check_postures, directions
+from workbench.plugins.calibration.determinacy import check_determined, check_offset, check_postures, directions
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
@@ -89,6 +89,7 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
         seen = passes.place(best.estimate.offset_s)
     _check_explains(best, seen, noise, where)
     _check_determined(best, seen, noise, limit_mm, where, with_offset=True)
+    check_offset(float(np.sqrt(best.covariance[10, 10])), speed, where)
     return Answer(best, seen, noise, best, True, with_offset=True)
 
 

@@ -123,7 +123,9 @@ FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
     "the end left out": (lambda p: change(p, **without(slice(-12, None))), "from one end of the edge to the other"),
     "cutting what was not measured": (
         lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)), "nothing was measured"),
-    "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "mm/s"),
+    "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),
+    "too fast in the material": (
+        lambda p: change(p, feed_mm_s=lambda q: q.feed_mm_s + 0.01), "cuts faster than 1 mm/s"),
     "a jump of the feed": (
         lambda p: change(p, feed_mm_s=lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)), "changes by more"),
     "a quaternion's sign": (
@@ -158,7 +160,7 @@ def swapped(values: Float, row: int) -> Float:
 @pytest.mark.parametrize("name", FAULTS)
 def test_an_injected_fault_is_found(raw: Callable[..., Raw], name: str) -> None:
     scan, (inject, words) = raw(), FAULTS[name]
-    gate = check(inject(planned(scan)), scan.edge, scan.cloud)
+    gate = check(inject(planned(scan)), scan.edge, scan.cloud, v_fast_mm_s=20)
     assert not gate.passed
     assert gate.reason.startswith("path refused: ")
     assert any(word in gate.reason for word in words.split("|")), gate.reason

@@ -24,7 +24,7 @@ def check(
     edge: Edge,
     cloud: Cloud,
     *,
-    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000, description="no feed is greater")] = 20.0,
+    v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000, description="no feed is greater; null: no limit")] = None,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="nor is the feed's change, per time")] = 50.0,
     penetration_mm: Annotated[
         float, Field(gt=0, le=2, description="how deep the cutter may touch what must remain, besides 3 u of the edge")
@@ -42,7 +42,7 @@ def check(
         toolpath: the path.
         edge: the edge that it mills.
         cloud: the scan.
-        v_fast_mm_s: greatest feed.
+        v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed.
         penetration_mm: how deep the cutter may touch what must remain.
     """

@@ -13,6 +13,7 @@ from workbench.stage import Role, Source, Stage
 UNITS = {
     "_nm_per_rad": "Nm/rad",
     "_mm_per_s": "mm/s",
+    "_mm_s2": "mm/s²",
     "_mm_s": "mm/s",
     "_per_mm": "1/mm",
     "_mm2": "mm²",

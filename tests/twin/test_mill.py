@@ -185,6 +185,12 @@ def test_a_lift_that_is_too_low_over_an_uncut_stretch_is_reported(recipe):
     assert any("layer 3: the cutter meets material where the path does not cut" in w for w in warnings)
 
 
+def test_a_path_beside_the_part_is_reported(recipe):
+    truth, engagement = milled(recipe, offset_mm=(0.0, 0.0, 90.0))
+    assert engagement.warnings == tuple(f"layer {k}: the cutter meets nothing" for k in range(1, 6))
+    assert np.isnan(truth.root_mm).all()
+
+
 def test_clamps_and_table_are_in_the_way():
     clamped = raw_recipe({"clamps": [{"from_mm": 18, "to_mm": 24}], "table_gap_mm": 25})
     warnings = milled(clamped)[1].warnings

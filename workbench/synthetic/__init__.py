@@ -9,7 +9,8 @@ from workbench.synthetic.simulate import simulate_file, simulate_recording, trut
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.sphere_conditions import random_sphere_recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
-from workbench.synthetic.truth import Truth, read_truth
+from workbench.synthetic.truth import Truth, milled_truth, read_truth
+from workbench.synthetic.workpiece import Workpiece
 
 __all__ = [
     "CONDITIONS",
@@ -18,6 +19,8 @@ __all__ = [
     "SphereRecipe",
     "SphereTruth",
     "Truth",
+    "Workpiece",
+    "milled_truth",
     "parse_recipe",
     "parse_sphere_recipe",
     "random_recipe",

@@ -41,17 +41,13 @@ class Machine:
         """Mill a layer; what its pieces met that do not cut, and what clamps and table."""
         poses, radius = self._poses(layer, layer.index), self._worn(self._cut_mm + _cut_length(layer))
         idle = np.zeros(len(self.stock.u))
-        hits: dict[str, Hit] = {}
+        hits: list[Hit] = []
         for first, last, cutting in _runs(layer.cutting[:-1] | layer.cutting[1:]):
             met = self._sweep(poses[first : last + 1], radius[first : last + 1])
             idle = idle if cutting else np.maximum(idle, met.depth_mm)
-            hits |= {
-                hit.what: hit
-                for hit in met.hits
-                if hit.depth_mm > hits.get(hit.what, hit._replace(depth_mm=0.0)).depth_mm
-            }
+            hits += met.hits
         self._cut_mm += float(_cut_length(layer)[-1])
-        return Met(idle, tuple(hits.values()))
+        return Met(idle, _deepest(hits))
 
     def _poses(self, points: Layer | Travel, layer: int) -> Float:
         self._motions += 1
@@ -64,13 +60,19 @@ class Machine:
         fine, radius_mm = straight_moves(poses, radius)
         motion, before = Motion(fine, radius_mm, self._radius_mm, self._tip_mm), self.stock.height_mm.copy()
         self.stock.remove(motion)
-        return Met(self.stock.depth_mm(before), tuple(self.stock.hits(motion)))
+        return Met(self.stock.depth_mm(before), _deepest(self.stock.hits(motion)))
 
 
 def _cut_length(layer: Layer) -> Float:
     """Length (k,) that was cut from the layer's beginning to each of its points, mm."""
     way = np.linalg.norm(np.diff(layer.position_mm, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(way * (layer.cutting[:-1] & layer.cutting[1:]))])
+
+
+def _deepest(hits: list[Hit]) -> tuple[Hit, ...]:
+    """Of everything that was hit, the deepest place."""
+    found = {hit.what: hit for hit in sorted(hits, key=lambda hit: hit.depth_mm)}
+    return tuple(found.values())
 
 
 def _runs(cutting: Bool) -> list[tuple[int, int, bool]]:

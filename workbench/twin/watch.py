@@ -21,6 +21,7 @@ class Watch:
         order = np.argsort(u_at_points)
         self._u, self._at, self._arc_length_mm = u, u_at_points[order], layer.arc_length_mm[order]
         self._name, self._depth_of_cut_mm = f"layer {layer.index}", depth_of_cut_mm
+        self._cuts = bool(layer.cutting.any())
         self._beside = _within(u, self._at[layer.cutting[order]], radius_mm)
 
     def travel(self, name: str, met: Met) -> list[str]:
@@ -36,6 +37,8 @@ class Watch:
         found = self._met(self._name, np.where(self._beside, 0.0, met.depth_mm), self._depth_of_cut_mm + _SPARE_MM)
         worst = int(np.argmax(taken_mm))
         deepest, planned = taken_mm[worst], self._depth_of_cut_mm
+        if self._cuts and deepest < _MET_MM:
+            found.append(f"{self._name}: the cutter meets nothing")
         if deepest > _AT_ONCE * planned:
             found.append(f"{self._name}: the cutter takes {deepest:.2f} mm at once "
                          f"{self._place(self._u[worst])}; the depth of cut is {planned:g} mm")  # fmt: skip

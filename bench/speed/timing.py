@@ -31,15 +31,20 @@ class Row:
         return self.factor <= self.goal if self.at_most else self.factor >= self.goal
 
 
-def in_turn(*sides: Callable[[], Any], repeats: int = REPEATS, warm_up: bool = True) -> tuple[float, ...]:
-    """Median wall-clock seconds of each side, run A B A B; one round that is not counted comes first."""
+def in_turn(
+    *sides: Callable[[], Any],
+    repeats: int = REPEATS,
+    warm_up: bool = True,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[float, ...]:
+    """Median seconds of each side on the wall clock or `clock`, run A B A B; one round that is not counted comes first."""
     taken: list[list[float]] = [[] for _ in sides]
     for repeat in range(-1 if warm_up else 0, repeats):
         for side, times in zip(sides, taken, strict=True):
-            start = time.perf_counter()
+            start = clock()
             side()
             if repeat >= 0:
-                times.append(time.perf_counter() - start)
+                times.append(clock() - start)
     return tuple(statistics.median(times) for times in taken)
 
 

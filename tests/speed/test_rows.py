@@ -38,6 +38,11 @@ def test_sides_run_in_turn_and_the_first_round_does_not_count() -> None:
     assert calls == ["a", "b"] * 3
 
 
+def test_another_clock_is_the_clock() -> None:
+    ticks = iter(range(100))
+    assert in_turn(lambda: next(ticks), repeats=3, clock=lambda: float(next(ticks))) == (2.0,)
+
+
 @pytest.mark.parametrize(
     ("value_s", "text"), [(0.00123, "1.23 ms"), (0.5, "500 ms"), (12.34, "12.3 s"), (1234, "1234 s")]
 )

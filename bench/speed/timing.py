@@ -37,7 +37,7 @@ def in_turn(
     warm_up: bool = True,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[float, ...]:
-    """Median seconds of each side on the wall clock or `clock`, run A B A B; one round that is not counted comes first."""
+    """Median seconds of each side by `clock` (wall clock), run A B A B; one round that is not counted comes first."""
     taken: list[list[float]] = [[] for _ in sides]
     for repeat in range(-1 if warm_up else 0, repeats):
         for side, times in zip(sides, taken, strict=True):

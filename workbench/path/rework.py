@@ -10,15 +10,14 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.stations import nearest_stations
 from workbench.path.check import check
 from workbench.path.course import Course, lower_course, with_thickness
 from workbench.path.excess import Excess, excess_of
 from workbench.path.feed import feed
+from workbench.path.first_cut import thickness_before, unmilled
 from workbench.path.make_plan import make_plan, travels_of
-from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
+from workbench.path.obstacles import LEAST_CUT_MM, Lift
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
-from workbench.path.poses import poses_of
 from workbench.path.refusals import refuse_cutter
 from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
@@ -45,8 +44,8 @@ def rework(
     """Plan to mill again where an inspection fails by too much material, and only there.
 
     The profile of the inspection is judged place by place (ISO 14253-1). A place that fails is milled to the required
-    bevel if the measured face lies on or above it; layers step down by the depth of cut of the first plan, and beyond
-    the ends of a stretch the cutter rises out of the surface that is there. Where the root is too small, or a failing
+    bevel if the measured face lies on or above it, unless the first path left it out (a clamp); layers step down by the
+    depth of cut of the first plan, and beyond the ends of a stretch the cutter rises out of the surface that is there. Where the root is too small, or a failing
     angle has left part of the face below the required one, nothing can be mended: that is said, with the amount.
 
     Args:
@@ -59,7 +58,9 @@ def rework(
         v_fast_mm_s, acceleration_mm_s2: as in `path.feed`; the path is checked as by `path.check`.
 
     Raises:
-        InputError: a raw edge, or an inspection of another edge.
+        InputError: a raw edge, an inspection of another edge or against another requirement.
+
+    A path that cannot be planned, or that its checks refuse, is left out with a warning.
     """
     if edge.kind != "milled" or len(inspection.profile.root_mm) != len(edge.arc_length_mm):
         raise InputError("edge", "expected the milled edge that was inspected")
@@ -69,33 +70,29 @@ def rework(
                          f"{toolpath.bevel_deg:g} deg, found {asked.root_nominal_mm:g} mm and "
                          f"{asked.bevel_nominal_deg:g} deg")  # fmt: skip
     bevel = bevel_of(toolpath.root_mm, toolpath.bevel_deg)
-    table = with_thickness(lower_course(edge, edge.arc_length_mm), *_thickness(edge, toolpath))
+    table = with_thickness(lower_course(edge, edge.arc_length_mm), *thickness_before(edge, toolpath))
     excess = excess_of(inspection, bevel, table.upper_mm[:, 1])
-    too_much, too_little = excess.fails & ~excess.lacks, excess.lacks
+    raw = unmilled(edge, toolpath)
+    too_much, too_little = excess.fails & ~excess.lacks & ~raw, excess.lacks & ~raw
     told = _stretches(table, excess, too_much), _stretches(table, excess, too_little)
-    path, warnings = None, edge.warnings
+    path, warnings = None, (*edge.warnings, *_left_out(edge, excess.fails & raw))
     if too_much.any():
-        air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
         wanted = _widened(edge.arc_length_mm, too_much, overlap_mm)
-        path = _path(edge, cloud, toolpath, table, bevel, excess, wanted, air)
-        path = feed(path, cloud, edge, v_slow_mm_s=toolpath.v_slow_mm_s, v_fast_mm_s=v_fast_mm_s,
-                    acceleration_mm_s2=acceleration_mm_s2)  # fmt: skip
-        gate = check(path, edge, cloud, v_fast_mm_s=v_fast_mm_s, acceleration_mm_s2=acceleration_mm_s2)
-        path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
+        air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
+        try:
+            path = _path(edge, cloud, toolpath, table, bevel, excess, wanted, air)
+            path = feed(path, cloud, edge, v_slow_mm_s=toolpath.v_slow_mm_s, v_fast_mm_s=v_fast_mm_s,
+                        acceleration_mm_s2=acceleration_mm_s2)  # fmt: skip
+            gate = check(path, edge, cloud, v_fast_mm_s=v_fast_mm_s, acceleration_mm_s2=acceleration_mm_s2)
+            path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
+        except InputError as refused:  # the rest of the answer holds
+            path, warnings = None, (*warnings, f"no path for the rework: {refused}")
     return Rework(path, *told, _reason(*told), warnings)
 
 
-def _thickness(edge: Edge, toolpath: Toolpath) -> tuple[Float, Float]:
-    """Arc lengths (g,) and the stock's thickness there: where the plan's finished bevel met the upper surface."""
-    final = toolpath.layers[-1]
-    if not final.cutting.any():
-        raise InputError("toolpath", "expected a path that cuts something")
-    poses = poses_of(toolpath, final)
-    top = (poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z)[final.cutting]
-    guess = np.clip(np.rint(final.arc_length_mm[final.cutting]), 0, len(edge.arc_length_mm) - 1).astype(np.int64)
-    _, arc, section = nearest_stations(top, guess, sections_of(lower_course(edge, edge.arc_length_mm)))
-    order = np.argsort(arc)
-    return arc[order], section[order, 1]
+def _left_out(edge: Edge, mask: Bool) -> tuple[str, ...]:
+    return tuple(f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
+                 for a, b in cut_stretches(edge.arc_length_mm, mask))  # fmt: skip
 
 
 def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
@@ -118,7 +115,9 @@ def _path(edge: Edge, cloud: Cloud, before: Toolpath, table: Course, bevel: Beve
     plan = Plan(course, bevel, stock, plan.outward, plan.quaternion_wxyz, plan.lifts, plan.clear_mm, air,
                 plan.length_mm, plan.v_slow_mm_s)  # fmt: skip
     down = make_layer(plan, 1, 0.0).cutting
-    heights = layer_heights(stock[down], before.depth_of_cut_mm) if down.any() else np.zeros(1)
+    if not down.any():
+        raise InputError("edge", "what fails lies beside clamps or was not measured: the cutter cannot reach it")
+    heights = layer_heights(stock[down], before.depth_of_cut_mm)
     cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
     return Toolpath(
         cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=before.root_mm,

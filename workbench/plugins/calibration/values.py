@@ -63,3 +63,31 @@ class Calibration:
     frames_used: tuple[int, ...]
     frames_rejected: tuple[Rejected, ...]
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosturePlan:
+    """The next p postures that tell most. `volume_u_mm` is predicted from the stated noise."""
+
+    base_from_flange: Float  # (p, 4, 4) to go to, in order
+    centre_mm: Float  # (p, 3) where the sphere's centre will lie in the profiler frame
+    volume_u_mm: Float  # (p + 1,) now, and after each posture
+    middle_mm: tuple[float, float]  # of the view: x, z in the profiler frame
+    half_mm: tuple[float, float]  # half width and half height within which the sphere is shown
+    cone_deg: float
+    map_tilt_deg: Float  # (m,) tilts of the range axis from the mean orientation, about the profiler's x and y
+    map_volume_u_mm: Float  # (m, m) after one more posture there, in its best place; NaN beyond the cone
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Validation:
+    """How well a calibration predicts postures that it was not made from. k postures."""
+
+    how: str  # in words
+    frames: tuple[tuple[int, ...], ...]  # (k)
+    error_mm: Float  # (k, 3) measured minus predicted sphere centre in the profiler frame; y NaN near the equator
+    u_mm: Float  # (k, 3) standard uncertainty of that: calibration, robot and profile
+    rms_mm: float  # of the errors in x and z
+    expected_mm: float  # RMS of their uncertainty
+    misfit: float  # chi-square over degrees of freedom; 1 where the stated uncertainties are right
+    freedom: int

@@ -1,0 +1,182 @@
+"""`calibrate.plan`: the next postures of the flange that tell most about the hand-eye pose."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    Document,
+    Float,
+    InputError,
+    InputFile,
+    Recording,
+    Seed,
+    frozen,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    stage,
+)
+from workbench.plugins.calibration import planning
+from workbench.plugins.calibration.model import Estimate, Noise, information
+from workbench.plugins.calibration.observations import by_pass
+from workbench.plugins.calibration.planning import Limits, Optics
+from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
+
+CANDIDATES = 800
+MAP_STEPS = 15  # of the map, along each tilt
+FEW = 20  # candidates that the robot must reach
+
+
+@stage("calibrate.plan")
+def plan(
+    calibration: Calibration,
+    profiles: SphereProfiles,
+    recording: Recording,
+    *,
+    postures: Annotated[int, Field(ge=1, le=50, description="how many to propose")] = 3,
+    cone_deg: Annotated[
+        float, Field(gt=0, le=80, description="greatest tilt of the range axis from the recording's mean orientation")
+    ] = 25.0,
+    roll_deg: Annotated[float, Field(ge=0, le=180, description="greatest turn about the range axis")] = 25.0,
+    half_width_mm: Annotated[
+        float, Field(gt=0, le=500, description="the sphere's centre stays this near to the middle of the view, in x")
+    ] = 10.0,
+    half_height_mm: Annotated[
+        float, Field(gt=0, le=500, description="the same in z, about the mean distance in the recording")
+    ] = 15.0,
+    cell: Annotated[
+        InputFile | None, Field(description="a robot cell: postures beyond the robot's reach or joint limits fall out")
+    ] = None,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="as in calibrate.hand_eye")] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.05,
+    seed: Seed = 0,
+) -> tuple[PosturePlan, Document]:
+    """Propose the next postures: D-optimal on the predicted information, within the limits given.
+
+    The information of the postures at hand and that of each candidate come from the same model as the calibration's
+    uncertainty; candidates are chosen greedily and by exchange (Fedorov 1972). The plan is a table,
+    `calibration_plan.csv`: flange poses to go to, in order, and what the uncertainty will be after each.
+
+    Args:
+        calibration: the calibration so far.
+        profiles: its circles.
+        recording: its flange poses.
+        postures: how many to propose.
+        cone_deg: how far the range axis may tilt.
+        roll_deg: how far the profiler may turn about it.
+        half_width_mm: half the width of the view in which the sphere is shown.
+        half_height_mm: half its height.
+        cell: a robot cell, of which only the robot counts; nothing is checked for collision.
+        pose_noise_mm: the robot's repeatability in position, each axis.
+        pose_noise_deg: the same in orientation.
+        sphere_radius_u_mm: how well the sphere's radius is known.
+        seed: of the candidates.
+
+    Raises:
+        InputError: the cell's robot reaches hardly any posture within the limits.
+    """
+    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
+    estimate = estimate_of(calibration)
+    limits = _limits(calibration, recording, (cone_deg, roll_deg), (half_width_mm, half_height_mm))
+    optics = optics_of(profiles, recording)
+    known = _known(calibration, profiles, recording, estimate, noise)
+    flange, centre = planning.candidates(limits, estimate, CANDIDATES, np.random.default_rng(seed))
+    if cell is not None:
+        reached = _reached(cell, flange)
+        flange, centre = flange[reached], centre[reached]
+    gain = planning.gains(flange, centre, estimate, noise, optics)
+    chosen = planning.choose(gain, known, postures)
+    weight = planning.volume_weight(estimate, limits.middle_mm)
+    totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
+    tilt, after = _map(limits, estimate, known, noise, optics, weight)
+    found = PosturePlan(
+        base_from_flange=frozen(flange[chosen]), centre_mm=frozen(centre[chosen]),
+        volume_u_mm=frozen(planning.volume_after(totals, weight)), middle_mm=limits.middle_mm, half_mm=limits.half_mm,
+        cone_deg=cone_deg, map_tilt_deg=frozen(tilt / DEG), map_volume_u_mm=frozen(after),
+    )  # fmt: skip
+    return found, _table(found)
+
+
+def estimate_of(calibration: Calibration) -> Estimate:
+    """The calibration as a point in the space of unknowns."""
+    pose = calibration.hand_eye.flange_from_profiler
+    return Estimate(pose[:3, :3], pose[:3, 3], calibration.sphere_center_mm, calibration.sphere_radius_mm,
+                    calibration.time_offset_s or 0.0)  # fmt: skip
+
+
+def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
+    """Noise and pitch as the recording shows them."""
+    pitch = float(np.nanmedian(np.abs(np.diff(recording.x_mm, axis=1))))
+    return Optics(profiles.noise_mm * float(np.sqrt((1 + profiles.correlation) / (1 - profiles.correlation))), pitch)
+
+
+def _limits(calibration: Calibration, recording: Recording, turn_deg: tuple[float, float],
+            half_mm: tuple[float, float]) -> Limits:  # fmt: skip
+    """About the mean orientation of the recording and the middle of its view, at the mean distance seen."""
+    U, _, V = np.linalg.svd(rotation_from_quaternion(recording.robot_quaternion_wxyz).sum(axis=0))
+    mean = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    x = float(np.nanmin(recording.x_mm) + np.nanmax(recording.x_mm)) / 2
+    z = float(calibration.centre_mm[calibration.used, 2].mean())
+    cone, roll = (angle * DEG for angle in turn_deg)
+    return Limits(mean @ calibration.hand_eye.flange_from_profiler[:3, :3], cone, roll, (x, z), half_mm)
+
+
+def _known(calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate,
+           noise: Noise) -> Float:  # fmt: skip
+    """Information (10, 10) of the postures at hand."""
+    seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
+    return information(estimate, seen, noise)[:10, :10]
+
+
+def _reached(cell: InputFile, flange: Float) -> Float:
+    """Which flange poses (c, 4, 4) the cell's robot reaches within its joint limits."""
+    from workbench.api import inverse_kinematics, read_cell, within_limits
+
+    chain = read_cell(cell).chain
+    joints = within_limits(chain, inverse_kinematics(chain, flange))
+    reached = np.isfinite(joints).all(axis=-1).any(axis=-1)
+    if reached.sum() < FEW:
+        raise InputError(str(cell), f"the robot reaches {reached.sum()} of {len(flange)} postures within the limits of "
+                                    "the plan: widen cone_deg or roll_deg, or move the sphere")  # fmt: skip
+    return np.asarray(reached)
+
+
+def _map(limits: Limits, estimate: Estimate, known: Float, noise: Noise, optics: Optics,
+         weight: Float) -> tuple[Float, Float]:  # fmt: skip
+    """Tilts (m,) in rad, and volume_u (m, m) after one more posture at each tilt about x and y, in its best place."""
+    tilt = np.linspace(-limits.cone, limits.cone, MAP_STEPS)
+    both = np.stack(np.meshgrid(tilt, tilt, indexing="ij"), axis=-1).reshape(-1, 2)
+    y = limits.off_plane[1] * estimate.radius_mm
+    best = np.full(len(both), np.inf)
+    for corner in np.array(np.meshgrid([-1, 0, 1], [-1, 1], [-1, 0, 1])).reshape(3, -1).T:
+        place = np.array([limits.middle_mm[0], 0.0, limits.middle_mm[1]]) + corner * [
+            limits.half_mm[0],
+            y,
+            limits.half_mm[1],
+        ]
+        centre = np.tile(place, (len(both), 1))
+        flange = planning.poses(limits, estimate, both, np.zeros(len(both)), centre)
+        after = planning.volume_after(known + planning.gains(flange, centre, estimate, noise, optics), weight)
+        best = np.minimum(best, after)
+    best[np.linalg.norm(both, axis=1) > limits.cone * 1.001] = np.nan
+    return tilt, best.reshape(MAP_STEPS, MAP_STEPS)
+
+
+def _table(found: PosturePlan) -> Document:
+    """`calibration_plan.csv`: a row a posture."""
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["posture", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz", "sphere_x_mm", "sphere_y_mm",
+                   "sphere_z_mm", "volume_u_after_mm"])  # fmt: skip
+    quaternion = quaternion_from_rotation(found.base_from_flange[:, :3, :3])
+    for i, pose in enumerate(found.base_from_flange):
+        values = [*(f"{v:.3f}" for v in pose[:3, 3]), *(f"{v:.8f}" for v in quaternion[i])]
+        rows.writerow([i + 1, *values, *(f"{v:.2f}" for v in found.centre_mm[i]), f"{found.volume_u_mm[i + 1]:.4f}"])
+    return Document("calibration_plan.csv", out.getvalue().encode())

@@ -1,0 +1,203 @@
+"""`calibrate.validate`: how well the calibration predicts postures that it was not made from."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import DEG, Document, Float, InputError, Int, Recording, frozen, stage
+from workbench.plugins.calibration import bundle
+from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration.determinacy import MIN_POSTURES
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
+from workbench.plugins.calibration.observations import Observations, by_pass
+from workbench.plugins.calibration.plan import estimate_of
+from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
+
+NEAR_EQUATOR = 0.1  # |y| in radii below which w says nothing of y
+STEPS = 10  # of the fit of a second recording's sphere
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Postures predicted, not fitted: residuals of (x_c, z_c, w) and their covariance."""
+
+    residual: Float  # (k, 3)
+    covariance: Float  # (k, 3, 3)
+    y_mm: Float  # (k,) of the sphere's centre
+    chi2: float
+    freedom: int
+
+
+@stage("calibrate.validate")
+def validate(
+    calibration: Calibration,
+    profiles: SphereProfiles,
+    recording: Recording,
+    *,
+    folds: Annotated[
+        int, Field(ge=0, le=100, description="parts that are held out in turn; 0: each posture by itself")
+    ] = 0,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="as in calibrate.hand_eye")] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.05,
+) -> tuple[Validation, Document]:
+    """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
+
+    Of the calibration's own recording, postures are left out part by part and predicted from a fit of the others. Of
+    a second recording, only where its sphere stood is fitted; the hand-eye pose is the calibration's. The spread of
+    fitted centres is not used anywhere: it is small along just the directions that nothing determines.
+
+    Args:
+        calibration: what to validate.
+        profiles: circles of the recording to validate on.
+        recording: the calibration's own, or a second one.
+        folds: in how many parts the calibration's own recording is held out.
+        pose_noise_mm: the robot's repeatability in position, each axis.
+        pose_noise_deg: the same in orientation.
+        sphere_radius_u_mm: how well the sphere's radius is known.
+
+    Raises:
+        InputError: too few postures to hold any out.
+    """
+    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
+    estimate = estimate_of(calibration)
+    seen = by_pass(profiles, recording).place(estimate.offset_s)
+    if recording.source == calibration.hand_eye.source:
+        seen = seen.subset(calibration.used)
+        how, held = _by_folds(estimate, seen, noise, folds, recording.source)
+    else:
+        how = f"a second recording, {recording.source}"
+        held = _second(calibration, estimate, seen, noise, recording.source)
+    found = _validation(how, seen, held)
+    return found, _document(found)
+
+
+def _by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int,
+              source: str) -> tuple[str, HeldOut]:  # fmt: skip
+    """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
+    passes = _passes(seen)
+    count = len(passes)
+    parts = min(folds, count) if folds > 1 else count
+    if count - math.ceil(count / parts) < MIN_POSTURES:
+        raise InputError(f"{source}: /robot", f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
+                                              f"expected {MIN_POSTURES} others at least")  # fmt: skip
+    whole = bundle.fit(estimate, seen, noise)
+    if bundle.misfits(whole):
+        whole, noise = bundle.matched(whole, seen, noise)
+    residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
+    chi2 = 0.0
+    for part in range(parts):
+        rows = np.concatenate(passes[part::parts])
+        out = np.isin(np.arange(len(seen)), rows)
+        fitted = bundle.fit(whole.estimate, seen, noise, used=~out)
+        residual[out], covariance[out], y[out], one = _predicted(fitted, seen.subset(out), noise)
+        chi2 += one
+    how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
+    return how, HeldOut(residual, covariance, y, chi2, 3 * len(seen))
+
+
+def _predicted(fitted: Fit, out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
+    """Residuals of held-out postures, their covariances, y, and chi-square with all correlations."""
+    linear = linearise(fitted.estimate, out, noise)
+    J = linear.jacobian.reshape(-1, SIZE)
+    all_ = _noise(linear, out, noise) + J @ fitted.covariance[:SIZE, :SIZE] @ J.T
+    r = linear.residual.ravel()
+    blocks = all_.reshape(len(out), 3, len(out), 3)
+    index = np.arange(len(out))
+    return linear.residual, blocks[index, :, index], linear.centre[:, 1], float(r @ np.linalg.solve(all_, r))
+
+
+def _passes(seen: Observations) -> list[Int]:
+    """Rows of each posture held still, and of each scan: what is held out together."""
+    return [*seen.still[:, None], *(scan.rows for scan in seen.scans)]
+
+
+def _noise(linear: Linear, seen: Observations, noise: Noise) -> Float:
+    """Covariance (3k, 3k) of the measured circles; frames between the same recorded poses share these poses' errors."""
+    k = len(seen)
+    out, index = np.zeros((k, 3, k, 3)), np.arange(k)
+    out[index, :, index] = linear.covariance
+    for scan in seen.scans:
+        m = np.arange(len(scan.rows))
+        weight = np.zeros((len(m), scan.nodes))
+        weight[m, scan.node], weight[m, scan.node + 1] = 1 - scan.fraction, scan.fraction
+        spread = linear.by_pose[scan.rows] * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
+        shared = np.einsum("ab,aip,bjp->aibj", weight @ weight.T, spread, spread)
+        shared[m, :, m] += linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2)
+        out[np.ix_(scan.rows, np.arange(3), scan.rows, np.arange(3))] = shared
+    return out.reshape(3 * k, 3 * k)
+
+
+def _second(calibration: Calibration, estimate: Estimate, seen: Observations, noise: Noise, source: str) -> HeldOut:
+    """A second recording: where its sphere stood is fitted with the calibration's hand-eye pose."""
+    if len(seen) < 2:
+        raise InputError(f"{source}: /robot", f"expected at least 2 postures to validate on, found {len(seen)}")
+    start = _center(estimate, seen, noise)
+    free = np.s_[6:SIZE]
+    for _ in range(STEPS):
+        linear = linearise(start, seen, noise)
+        J, r = linear.jacobian.reshape(-1, SIZE), linear.residual.ravel()
+        spread = _noise(linear, seen, noise) + J[:, :6] @ calibration.covariance @ J[:, :6].T
+        weighted = np.linalg.solve(spread, J[:, free])
+        matrix = J[:, free].T @ weighted
+        matrix[3, 3] += noise.radius_u_mm**-2
+        side = weighted.T @ r
+        side[3] += (noise.radius_mm - start.radius_mm) / noise.radius_u_mm**2
+        start = start.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix, side)]))
+    index = np.arange(len(seen))
+    return HeldOut(linear.residual, spread.reshape(len(seen), 3, len(seen), 3)[index, :, index], linear.centre[:, 1],
+                   float(r @ np.linalg.solve(spread, r)), len(r) - 3)  # fmt: skip
+
+
+def _center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
+    """Where the second sphere stood, roughly: of all frames and both signs of y the centre that fits all best."""
+    h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
+    best: tuple[float, Estimate] | None = None
+    for sign in (1.0, -1.0):
+        centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
+        for point in bundle.to_base(centre, estimate, seen):
+            one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
+            off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
+            if best is None or off < best[0]:
+                best = float(off), one
+    assert best is not None
+    return best[1]
+
+
+def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
+    """In mm along the profiler's axes; w tells y where the centre is off the plane."""
+    y = np.where(np.abs(held.y_mm) > NEAR_EQUATOR * np.abs(held.y_mm).max(), held.y_mm, np.nan)
+    change = np.zeros((len(y), 3, 3))
+    change[:, 0, 0] = change[:, 2, 1] = 1.0
+    change[:, 1, 2] = -1 / (2 * y)
+    error = np.einsum("kij,kj->ki", change, np.nan_to_num(held.residual))
+    variance = np.einsum("kij,kjl,kil->ki", change, held.covariance, change)
+    error[np.isnan(y), 1] = np.nan
+    return Validation(
+        how=how, frames=seen.frames, error_mm=frozen(error), u_mm=frozen(np.sqrt(variance)),
+        rms_mm=float(np.sqrt(np.mean(np.sum(error[:, ::2] ** 2, axis=1)))),
+        expected_mm=float(np.sqrt(np.mean(np.sum(variance[:, ::2], axis=1)))),
+        misfit=held.chi2 / held.freedom, freedom=held.freedom,
+    )  # fmt: skip
+
+
+def _document(found: Validation) -> Document:
+    """`calibration_validation.json`: strict JSON."""
+    rows = [
+        {"frames": list(frames), "error_mm": _plain(error), "u_mm": _plain(u)}
+        for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
+    ]
+    content = {"how": found.how, "rms_mm": found.rms_mm, "expected_mm": found.expected_mm, "misfit": found.misfit,
+               "freedom": found.freedom, "postures": rows}  # fmt: skip
+    return Document("calibration_validation.json", (json.dumps(content, allow_nan=False, indent=1) + "\n").encode())
+
+
+def _plain(values: Float) -> list[float | None]:
+    return [float(v) if math.isfinite(v) else None for v in values]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud
 from workbench.edge.raw_faces import FaceEnds, RawFaces
-from workbench.geometry.courses import Course, fit_course
+from workbench.geometry.courses import FLAT, SHAPES, TOGETHER_MM, Course, fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.end_posterior import end_at
 from workbench.geometry.ends import Ends, SmoothEnd, fit_end
 from workbench.geometry.sections import in_section
+from workbench.geometry.settling import settled
 from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -36,6 +37,7 @@ class PlacedEnds:
     step: Float  # (N,) the next column would meet the face this much further; 0: a corner
     sigma: Float  # (N,) noise of m, mm
     missing: Float  # (N,) probability that a column at the end has no return
+    column: Float  # (N,) of the last return, counted outwards
     outward: float  # +1: the upper end, -1: the lower end
 
 
@@ -96,7 +98,7 @@ def place_ends(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, cu
         blur,
         _missing(found, ends, cloud.pass_index)[here],
     )
-    return PlacedEnds(out[0], out[1], out[2], np.maximum(out[3], 1e-3), out[4], outward)
+    return PlacedEnds(out[0], out[1], out[2], np.maximum(out[3], 1e-3), out[4], ends.column, outward)
 
 
 def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
@@ -136,33 +138,36 @@ def frame_shift(placed: tuple[PlacedEnds, PlacedEnds], vibration: Float) -> Fram
     return FrameShift(shift, u, spread)
 
 
-def end_course(ends: PlacedEnds, shift: FrameShift, whole: bool) -> EndCourse:
+def end_course(ends: PlacedEnds, shift: FrameShift, pass_index: Int, whole: bool) -> EndCourse:
     """The course of one edge: by its corners where they show enough of it, else by the silhouettes' likelihood.
 
     whole: False takes the silhouettes' middles instead, which is quick and half as good.
     """
-    out = ends.outward
+    out, silhouette = ends.outward, ends.step > 0
+    low = out * (ends.m - np.where(silhouette, shift.known, 0.0))
+    sigma = np.hypot(ends.sigma, np.where(silhouette, shift.spread, 0.0))
+    low, step, sigma, weight = settled(low, ends.step, sigma, np.where(silhouette, ends.column, 0).astype(np.int64),
+                                       pass_index)  # fmt: skip
     mine = np.flatnonzero(np.isfinite(ends.m))
-    if _corners_cover(ends.s[mine], ends.step[mine] == 0.0):
-        mine = mine[ends.step[mine] == 0.0]
+    if _corners_cover(ends.s[mine], ~silhouette[mine]):
+        mine = mine[~silhouette[mine]]
     mine = mine[np.argsort(ends.s[mine], kind="stable")]
-    s, step = ends.s[mine], ends.step[mine]
-    corner = step == 0.0
-    low = out * (ends.m[mine] - np.where(corner, 0.0, shift.known[mine]))
-    middle = out * (low + 0.5 * step)
-    course = fit_course(s, middle[:, None], together_mm=SMOOTH_MM)
-    residual = middle - course.spline(s)[:, 0]
+    corner = ~silhouette[mine]
+    shapes, together_mm = (SHAPES, SMOOTH_MM) if corner.all() else (FLAT, TOGETHER_MM)
+    middle = out * (low + 0.5 * step)[mine]
+    course = fit_course(ends.s[mine], middle[:, None], shapes, together_mm)
+    residual = middle - course.spline(ends.s[mine])[:, 0]
     used = np.zeros(ends.m.size, bool)
     used[mine[course.kept]] = True
+    found = EndCourse(used, out, course, residual, ends.s[mine])
     if not whole or corner.all():
-        return EndCourse(used, out, course, residual, s)
-    sigma = np.hypot(ends.sigma[mine], shift.spread[mine])
+        return found
     if corner.any():
-        sigma[corner] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
-    kept = course.kept
+        sigma[mine[corner]] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
+    on = mine[course.kept]
+    known = Ends(ends.s[on], low[on], step[on], sigma[on], ends.missing[on], weight[on])
     shared_u = np.where(corner, 0.0, shift.u[mine])
-    known = Ends(s[kept], low[kept], step[kept], sigma[kept], ends.missing[mine][kept], np.ones(kept.sum()))
-    return EndCourse(used, out, course, residual, s, known, fit_end(known, KNOTS_MM), shared_u)
+    return replace(found, ends=known, likely=fit_end(known, KNOTS_MM), shared_u=shared_u)
 
 
 def _corners_cover(s: Float, corner: Bool) -> bool:

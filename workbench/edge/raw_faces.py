@@ -24,6 +24,7 @@ class FaceEnds:
 
     corner: Bool  # (N,) the surface that joins the face there is seen
     point: Float  # (N, 2) x, z: the corner's virtual sharp edge, or the face's last return; profiler frame, mm
+    column: Float  # (N,) of the last return, counted outwards
     pitch: Float  # (N,) distance of the columns in x, mm; 0 at a corner
     slope: Float  # (N,) dz/dx of the face next to its last return
     alone: Bool  # (N,) the next column saw both the face and what lies behind it
@@ -49,7 +50,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     Raises InputError where no frame shows it, or where one of its ends is never seen.
     """
     n, columns = cloud.x_mm.shape
-    sums, ends = np.zeros((n, 3, 8)), np.full((n, 2, 7), np.nan)
+    sums, ends = np.zeros((n, 3, 8)), np.full((n, 2, 8), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     known = as_input(along), sense, as_input(LABELS)
@@ -113,4 +114,5 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     point[kind == end_face.HIDDEN] = np.nan
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
     burred = seen & (ends[:, end_face.PROUD] >= BURR_POINTS)
-    return FaceEnds(corner, point, pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0, burred)
+    return FaceEnds(corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE],
+                    ends[:, end_face.ALONE] == 1.0, burred)  # fmt: skip

@@ -55,7 +55,8 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
     s = np.full(seen.size, np.nan)
     s[seen] = arrange(middle[seen], cloud.pass_index[seen], _forward(cloud, found, middle)[seen])
     tangent_u = fit_curve(middle[seen], s[seen]).tangent_u
-    curve = fit_course_curve(middle[seen], s[seen])
+    travelled = middle[np.nanargmax(s)] - middle[np.nanargmin(s)]
+    curve = fit_course_curve(middle[seen], s[seen], _across(cloud, found, travelled))
     sigma = range_noise(cloud, found)
     for last in [False] * ROUNDS + [True]:
         s[seen] = curve.project(middle[seen], s[seen])
@@ -68,14 +69,14 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
         placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, sigma)
                        for ends, way in ((found.lower, -1.0), (found.upper, 1.0)))  # fmt: skip
         shift = frame_shift((placed[0], placed[1]), _vibration(cloud, stand_out))
-        lower = end_course(placed[0], shift, last)
+        lower = end_course(placed[0], shift, cloud.pass_index, last)
         if not last:
             on = np.isfinite(stand_out) & np.isfinite(face.s)
             _, a, b = curve.frame(face.s[on])
             spot = stand_out[on, None] * n + lower.rough(face.s[on])[:, None] * m
             points = curve.position(face.s[on]) + spot[:, :1] * a + spot[:, 1:] * b
-            curve = fit_course_curve(points, face.s[on])
-    upper = end_course(placed[1], shift, True)
+            curve = fit_course_curve(points, face.s[on], _unit((math.cos(tilt) * a + math.sin(tilt) * b).mean(axis=0)))
+    upper = end_course(placed[1], shift, cloud.pass_index, True)
     return RawMeasured(
         curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma),
         np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
@@ -85,10 +86,7 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
 
 def _forward(cloud: Cloud, found: RawFaces, middle: Float) -> Bool:
     """Does time run along t = m x n, pass by pass (N,)?"""
-    face = found.faces[ROOT_FACE]
-    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
-    up = -found.side[:, None] * (ex + (face.sxz / face.sxx)[:, None] * ez)
-    t = np.cross(up, outward_of(cloud, found))
+    t = np.cross(_upwards(cloud, found), outward_of(cloud, found))
     forward = np.zeros(len(middle), bool)
     for p in np.unique(cloud.pass_index):
         mine = np.flatnonzero((cloud.pass_index == p) & found.seen)
@@ -96,6 +94,24 @@ def _forward(cloud: Cloud, found: RawFaces, middle: Float) -> Bool:
             motion = np.diff(middle[mine], axis=0)
             forward[mine] = np.median((motion * t[mine[:-1]]).sum(axis=1)) > 0
     return forward
+
+
+def _upwards(cloud: Cloud, found: RawFaces) -> Float:
+    """Direction (N, 3) of the end face in each laser plane, from the lower to the upper side; NaN where not seen."""
+    face = found.faces[ROOT_FACE]
+    slope = (face.sxz / face.sxx)[:, None]
+    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
+    return np.asarray(-found.side[:, None] * (ex + slope * ez) / np.hypot(1.0, slope))
+
+
+def _across(cloud: Cloud, found: RawFaces, travelled: Float) -> Float:
+    """Direction (3,) of the end face across the edge, roughly; travelled (3,): along it."""
+    up = np.nanmedian(_upwards(cloud, found), axis=0)
+    return _unit(up - travelled * (up @ travelled) / (travelled @ travelled))
+
+
+def _unit(vector: Float) -> Float:
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _vibration(cloud: Cloud, stand_out: Float) -> Float:

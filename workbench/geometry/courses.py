@@ -20,13 +20,13 @@ from workbench.geometry.curves import Curve, with_frame
 from workbench.units import Bool, Float
 
 Shape = tuple[int, float]  # degree and distance of knots, mm
-# Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on. What lies between would be
-# chosen where it is just good enough.
-SHAPES: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 20.0))
+# Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on.
+SHAPES: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 40.0), (3, 28.0), (3, 20.0))
+FLAT: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 200.0))  # of what a plate's flatness rules
 BIN_MM = 2.0
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 CHOICE_MM = 400.0  # the shape is chosen on this much of the edge
-PRICE = 5.0  # of a coefficient, in the unit of twice the log-likelihood
+PRICE = 3.0  # of a coefficient, in the unit of twice the log-likelihood
 OUTLIER_SIGMAS = 5.0
 PLACES = 200  # at which the uncertainty is computed; linear between them
 
@@ -47,34 +47,41 @@ class Course:
         return _propagated(s[self.kept], residual[self.kept], self.spline.t, at)
 
 
-def fit_course(s: Float, values: Float, shape: Shape | None = None, together_mm: float = TOGETHER_MM) -> Course:
+def fit_course(s: Float, values: Float, shapes: tuple[Shape, ...] = SHAPES, together_mm: float = TOGETHER_MM) -> Course:
     """The smooth course through values (n, d) at s (n,), mm, outliers left out.
 
-    shape: if it is known. together_mm: length over which the values' scatter hangs together.
+    shapes: to choose from. together_mm: length over which the values' scatter hangs together.
     """
     kept = np.ones(len(s), bool)
-    known = shape
     for again in (True, True, False):
         at, mean, count = _bin_means(s[kept], values[kept])
-        if known is None:
-            shape = _choice(at, mean, count, together_mm)
-        spline = _fit(at, mean, count, _knots(s[kept], shape or SHAPES[0]))
+        shape = shapes[0] if len(shapes) == 1 else _choice(at, mean, count, shapes, together_mm)
+        spline = _fit(at, mean, count, _knots(s[kept], shape))
         if again:
             off = np.linalg.norm(values - spline(s), axis=1)
             kept = off < OUTLIER_SIGMAS * (float(np.median(off[kept])) / 0.6745 + 1e-9)
-    return Course(spline, kept, shape or SHAPES[0])
+    return Course(spline, kept, shape)
 
 
-def fit_course_curve(points_mm: Float, s: Float) -> Curve:
-    """The smooth curve through points (n, 3) mm at rough arc lengths s (n,)."""
-    course = fit_course(s, points_mm)
-    for _ in range(2):  # the spline's own parameter becomes its arc length
-        dense = np.linspace(s.min(), s.max(), max(50, int(s.max() - s.min()) * 2))
-        speed = np.linalg.norm(course.spline(dense, 1), axis=1)
+def fit_course_curve(points_mm: Float, s: Float, across: Float) -> Curve:
+    """The smooth curve through points (n, 3) mm of a flat plate's edge, at rough arc lengths s (n,).
+
+    across (3,): unit, square to the plate. The height along it has a course of its own: in a silhouette's it is
+    known but for the step between two columns, whose beat must not bend the curve.
+    """
+    height = points_mm @ across
+    flat = fit_course(s, points_mm - height[:, None] * across)
+    high = fit_course(s, height[:, None], FLAT)
+    for _ in range(3):  # the spline's own parameter becomes its arc length
+        dense = np.linspace(s.min(), s.max(), max(50, int(np.ptp(s)) * 2))
+        sites = flat.spline(dense) + high.spline(dense) * across
+        spline = _fit(dense, sites, np.ones(dense.size), _knots(dense, SHAPES[-1]))
+        speed = np.linalg.norm(spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = np.asarray(np.interp(s, dense, arc))
-        course = fit_course(s, points_mm, course.shape)
-    return with_frame(course.spline, s, math.inf, 0.0)
+        flat = fit_course(s, points_mm - height[:, None] * across, (flat.shape,))
+        high = fit_course(s, height[:, None], (high.shape,))
+    return with_frame(spline, s, math.inf, 0.0)
 
 
 def _knots(s: Float, shape: Shape) -> Float:
@@ -128,7 +135,7 @@ def _fit(at: Float, values: Float, weight: Float, knots: Float) -> BSpline:
     return BSpline(knots, solveh_banded(band, basis.T @ (weight[:, None] * values)), _degree(knots))
 
 
-def _choice(at: Float, values: Float, weight: Float, together_mm: float) -> Shape:
+def _choice(at: Float, values: Float, weight: Float, shapes: tuple[Shape, ...], together_mm: float) -> Shape:
     """The shape of least score: twice the negative log-likelihood of the residuals, plus the coefficients' price.
 
     Residuals that hang together over together_mm count as one.
@@ -137,8 +144,8 @@ def _choice(at: Float, values: Float, weight: Float, together_mm: float) -> Shap
     if near.sum() > 20:
         at, values, weight = at[near], values[near], weight[near]
     free = min(float(at[-1] - at[0]) / together_mm, float(at.size))
-    best, least = SHAPES[0], math.inf
-    for shape in SHAPES:
+    best, least = shapes[0], math.inf
+    for shape in shapes:
         knots = _knots(at, shape)
         size = knots.size - 1 - shape[0]
         if size > 4 and size >= free + 1.0:

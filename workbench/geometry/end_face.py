@@ -17,7 +17,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 FACE, UPPER, LOWER = range(3)
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
-KIND, END_X, END_Z, PITCH, SLOPE, ALONE, PROUD = range(7)
+KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD = range(8)
 HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
 
 LEVEL_MM = 0.25  # width of the levels of q that are compared
@@ -293,7 +293,7 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
         tip = _walked(p, depth, at, n, end, way, climb)
         ends[upper, KIND] = _what_ends(p, depth, at, n, x.size, tip, way)
         j = at[tip]
-        ends[upper, END_X], ends[upper, END_Z] = x[j], z[j]
+        ends[upper, END_X], ends[upper, END_Z], ends[upper, COLUMN] = x[j], z[j], way * j
         ends[upper, SLOPE] = _slope_at(x, z, at, depth, end, -way, gate)
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
         ends[upper, ALONE] = _stands_alone(z, j + way, way)
@@ -341,7 +341,7 @@ def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, 
 
     x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
     to some degrees (NaN: leave the frame out); sense +1 if z counts away from the sensor, else -1; names (3,) labels of
-    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 7), seen (N,), labels (N, M).
+    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 8), seen (N,), labels (N, M).
     """
     columns = x.shape[1]
     work, at, chosen = np.empty((3, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)

@@ -18,6 +18,7 @@ from workbench.robot.kinematics import (
     motions,
 )
 from workbench.robot.read import cell, read_cell
+from workbench.robot.wrist import SphericalWrist, spherical_wrist
 
 __all__ = [
     "AngleConvention",
@@ -26,6 +27,7 @@ __all__ = [
     "Clearance",
     "CollisionModel",
     "LoadingSetup",
+    "SphericalWrist",
     "Turntable",
     "abb_angles",
     "cell",
@@ -38,6 +40,7 @@ __all__ = [
     "motions",
     "read_cell",
     "read_json",
+    "spherical_wrist",
     "turntable_pose",
     "within_limits",
 ]

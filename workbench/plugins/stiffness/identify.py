@@ -33,6 +33,8 @@ from workbench.plugins.stiffness.read import stiffness_document
 from workbench.plugins.stiffness.rigid import check_rigid
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
+MANY = 0.1  # share of loads or points: where more contradict the rest, it is no gross error here and there
+
 
 @stage("stiffness.identify")
 def identify(
@@ -75,7 +77,9 @@ def identify_from(chain: Chain, setup: LoadingSetup, tests: LoadingTests,
     sound, points_out = check_rigid(chain, setup, tests)
     eq = equations(chain, setup, sound)
     found, use = robust(eq)
-    judged = solve(equations(chain, setup, tests), np.ones(len(use))) if _many(points_out, tests) else found
+    points = 0 if tests.targets_mm is None else tests.targets_mm.size / 3
+    many = len(points_out) > MANY * points or (use == 0).sum() > MANY * len(use)
+    judged = solve(equations(chain, setup, tests), np.ones(len(use))) if many else found
     mistake = explain(chain, setup, tests, judged, largest_relative_u)
     if mistake:
         raise InputError(tests.source, mistake)
@@ -116,11 +120,6 @@ def _stiffness(found: Estimate, covariance: Float, tests: LoadingTests, use: Flo
         condition_number=float(np.sqrt(values[-1] / values[0])), postures=len(set(used)), loads=len(used),
         source=tests.source, warnings=warnings,
     )  # fmt: skip
-
-
-def _many(points_out: tuple[str, ...], tests: LoadingTests) -> bool:
-    """Whether so many points contradict the rigid body that it is no gross error here and there."""
-    return tests.targets_mm is not None and len(points_out) > 0.1 * np.isfinite(tests.targets_mm[..., 0]).sum()
 
 
 def _check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention) -> None:

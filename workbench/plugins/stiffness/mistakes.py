@@ -17,7 +17,7 @@ from workbench.plugins.stiffness.estimate import Estimate, solve
 from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import LoadingTests
 
-MISFIT = 10.0  # ratio of the residuals' variance to the noise's that asks for a reason
+MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend
 SURE = 3.0  # standard uncertainties by which a compliance counts as negative
 EXPLAINED = 0.3  # share of the displacements' square that may be left over, for a reading that makes sense
 PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
@@ -31,6 +31,14 @@ def makes_sense(found: Estimate, largest_relative_u: float) -> bool:
     return PLAUSIBLE_NM_PER_RAD[0] < mean_stiffness(found) < PLAUSIBLE_NM_PER_RAD[1]
 
 
+def _possible(found: Estimate) -> bool:
+    """Whether nothing but too large an uncertainty speaks against an estimate."""
+    sure = found.compliance > -SURE * found.u * np.sqrt(max(found.scale2, 1.0))
+    known = found.compliance[found.compliance > SURE * found.u]
+    low, high = PLAUSIBLE_NM_PER_RAD
+    return bool(sure.all()) and (not len(known) or low < np.exp(-np.mean(np.log(known))) < high)
+
+
 def mean_stiffness(found: Estimate) -> float:
     """Geometric mean over the joints, Nm/rad."""
     return float(np.exp(-np.mean(np.log(found.compliance))))
@@ -40,9 +48,9 @@ def explain(chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estim
             largest_relative_u: float) -> str | None:  # fmt: skip
     """The mistake that explains best why an estimate fits badly or makes no sense, in words; None: none does."""
     sense = makes_sense(found, largest_relative_u)
-    if sense and found.scale2 < MISFIT:
+    if found.scale2 < MISFIT and (sense or (found.scale2 > 1 / MISFIT and _possible(found))):
         return None
-    away = np.log(found.scale2 / MISFIT) if sense else np.inf
+    away = np.log(max(found.scale2 / MISFIT, MISFIT))
     fits = []
     for what, changed in _readings(chain, tests):
         eq = equations(chain, setup, changed)

@@ -1,0 +1,138 @@
+"""Displacement of very many postures, without their joint angles: the traversal of the paper's Fig. 17.
+
+Where the wrist's centre and the axis of joint 6 are given, all joint axes follow by algebra: the first three from a
+triangle in the arm's plane, the fourth along the forearm, the fifth across the fourth and the sixth. The displacement
+J K^-1 J^T f is then a sum of six products, and limits are tested by cosines. A wrist flip turns joint 5's axis round,
+which changes nothing in that sum. The arm frame: origin on axis 1, z along axis 1, y along axis 2 at zero; in the arm's
+plane a point is the complex number z + i x, which a turn q about y multiplies by exp(i q).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import AnyArray, Chain, Float, InputError, inverse, pose_from, spherical_wrist
+from workbench.plugins.stiffness.arm_kernels import displacement_kernel, traverse_kernel
+
+CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
+SQUARE = 1e-9  # cosine that still counts as a right angle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """A robot in the arm frame, for the kernels here."""
+
+    arm_from_base: Float  # (4, 4)
+    wrist_in_flange_mm: Float  # (3,) the wrist's centre
+    axis_in_flange: Float  # (3,) of joint 6
+    lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
+    limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
+
+
+def fast_arm(chain: Chain) -> Arm:
+    """The arm of a robot, if the kernels hold for it.
+
+    Raises:
+        InputError: axis 2 is not square to axis 1, or the forearm's axis not square to axis 3, or joint 5's axis is not
+            along axis 3 at zero, or joint 6 cannot make a full turn.
+    """
+    h, o = chain.axes, chain.points_mm
+    centre = spherical_wrist(chain).centre_mm
+    if max(abs(h[0] @ h[1]), abs(h[3] @ h[2])) > SQUARE or np.linalg.norm(np.cross(h[4], h[2])) > SQUARE:
+        raise InputError(f"robot '{chain.name}'", "expected axis 2 square to axis 1, axis 4 square to axis 3, and "
+                         "axis 5 along axis 3 at zero")  # fmt: skip
+    if np.ptp(chain.limits[5]) < 2 * np.pi - 1e-9:
+        raise InputError(f"robot '{chain.name}'", "expected a joint 6 that makes a full turn")
+    base_from_arm = pose_from(np.column_stack([np.cross(h[1], h[0]), h[1], h[0]]), o[0])
+    arm_from_base = inverse(base_from_arm)
+    turn, at = arm_from_base[:3, :3], arm_from_base[:3, :3] @ (np.vstack([o, centre]) - o[0]).T
+    upper, fore, h4 = at[:, 2] - at[:, 1], at[:, 6] - at[:, 2], turn @ h[3]
+    u, f = complex(upper[2], upper[0]), complex(fore[2], fore[0])
+    g = complex(h4[2], h4[0]) * f.conjugate() / abs(f) ** 2
+    bend = np.arctan2(np.cross(h[3], h[5]) @ h[4], h[3] @ h[5])
+    senses = [float(np.sign(h[j] @ h[1])) for j in (2, 4)]
+    lengths = [at[0, 1], at[2, 1], at[1, 6], u.real, u.imag, f.real, f.imag, g.real, g.imag, *senses]
+    flange = chain.base_from_flange_at_zero
+    limits = chain.limits[:5].copy()
+    limits[4] += bend  # the wrist's bend is that between axes 4 and 6
+    windows = tuple(number for low, high in limits for number in _window(low, high))
+    return Arm(arm_from_base, flange[:3, :3].T @ (centre - flange[:3, 3]), flange[:3, :3].T @ h[5],
+               tuple(float(length) for length in lengths), windows)  # fmt: skip
+
+
+def _window(low: float, high: float) -> tuple[float, float, float]:
+    """An angle q lies between the limits where cos(q - middle) is at least the third number."""
+    middle, half = (low + high) / 2, (high - low) / 2
+    return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
+
+
+def displacements(arm: Arm, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, *,
+                  shoulder: int = 0, elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
+    """Length of the tip's displacement (n,), mm, in one branch, and what is said of each posture (n,), see CAUSES.
+
+    Args:
+        arm: the robot.
+        stiffness: (6,) Nm/rad.
+        base_from_flange: (n, 4, 4) poses.
+        tip_mm: (n, 3) the loaded point, in the base.
+        force_n: (n, 3) acts there, base axes.
+        shoulder: 0: the arm reaches forward, 1: over its back.
+        elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
+    """
+    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
+    wrist = base_from_flange[:, :3, :3] @ arm.wrist_in_flange_mm + base_from_flange[:, :3, 3]
+    w, a, p, f = (
+        np.ascontiguousarray(part.T)
+        for part in (
+            wrist @ turn.T + shift,
+            base_from_flange[:, :3, :3] @ arm.axis_in_flange @ turn.T,
+            tip_mm @ turn.T + shift,
+            np.asarray(force_n) @ turn.T,
+        )
+    )
+    found, said = np.empty(len(wrist)), np.empty(len(wrist))
+    front, side = _signs(arm, shoulder, elbow)
+    displacement_kernel(arm.lengths, arm.limits, _springs(stiffness), w, a, p, f, front, side, found, said)
+    return found, said.astype(np.uint8)
+
+
+def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cutter: Float, load_mm: Float,
+             force_n: Float, angles: Float, *, shoulder: int = 0,
+             elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
+    """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
+
+    Args:
+        arm: the robot.
+        stiffness: (6,) Nm/rad.
+        flange_from_cutter: (4, 4).
+        base_from_cutter: (a, p, 4, 4) poses of the cutter at rotation 0, for a turntable angles and p path points.
+        load_mm: (a, p, 3) where the force acts, in the base.
+        force_n: (a, p, 3) base axes.
+        angles: (t,) rotations of the cutter about its axis, rad.
+        shoulder: as in `displacements`; one branch all along the path.
+        elbow: likewise.
+
+    Returns:
+        Mean displacement (a, t), mm, and the worst that is said of one of the path's postures (a, t), see CAUSES.
+    """
+    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
+    cutter_from_flange = inverse(flange_from_cutter)
+    wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
+    axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
+    return traverse_kernel(  # type: ignore[no-any-return]
+        arm.lengths, arm.limits, _springs(stiffness), turn @ base_from_cutter[..., :3, :3],
+        base_from_cutter[..., :3, 3] @ turn.T + shift, load_mm @ turn.T + shift, force_n @ turn.T,
+        (*map(float, wrist), *map(float, axis)), np.cos(angles), np.sin(angles), *_signs(arm, shoulder, elbow),
+    )  # fmt: skip
+
+
+def _signs(arm: Arm, shoulder: int, elbow: int) -> tuple[float, float]:
+    """Of a branch: x of the wrist in the arm's plane, and the elbow's side, which turns with the sense of axis 3."""
+    return 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * arm.lengths[9]
+
+
+def _springs(stiffness: Float) -> tuple[float, ...]:
+    """N mm/rad."""
+    return tuple(1e3 * float(k) for k in stiffness)

@@ -1,0 +1,120 @@
+"""The compiled kernels of `workbench.plugins.stiffness.arm`; everything in the arm frame, mm, N, N mm/rad.
+
+All in one file: numba's cache does not see changes of a callee elsewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSES`
+
+
+@njit(cache=True, error_model="numpy")
+def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):  # type: ignore[no-untyped-def]
+    """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
+    tables, points, steps = at.shape[0], at.shape[1], len(cosine)
+    total, worst = np.zeros((tables, steps)), np.zeros((tables, steps))
+    for i in range(tables):
+        for j in range(points):
+            r, p = turn[i, j], at[i, j]
+            _turn_cutter(lengths, limits, k, r, p, load[i, j], force[i, j], tool, cosine, sine, front, side,
+                         total[i], worst[i])  # fmt: skip
+    return total / points, worst.astype(np.uint8)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst):  # type: ignore[no-untyped-def]
+    """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
+    vx, vy, vz, ux, uy, uz = tool
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
+        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2],
+    )  # fmt: skip
+    cx, cy, cz = p[0] + r02 * vz, p[1] + r12 * vz, p[2] + r22 * vz
+    ax, ay, az = r00 * vx + r01 * vy, r10 * vx + r11 * vy, r20 * vx + r21 * vy
+    bx, by, bz = r01 * vx - r00 * vy, r11 * vx - r10 * vy, r21 * vx - r20 * vy
+    dx, dy, dz = r02 * uz, r12 * uz, r22 * uz
+    ex, ey, ez = r00 * ux + r01 * uy, r10 * ux + r11 * uy, r20 * ux + r21 * uy
+    gx, gy, gz = r01 * ux - r00 * uy, r11 * ux - r10 * uy, r21 * ux - r20 * uy
+    px, py, pz, fx, fy, fz = load[0], load[1], load[2], force[0], force[1], force[2]
+    for t in range(len(cosine)):
+        c, s = cosine[t], sine[t]
+        moved, said = posture(
+            lengths, limits, k, cx + c * ax + s * bx, cy + c * ay + s * by, cz + c * az + s * bz,
+            dx + c * ex + s * gx, dy + c * ey + s * gy, dz + c * ez + s * gz, px, py, pz, fx, fy, fz, front, side,
+        )  # fmt: skip
+        total[t] += moved
+        worst[t] = max(worst[t], said)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):  # type: ignore[no-untyped-def]
+    """Columns (3, n) in the arm frame."""
+    for n in range(w.shape[1]):
+        found[n], said[n] = posture(lengths, limits, k, w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n],
+                                     p[0, n], p[1, n], p[2, n], f[0, n], f[1, n], f[2, n], front, side)  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
+def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):  # type: ignore[no-untyped-def]
+    """Displacement and verdict of one posture; without a jump, so that several run side by side once inlined."""
+    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
+    # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
+    flat = wx * wx + wy * wy
+    x2 = flat - d * d
+    x = front * np.sqrt(max(x2, 0.0))
+    c1, s1 = (wx * x + wy * d) / flat, (wy * x - wx * d) / flat
+    # Joints 2 and 3: the triangle upper arm, forearm, distance; its elbow e on one side of the line.
+    tr, ti = wz - z2, x - a1
+    far, l2, l3 = tr * tr + ti * ti, ur * ur + ui * ui, fr * fr + fi * fi
+    along = (far + l2 - l3) / (2 * far)
+    height2 = l2 / far - along * along
+    height = side * np.sqrt(max(height2, 0.0))
+    er, ei = along * tr - height * ti, along * ti + height * tr
+    mr, mi = tr - er, ti - ei
+    c2, s2 = (er * ur + ei * ui) / l2, (ei * ur - er * ui) / l2
+    c23, s23 = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
+    c3, s3 = c23 * c2 + s23 * s2, sense3 * (s23 * c2 - c23 * s2)
+    # Axis 4 along the forearm, axis 5 across 4 and 6.
+    hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
+    hx, hy, hz = c1 * hi, s1 * hi, hr
+    gx, gy, gz = hy * az - hz * ay, hz * ax - hx * az, hx * ay - hy * ax
+    bent2 = gx * gx + gy * gy + gz * gz
+    bent = np.sqrt(bent2)
+    safe = max(bent2, 1e-300)
+    c5 = hx * ax + hy * ay + hz * az
+    across = sense5 * (gy * c1 - gx * s1)  # |sin q5| cos q4: axis 5 against axis 2, which is (-s1, c1, 0)
+    up = sense5 * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
+    # Displacement: each joint's arm t, times its torque over its stiffness.
+    lx, ly, lz = px - wx, py - wy, pz - wz
+    q = (fy * px - fx * py) / k[0]
+    dx, dy, dz = -py * q, px * q, 0.0
+    reach = c1 * px + s1 * py
+    out = c1 * fx + s1 * fy
+    r2, v2 = reach - a1, pz - z2
+    r3, v3 = r2 - ei, v2 - er
+    q2, q3 = (v2 * out - r2 * fz) / k[1], (v3 * out - r3 * fz) / k[2]
+    planar = v2 * q2 + v3 * q3
+    dx, dy, dz = dx + c1 * planar, dy + s1 * planar, dz - r2 * q2 - r3 * q3
+    tx, ty, tz = hy * lz - hz * ly, hz * lx - hx * lz, hx * ly - hy * lx
+    q = (tx * fx + ty * fy + tz * fz) / k[3]
+    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
+    tx, ty, tz = gy * lz - gz * ly, gz * lx - gx * lz, gx * ly - gy * lx
+    q = (tx * fx + ty * fy + tz * fz) / (k[4] * safe)
+    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
+    tx, ty, tz = ay * lz - az * ly, az * lx - ax * lz, ax * ly - ay * lx
+    q = (tx * fx + ty * fy + tz * fz) / k[5]
+    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
+    # Verdict.
+    inside = (c1 * limits[0] + s1 * limits[1] >= limits[2]) & (
+        c2 * limits[3] + s2 * limits[4] >= limits[5]
+    ) & (c3 * limits[6] + s3 * limits[7] >= limits[8])  # fmt: skip
+    turned = across * limits[9] + up * limits[10]
+    straight, sideways = c5 * limits[12], bent * limits[13]
+    wrist = ((turned >= limits[11] * bent) & (straight + sideways >= limits[14])) | (
+        (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
+    )
+    missed = (x2 < 0.0) | (height2 < 0.0)
+    said = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & wrist else LIMIT))
+    return np.sqrt(dx * dx + dy * dy + dz * dz), said

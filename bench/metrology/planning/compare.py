@@ -51,18 +51,23 @@ def compare_path(result: PlanResult, toolpath: Toolpath, truth: Truth) -> None:
     result.axis_deg = round(float(angle.max() / DEG), 6)
     result.wrong_side = bool(min(into.min(), np.sum(y * true.tangent, axis=1).min()) < RIGHT_SIDE)
     result.blind_points = int(clear_of_boundaries(truth, points)[1].sum())
-    result.spacing_error = _spacing_error(final, true.arc_length_mm, toolpath.edge_length_mm)
+    result.spacing_error = _spacing_error(final, true.arc_length_mm, toolpath.edge_length_mm, truth)
     cut = _near(truth.arc_length_mm, true.arc_length_mm)
     result.covered = round(float(cut[truth.seen].mean()), 6)
     reachable = truth.seen & ~_beside_hidden(truth)
     result.reachable_covered = round(float(cut[reachable].mean()), 6) if reachable.any() else None
 
 
-def _spacing_error(final: Layer, true_arc_length_mm: Float, length_mm: float) -> float | None:
-    """Greatest |spacing - 1 mm| of neighbouring key points that cut; the last interval may be shorter."""
+def _spacing_error(final: Layer, true_arc_length_mm: Float, length_mm: float, truth: Truth) -> float | None:
+    """Greatest |spacing - 1 mm| of neighbouring key points that cut; the last interval may be shorter.
+
+    What lies beyond the part's ends has no arc length of its own: the truth gives it that of the end.
+    """
     key = np.flatnonzero(final.cutting)
     pairs = np.diff(key) == 1
     pairs &= final.arc_length_mm[key[1:]] < length_mm - 1e-6
+    inside = (true_arc_length_mm > 1e-6) & (true_arc_length_mm < truth.arc_length_mm[-1] - 1e-6)
+    pairs &= inside[:-1] & inside[1:]
     spacing = np.diff(true_arc_length_mm)[pairs]
     return round(float(np.abs(spacing - 1.0).max()), 6) if len(spacing) else None
 

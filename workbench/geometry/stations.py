@@ -17,7 +17,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 SUPPORT_FRAMES = 6  # of the frames within as many before and after, that stand out too: outliers come in fewer
 SUPPORT_COLUMNS = 2  # to each side, in which they do
-SUPPORT_POINTS = 22  # that do, in these frames and columns
+SUPPORT_POINTS = 21  # that do, in these frames and columns
 
 
 class SectionTable(NamedTuple):

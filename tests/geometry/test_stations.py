@@ -1,0 +1,93 @@
+"""Points beside the edge: clamps against streaks of outliers, clearance against sampled cutters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.geometry.poses import pose_from
+from workbench.geometry.stations import (
+    SectionTable,
+    foreign_points,
+    frame_stations,
+    nearest_stations,
+    needed_heights,
+    section_table,
+    standing_layers,
+)
+from workbench.units import Float
+
+
+def plate(frames: int = 80, columns: int = 60) -> tuple[Float, Float, Float]:
+    """A scan from above of a plate's upper surface: x from the edge inwards, z down, a frame every 0.5 mm along y."""
+    x = np.tile(np.linspace(0, 12, columns), (frames, 1)).astype(np.float32)
+    z = np.full_like(x, 100.0)
+    origin = np.stack([np.zeros(frames), 0.5 * np.arange(frames), np.full(frames, 108.0)], axis=1)
+    poses = pose_from(np.tile(np.diag([-1.0, 1.0, -1.0]), (frames, 1, 1)), origin)
+    return x, z, poses  # base: n = +x, t = +y, m = +z (t = m x n), upper surface at z = 8
+
+
+def table(count: int = 41) -> SectionTable:
+    ones = np.ones((count, 1))
+    position = np.stack([np.zeros(count), np.arange(float(count)), np.zeros(count)], axis=1)
+    t, n, m = (ones * np.eye(3)[k] for k in (1, 0, 2))
+    return section_table(1.0, position, t, n, m, ones * [[0.0, 8.0]], ones * [[-1.0, 0.0]])
+
+
+@pytest.mark.parametrize(("frames", "found"), [(4, False), (16, True)])
+def test_a_clamp_is_found_and_a_streak_of_outliers_is_not(frames: int, found: bool) -> None:
+    x, z, poses = plate()
+    z[30 : 30 + frames, 10:40] -= 6.0  # 6 mm above the surface
+    start = frame_stations(0.5 * np.arange(80.0), np.zeros(80, int), 1.0, 41)
+    rows, columns = foreign_points(x, z, np.ones(x.shape, bool), poses, table(), start, np.full(41, 3.0))
+    assert bool(rows.size) == found
+    if found:
+        assert set(rows) == set(range(30, 46))
+        assert rows.size == 16 * 30
+        assert columns.min() == 10
+    rows, _ = foreign_points(x, z, np.ones(x.shape, bool), poses, table(), start, np.full(41, 9.0))
+    assert rows.size == 0
+
+
+def test_stations_and_sections_of_points() -> None:
+    points = np.array([[2.0, 7.3, 5.0], [-1.0, -3.0, 0.5], [0.0, 44.0, 1.0]])
+    station, arc, section = nearest_stations(points, np.array([30, 5, 0]), table())
+    assert station.tolist() == [7, 0, 40]
+    np.testing.assert_allclose(arc, [7.3, -3.0, 44.0])
+    np.testing.assert_allclose(section, points[:, [0, 2]])
+
+
+def test_layers_take_what_lies_above_their_face() -> None:
+    x, z, poses = plate()
+    z[:, 50:] -= 1.0  # 9 mm above the lower surface
+    keep = np.ones(x.shape, bool)
+    keep[0, 0] = False
+    face = np.tile([4.5, 3.0], (41, 1))  # the bevel at 45 deg, finished face through the lower edge
+    face[10:20] = np.inf
+    half = np.sqrt(0.5)
+    start = frame_stations(np.where(np.arange(80) == 40, np.nan, 0.5 * np.arange(80.0)), np.zeros(80, int), 1.0, 41)
+    stands = standing_layers(x, z, keep, poses, table(), start, (half, half, 0.0), face, np.full(41, 99.0))
+    height = half * (-x + 108.0 - z)
+    true = np.where(height > 4.5, 1, np.where(height > 3.0, 2, np.where(height > 0, 65534, 65535)))
+    uncut = (np.rint(0.5 * np.arange(80) + 1e-9) >= 10) & (np.rint(0.5 * np.arange(80) + 1e-9) < 20)
+    true[uncut] = np.where(height[uncut] > 0, 65534, 65535)
+    true[0, 0] = 0
+    sure = np.abs(height - 3.0) > 1e-3
+    inner = ~np.isin(0.5 * np.arange(80), [9.5, 19.5])[:, None] & sure  # half way between two stations
+    np.testing.assert_array_equal(stands[inner], true[inner])
+
+
+def test_needed_height_just_clears_the_points() -> None:
+    rng = np.random.default_rng(4)
+    count, radius, clearance, tip = 40, 5.0, 2.0, 6.0
+    origin = np.stack([np.zeros(count), np.arange(float(count)), np.zeros(count)], axis=1)
+    t, b, z = (np.tile(np.eye(3)[k], (count, 1)) for k in (1, 0, 2))
+    points = np.stack([rng.uniform(-4, 9, 30), rng.uniform(12, 24, 30), rng.uniform(-20, 5, 30)], axis=1)
+    height = needed_heights(points, np.rint(points[:, 1]).astype(int), origin, t, b, z, (radius, clearance, tip))
+    for k in range(count):
+        far = np.abs(points[:, 1] - k) >= radius + clearance
+        if far.all():
+            assert height[k] == -np.inf
+            continue
+        distance = np.hypot(points[:, 0] - height[k] - radius, points[:, 1] - k)  # all lie beside the cutter
+        assert distance.min() == pytest.approx(radius + clearance, abs=1e-9)

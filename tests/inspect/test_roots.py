@@ -23,7 +23,7 @@ def course(s: Float) -> Float:
 
 def exact(at: Float, local_u: float = 0.0, tilt_u: float = 0.0) -> BevelAngles:
     same = np.ones(at.size)
-    return BevelAngles(40 * DEG * same, np.hypot(local_u, tilt_u) * same, local_u * same, tilt_u * same, 0.0)
+    return BevelAngles(40 * DEG * same, np.hypot(local_u, tilt_u) * same, local_u * same, tilt_u * same, 0.0, 0.0)
 
 
 def test_the_size_follows_the_root_face_along_the_edge(edge: Maker) -> None:

@@ -11,17 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
-from workbench.artefacts import Edge, EdgeFrames
+from workbench.artefacts import Edge
 from workbench.geometry.smoothing import local_polynomial, robust_weights
-from workbench.units import Bool, Float, Int
-
-TILT_STRETCH_MM = 20.0
-ROUGH_PROOF = 0.95  # level of the test that the root face's direction differs between stretches
-TILT_PROOF = 0.9999  # level of the test that the root face's direction varies
-DRIFT_PROOF = 0.9  # level of the test that it drifts: rather carry a roughness than lose a drift
+from workbench.inspect.root_face import root_face_direction
+from workbench.units import Bool, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +27,7 @@ class BevelAngles:
     local_u: Float  # (m,) the part that each place has for itself
     tilt_u: Float  # (m,) the part of the root face's direction, which all places share
     tilt_variation: float  # standard deviation of that direction along the edge by its drift, rad; 0: none proven
+    tilt_scatter: float  # standard deviation of that direction between stretches of edge, by drift or roughness, rad
 
 
 def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
@@ -51,7 +46,8 @@ def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
         bevel = np.where(total > 0, np.nansum(share * values, axis=0), np.nan)
     hidden = ~np.isfinite(bevel)
     u, local_u, tilt_u = (np.where(hidden, np.nan, pooled(name)) for name in ("u", "local_u", "tilt_u"))
-    return BevelAngles(bevel, u, local_u, tilt_u, max(p.tilt_variation for p in parts))
+    variation, scattered = (max(getattr(p, name) for p in parts) for name in ("tilt_variation", "tilt_scatter"))
+    return BevelAngles(bevel, u, local_u, tilt_u, variation, scattered)
 
 
 def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> BevelAngles:
@@ -60,7 +56,7 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     frames = np.flatnonzero(mine & np.isfinite(f.bevel_arc_length_mm) & np.isfinite(f.bevel_angle))
     if frames.size < 3:
         nothing = np.full(at_mm.shape, np.nan)
-        return BevelAngles(nothing, nothing, nothing, nothing, 0.0)
+        return BevelAngles(nothing, nothing, nothing, nothing, 0.0, 0.0)
     frames = frames[np.argsort(f.bevel_arc_length_mm[frames], kind="stable")]
     s = f.bevel_arc_length_mm[frames]
     value = (f.tilt - f.bevel_angle)[frames]
@@ -71,10 +67,11 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     fit = local_polynomial(s, value, kept, at_mm, half_width_mm)
     excess = scatter(s, value, kept, half_width_mm, stations)
     local_u = np.sqrt(fit[:, 2]) * excess
-    noise, variation = tilt_uncertainty(f, frames)
-    tilt_u = np.full(at_mm.shape, np.hypot(noise, variation))
+    face = root_face_direction(f, frames)
+    tilt_u = np.full(at_mm.shape, math.hypot(face.mean_u, face.drift))
     tangent_u = edge.tangent_u * np.interp(at_mm, s, f.tangent_leverage[frames])
-    return BevelAngles(fit[:, 0], np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2), local_u, tilt_u, variation)
+    u = np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2)
+    return BevelAngles(fit[:, 0], u, local_u, tilt_u, face.drift, face.scatter)
 
 
 def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: Float) -> float:
@@ -86,48 +83,3 @@ def scatter(s: Float, value: Float, weight: Float, half_width: float, stations: 
     parameters = 3.0 * (s[-1] - s[0]) / (1.4 * half_width) + 1.0  # about what the regression has spent
     freedom = max(1.0 - parameters / max(used.sum(), 1), 0.2)
     return float(np.sqrt(np.mean(off**2) / freedom))
-
-
-def tilt_uncertainty(f: EdgeFrames, frames: Int) -> tuple[float, float]:
-    """Standard uncertainty of the root face's mean direction, and how that direction drifts along the edge, both rad.
-
-    What the directions of stretches of TILT_STRETCH_MM show beyond their own scatter (DerSimonian and Laird's moment
-    estimate) is either a drift, if tests prove that, which every place then carries whole, or roughness, which the mean
-    direction averages over the stretches.
-    """
-    off = np.angle(np.exp(1j * (f.root_angle - f.tilt)[frames]))
-    weight = 1.0 / f.root_angle_variance[frames]
-    z = off * np.sqrt(weight)
-    inlier = np.abs(z) < 5.0 * np.median(np.abs(z)) / 0.6745 + 1e-9
-    excess = float(np.mean(z[inlier] ** 2))
-    off, weight = off[inlier], weight[inlier] / excess
-    stretch = np.floor(f.arc_length_mm[frames][inlier] / TILT_STRETCH_MM)
-    _, number = np.unique(stretch[np.isfinite(stretch)], return_inverse=True)
-    good = np.isfinite(stretch)
-    sums = np.bincount(number, weight[good])
-    means = np.bincount(number, weight[good] * off[good]) / sums
-    at = np.bincount(number, weight[good] * f.arc_length_mm[frames][inlier][good]) / sums
-    misfit = float((sums * (means - np.average(means, weights=sums)) ** 2).sum())
-    freedom = means.size - 1
-    variation2 = 0.0
-    if freedom > 0 and misfit > chi2.ppf(ROUGH_PROOF, freedom):
-        variation2 = (misfit - freedom) / float(sums.sum() - (sums**2).sum() / sums.sum())
-    noise2 = 1.0 / float(weight.sum())
-    if misfit > chi2.ppf(TILT_PROOF, max(freedom, 1)) and drifts(at, means, 1.0 / (1.0 / sums + variation2)):
-        return math.sqrt(noise2), math.sqrt(variation2)
-    return math.sqrt(noise2 + variation2 / max(freedom, 1)), 0.0
-
-
-def drifts(at: Float, value: Float, weight: Float) -> bool:
-    """Whether values at n places follow a line (from six on: a parabola) beyond their scatter, by an F test.
-
-    Too few places to tell (fewer than four) count as a drift.
-    """
-    order = 2 if at.size >= 6 else 1
-    freedom = at.size - 1 - order
-    if freedom < 1:
-        return True
-    course = np.polynomial.Polynomial.fit(at, value, order, w=np.sqrt(weight))
-    misfit = float((weight * (value - course(at)) ** 2).sum())
-    explained = float((weight * (value - np.average(value, weights=weight)) ** 2).sum()) - misfit
-    return bool(explained / order > fisher.ppf(DRIFT_PROOF, order, freedom) * misfit / freedom)

@@ -12,6 +12,10 @@ from workbench.geometry.ends import Ends, fit_end
 from workbench.inspect.angles import BevelAngles
 from workbench.units import Float
 
+# A root face that leans to and fro by its roughness also stands out and back, by about its lean over this many times
+# its width: that shifts its corner with the bevel, and what the root size there means is not known any better.
+ROUGH_LEVER = 1.5
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RootSizes:
@@ -38,4 +42,5 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     cot = 1.0 / np.tan(angles.bevel)
     apart = np.interp(at_mm, s, np.abs(f.arc_length_mm - f.lower_arc_length_mm)[frames])
     shared = np.hypot(lever / np.sin(angles.bevel) * angles.local_u, 0.5 * root * np.abs(cot) * angles.tilt_u)
-    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + (edge.tangent_u * apart) ** 2))
+    rough = ROUGH_LEVER * root * np.abs(cot) * angles.tilt_scatter
+    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + rough**2 + (edge.tangent_u * apart) ** 2))

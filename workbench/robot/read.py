@@ -12,6 +12,7 @@ from workbench.errors import InputError, PipelineError, nearest
 from workbench.parameters import check_parameters
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
 from workbench.robot.cell_file import CellPart, LoadingPart, Pose, ShapePart, ToolPart, TurntablePart, matrix_of
+from workbench.robot.chain import Chain
 from workbench.robot.files import read_json
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
@@ -28,8 +29,7 @@ def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON)")])
         cell: the cell file; its own paths are relative to it.
 
     Raises:
-        InputError: the file or one that it names is missing or unusable, an unknown frame, a robot whose inverse
-            kinematics has no closed form here.
+        InputError: the file or one that it names is missing or unusable, an unknown frame.
     """
     return read_cell(cell)
 
@@ -42,19 +42,27 @@ def read_cell(path: Path) -> Cell:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)
     chain, links = read_urdf(path.parent / part.robot.urdf, part.robot.base_frame, part.robot.flange_frame)
-    spherical_wrist(chain)
     cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
     shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, path))
     known = {shape.body for shape in shapes}
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
             raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
-    warning = spindle_warning(cutter)
+    warnings = (spindle_warning(cutter), _inverse_warning(chain))
     return Cell(
         source=str(path), title=part.title or chain.name, chain=chain, shapes=shapes, flange_from_cutter=cutter,
         turntable=_turntable(part.turntable, path), loading=_loading(part.loading, path),
-        may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=(warning,) if warning else (),
+        may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
     )  # fmt: skip
+
+
+def _inverse_warning(chain: Chain) -> str | None:
+    """A robot without closed-form inverse has its stiffness all the same; what needs the inverse refuses it then."""
+    try:
+        spherical_wrist(chain)
+    except InputError as error:
+        return f"no inverse kinematics: {error}"
+    return None
 
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:

@@ -31,7 +31,7 @@ class Fit:
 
 
 def fit(start: Estimate, seen: Observations | Passes, noise: Noise, *, used: Bool | None = None,
-        with_offset: bool = False) -> Fit:  # fmt: skip
+        with_offset: bool = False, steps: int = STEPS) -> Fit:  # fmt: skip
     """Least squares from `start` on the observations `used` (k,), None: all.
 
     Every step weights with the noise predicted at the estimate. The sphere's radius is pulled to the stated one; the
@@ -46,7 +46,7 @@ def fit(start: Estimate, seen: Observations | Passes, noise: Noise, *, used: Boo
         return normal_equations(linearise(estimate, here, noise, with_offset), here, noise, estimate.radius_mm)
 
     estimate, now = start, system(start)
-    for _ in range(STEPS):
+    for _ in range(steps):
         step = _step(now)
         moved, then = estimate, now
         for _ in range(6):

@@ -125,7 +125,9 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
     each = np.array([_spread(arc.residual) for arc in found])
     noise = max(least_mm, float(np.sqrt(np.mean(each**2))))
     correlation = _correlation(found)
-    own = np.maximum(each, noise)  # a frame noisier than the rest counts for less
+    points = np.array([len(arc.columns) for arc in found])
+    noisier = each > noise * (1 + 4 / np.sqrt(2 * points))  # beyond chance: such a frame counts for less
+    own = np.where(noisier, each, noise)
     inflation = (1 + correlation) / (1 - correlation)  # of a mean's variance, where neighbours say the same
     covariance = np.stack([arc.inverse for arc in found]) * (own**2 * inflation)[:, None, None]
     on_arc: Bool = np.zeros(recording.x_mm.shape, np.bool_)
@@ -134,7 +136,7 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
     return SphereProfiles(
         frame=frozen(np.array([arc.frame for arc in found])), circle=frozen(np.stack([arc.circle for arc in found])),
         covariance=frozen(covariance), residual_mm=frozen(each),
-        points=frozen(np.array([len(arc.columns) for arc in found])), on_arc=frozen(on_arc), sense=int(found[0].sense),
+        points=frozen(points), on_arc=frozen(on_arc), sense=int(found[0].sense),
         noise_mm=noise, stated_noise_mm=least_mm, correlation=correlation,
         sphere_diameter_mm=recording.sphere_diameter_mm, rejected=tuple(rejected), source=recording.source,
     )  # fmt: skip

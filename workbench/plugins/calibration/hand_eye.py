@@ -46,7 +46,7 @@ def hand_eye(
     ] = "independent",
     max_u_mm: Annotated[
         float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
-    ] = 1.0,
+    ] = 0.75,
     seed: Seed = 0,
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from workbench.api import (
     Bool,
@@ -204,7 +205,7 @@ def _velocity(at: Float, time: Float, position: Float, quaternion: Float) -> Flo
     now = interpolate_poses(at, time, position, quaternion)[:, :3, :3]
     middle = rotation[len(rotation) // 2]
     turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
-    linear = _slope(at, time[here], position[here])
+    linear = _slope(at, time[here], position[here] - position[0])
     vector, rate = vector_from_rotation(middle.T @ now), _slope(at, time[here], turned[here])
     step = DIFFERENCE_S * rate
     spin = vector_from_rotation(np.swapaxes(now, 1, 2) @ middle @ rotation_from_vector(vector + step)) / DIFFERENCE_S
@@ -214,14 +215,11 @@ def _velocity(at: Float, time: Float, position: Float, quaternion: Float) -> Flo
 def _slope(at: Float, time: Float, values: Float) -> Float:
     """Derivative at times (m,) of a polynomial through values (K, 3), of the degree that they deserve (BIC)."""
     middle, half = (time[0] + time[-1]) / 2, (time[-1] - time[0]) / 2
-    u, best, slope = (time - middle) / half, np.inf, np.zeros((len(at), 3))
-    for degree in range(1, min(MAX_DEGREE, max(1, len(time) // 2 - 1)) + 1):
-        series = np.polynomial.chebyshev.chebfit(u, values, degree)
-        left = float(np.sum((np.polynomial.chebyshev.chebval(u, series).T - values) ** 2)) + 1e-12 * values.size
-        score = values.size * np.log(left) + 3 * (degree + 1) * np.log(values.size)
-        if score < best:
-            best, slope = (
-                score,
-                np.polynomial.chebyshev.chebval((at - middle) / half, np.polynomial.chebyshev.chebder(series)).T / half,
-            )
-    return np.asarray(slope)
+    most = min(MAX_DEGREE, max(1, len(time) // 2 - 1))
+    basis, triangle = np.linalg.qr(chebvander((time - middle) / half, most))
+    parts = basis.T @ values
+    left = np.sum(values**2) - np.cumsum(np.sum(parts**2, axis=1)) + 1e-12 * np.sum(values**2)
+    score = values.size * np.log(np.maximum(left, 1e-300)) + 3 * np.arange(1, most + 2) * np.log(values.size)
+    degree = 1 + int(np.argmin(score[1:]))
+    series = np.linalg.solve(triangle[: degree + 1, : degree + 1], parts[: degree + 1])
+    return np.asarray(chebval((at - middle) / half, chebder(series)).T / half)

@@ -15,6 +15,7 @@ from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
 COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
+COARSE_STEPS = 12  # of the fits from the grid of clock offsets
 TRIED = 6  # answers of the search that are refined
 RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
 REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
@@ -38,7 +39,7 @@ class Answer:
 
 
 def solve(seen: Observations, noise: Noise, design: Float | None = None, *, where: str = "postures",
-          limit_mm: float = 1.0) -> Answer:  # fmt: skip
+          limit_mm: float = 0.75) -> Answer:  # fmt: skip
     """The hand-eye pose from circles and poses (`observations.from_arrays`).
 
     Args:
@@ -65,10 +66,10 @@ def solve(seen: Observations, noise: Noise, design: Float | None = None, *, wher
 
 
 def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None, *, where: str = "postures",
-                      limit_mm: float = 1.0) -> Answer:  # fmt: skip
+                      limit_mm: float = 0.75) -> Answer:  # fmt: skip
     """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
     low, high = passes.offset_range()
-    speed = float(np.linalg.norm(passes.place((low + high) / 2).velocity[:, :3], axis=1).max())
+    speed = _speed(passes.place((low + high) / 2))
     count = int(np.clip((high - low) * speed / OFFSET_GRID_MM, 0, MAX_OFFSETS - 1)) + 1
     grid = low + (np.arange(count) + 0.5) / count * (high - low)
     blurred = dataclasses.replace(noise, pose_mm=float(np.hypot(noise.pose_mm, 0.3 * speed * (high - low) / count)))
@@ -76,11 +77,15 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
     for offset in grid:
         ranked = next(signs.candidates(passes.place(offset), blurred, design))[:2]
         starts += [(score, dataclasses.replace(one, offset_s=float(offset))) for score, one in ranked]
-    starts.sort(key=lambda pair: pair[0])
-    fits = []
-    for _, start in starts[:TRIED]:
-        coarse = bundle.fit(start, passes, blurred, with_offset=True)
-        fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
+    fits: list[Fit] = []
+    for _, start in sorted(starts, key=lambda pair: pair[0])[:TRIED]:
+        coarse = bundle.fit(start, passes, blurred, with_offset=True, steps=COARSE_STEPS)
+        if not fits:  # what is not determined here is not determined anywhere near
+            _check_scans(
+                bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1), passes, noise, limit_mm, where
+            )
+        if not any(signs.same(coarse.estimate, other.estimate) for other in fits):
+            fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
     seen = passes.place(best.estimate.offset_s)
     used = bundle.left_out(best, seen, noise) < bundle.GROSS
@@ -88,9 +93,19 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
     _check_explains(best, seen, noise, where)
-    _check_determined(best, seen, noise, limit_mm, where, with_offset=True)
-    check_offset(float(np.sqrt(best.covariance[10, 10])), speed, where)
+    _check_scans(best, passes, noise, limit_mm, where)
     return Answer(best, seen, noise, best, True, with_offset=True)
+
+
+def _check_scans(best: Fit, passes: Passes, noise: Noise, limit_mm: float, where: str) -> None:
+    """Refuse scans that tell neither the pose nor the clock's offset well enough."""
+    seen = passes.place(best.estimate.offset_s)
+    _check_determined(best, seen, noise, limit_mm, where, with_offset=True)
+    check_offset(float(np.sqrt(best.covariance[10, 10])), _speed(seen), where)
+
+
+def _speed(seen: Observations) -> float:
+    return float(np.linalg.norm(seen.velocity[:, :3], axis=1).max())
 
 
 def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Estimate]:

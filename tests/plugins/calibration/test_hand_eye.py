@@ -1,0 +1,172 @@
+"""The calibration as a whole: accurate, honest about it, and silent about nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.plugins.calibration.conftest import CENTER, RADIUS, TRUE, cell, off_design, postures, recording
+from workbench.api import Recording, vector_from_rotation
+from workbench.plugins.calibration import circles, hand_eye
+from workbench.plugins.calibration.values import Calibration
+from workbench.scan import fuse, read_hand_eye
+
+CHECKER = Path(__file__).parents[3].parent / "shared" / "tools" / "check_contract.py"
+
+
+def made(seed: int, k: int = 9, design: Any = "off", **how: Any) -> tuple[Recording, Any]:
+    """A recording of k random postures, and the true sphere centres in the profiler frame."""
+    rng = np.random.default_rng(seed)
+    turns, centre = postures(rng, k)
+    start = off_design(rng) if isinstance(design, str) else design
+    return recording(rng, cell(rng, turns, centre), start, **how), centre
+
+
+def calibrated(seed: int, k: int = 9, **how: Any) -> Calibration:
+    rec, _ = made(seed, k, **how)
+    return hand_eye(circles(rec), rec)[1]
+
+
+def error(found: Calibration) -> Any:
+    """Translation in mm and rotation in rad, in the flange frame: R_true = exp(w) R."""
+    pose = found.hand_eye.flange_from_profiler
+    return np.append(TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))
+
+
+def distance(found: Calibration) -> float:
+    e = error(found)
+    return float(e @ np.linalg.solve(found.covariance, e))
+
+
+def moved(rec: Recording, which: Any, by_mm: Any) -> Recording:
+    position = rec.robot_position_mm.copy()
+    position[which] += by_mm
+    return dataclasses.replace(rec, robot_position_mm=position)
+
+
+def test_errors_are_as_large_as_predicted() -> None:
+    """25 recordings, designs off by 20 deg and 50 mm: Mahalanobis distances of six unknowns, and all is well."""
+    found = [calibrated(seed) for seed in range(25)]
+    assert 4.2 < np.mean([distance(one) for one in found]) < 8.2  # chi-square with 6 degrees of freedom: 6 +- 0.7
+    assert [one.warnings for one in found] == [()] * 25
+    assert np.median([one.volume_u_mm for one in found]) < 0.2
+    for one in found:
+        assert np.linalg.norm(one.sphere_center_mm - CENTER) < 1.0
+        assert one.sphere_radius_mm == pytest.approx(RADIUS, abs=0.15)
+
+
+def test_signs_are_right() -> None:
+    for seed in range(30, 45):
+        rec, centre = made(seed, k=6)
+        found = hand_eye(circles(rec), rec)[1]
+        assert (np.sign(found.centre_mm[:, 1]) == np.sign(centre[:, 1])).all()
+
+
+def test_no_design_is_needed() -> None:
+    assert distance(calibrated(3, design=None)) < 22.5  # 99.9 %
+
+
+def test_background_outliers_and_a_wrong_diameter() -> None:
+    rng = np.random.default_rng(5)
+    turns, centre = postures(rng, 9)
+    sphere = dataclasses.replace(cell(rng, turns, centre), radius=RADIUS + 0.4)
+    rec = recording(rng, sphere, off_design(rng), background=True, outliers=0.03)
+    found = hand_eye(circles(rec), rec)[1]
+    assert distance(found) < 22.5
+    assert found.sphere_radius_mm == pytest.approx(RADIUS + 0.4, abs=0.15)
+    assert any(
+        "the sphere's diameter is 10." in text and "stated 10.000 mm: set free" in text for text in found.warnings
+    )
+
+
+def test_gross_postures_are_rejected_and_named() -> None:
+    for seed in range(4):
+        rec, _ = made(seed, k=15)
+        found = hand_eye(circles(rec), moved(rec, [4, 11], [[3.0, -2.0, 1.0], [-1.0, 2.5, 3.0]]))[1]
+        assert [one.frame for one in found.frames_rejected] == [4, 11]
+        assert found.frames_rejected[0].cause.startswith("gross pose: the sphere is off by ")
+        assert found.warnings == ("2 of 15 postures rejected as gross (frames 4, 11)",)
+        assert distance(found) < 22.5
+
+
+def test_a_misfit_is_told_and_widens_the_uncertainty() -> None:
+    rec, _ = made(1, k=12)
+    bad = moved(rec, slice(None), np.random.default_rng(2).normal(0, 0.4, (12, 3)))
+    good, found = hand_eye(circles(rec), rec)[1], hand_eye(circles(bad), bad)[1]
+    assert found.warnings[0].startswith("misfit that repeatability cannot explain: chi-square")
+    assert found.volume_u_mm > 3 * good.volume_u_mm
+    assert distance(found) < 22.5
+
+
+def test_errors_that_near_postures_share_need_the_correlated_mode() -> None:
+    """Position errors that grow with the turn: independent noise takes most of them for hand-eye pose."""
+    plain, shared = [], []
+    for seed in range(12):
+        rec, _ = made(seed, k=15)
+        turn = vector_from_rotation(_rotations(rec)[0].T @ _rotations(rec))
+        shift = turn @ np.random.default_rng(seed + 500).normal(0, 1.2, (3, 3))
+        bad = moved(rec, slice(None), shift)
+        profiles = circles(bad)
+        plain.append(distance(hand_eye(profiles, bad)[1]))
+        shared.append(distance(hand_eye(profiles, bad, robot_error="correlated")[1]))
+    assert np.mean(np.array(plain) < 12.6) < 0.7  # of 95 %
+    assert np.mean(np.array(shared) < 12.6) >= 0.75
+
+
+def _rotations(rec: Recording) -> Any:
+    from workbench.api import rotation_from_quaternion
+
+    return rotation_from_quaternion(rec.robot_quaternion_wxyz)
+
+
+def test_a_wrong_scale_of_z_is_named() -> None:
+    rec, _ = made(8, k=12)
+    bad = dataclasses.replace(rec, z_mm=rec.z_mm * np.float32(1.08))
+    assert any("the profiler's z looks 8" in t or "the profiler's z looks 7" in t
+               for t in hand_eye(circles(bad), bad)[1].warnings)  # fmt: skip
+
+
+def test_repeats_are_averaged_not_counted() -> None:
+    """Five frames a posture share the posture's pose error: hardly more is known than from one."""
+    rec, _ = made(2)
+    rows = np.repeat(np.arange(9), 5)
+    again = dataclasses.replace(rec, time_s=np.arange(45.0), x_mm=rec.x_mm[rows], z_mm=rec.z_mm[rows],
+                                pass_index=rows)  # fmt: skip
+    one, five = (hand_eye(circles(r), r)[1] for r in (rec, again))
+    assert 0.9 * one.volume_u_mm < five.volume_u_mm <= one.volume_u_mm
+    assert five.frames[3] == (15, 16, 17, 18, 19)
+
+
+def test_few_postures_are_warned_of() -> None:
+    found = next(c for seed in range(9) if (c := calibrated(seed, k=5)))
+    assert found.warnings[0].startswith("only 5 postures: 6 more measured values than unknowns")
+
+
+def test_document_and_what_later_stages_make_of_it(tmp_path: Path) -> None:
+    rec, _ = made(4)
+    rec_two = dataclasses.replace(rec, pass_index=np.zeros(9, int), robot_pass=np.zeros(9, int))
+    pose, found, document = hand_eye(circles(rec), rec)
+    (tmp_path / "handeye.json").write_bytes(document.content)
+    content = json.loads(document.content)
+    assert content["frames_used"] == list(range(9))
+    assert content["method"] == "bundle"
+    assert (content["time_offset_s"], content["warnings"], content["frames_rejected"]) == (None, [], [])
+    read = read_hand_eye(tmp_path / "handeye.json")
+    np.testing.assert_array_equal(read.flange_from_profiler, pose.flange_from_profiler)
+    cloud = fuse(rec_two, hand_eye=tmp_path / "handeye.json")
+    np.testing.assert_array_equal(cloud.hand_eye_covariance, found.covariance)
+
+
+@pytest.mark.skipif(not CHECKER.exists(), reason="the contract's checker is not here")
+def test_document_is_as_the_contract_says(tmp_path: Path) -> None:
+    rec, _ = made(4)
+    (tmp_path / "handeye.json").write_bytes(hand_eye(circles(rec), rec)[2].content)
+    done = subprocess.run([sys.executable, CHECKER, tmp_path], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "1 files as the contract says")

@@ -1,0 +1,115 @@
+"""The measurement model against plain geometry, differences and simulation."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.plugins.calibration.conftest import CENTER, RADIUS, TRUE, cell, circles, postures, scan_recording, scans_over
+from workbench.api import rotation_from_vector
+from workbench.plugins import calibration
+from workbench.plugins.calibration.model import (
+    FIELD_MM,
+    Estimate,
+    Noise,
+    field_of_view,
+    information,
+    linearise,
+    normal_equations,
+    volume_u,
+)
+from workbench.plugins.calibration.observations import by_pass, from_arrays
+
+TRUTH = Estimate(TRUE[:3, :3], TRUE[:3, 3], CENTER, RADIUS)
+EXACT = Noise(0.0, 0.0)
+
+
+def exact(rng: np.random.Generator, k: int = 8) -> Any:
+    turns, centre = postures(rng, k)
+    made = cell(rng, turns, centre, 0.0, 0.0)
+    return from_arrays(*circles(rng, made, 1e-9), made.poses), centre
+
+
+def test_predicts_what_the_plane_cuts_out_of_the_sphere(rng: np.random.Generator) -> None:
+    seen, centre = exact(rng)
+    linear = linearise(TRUTH, seen, EXACT)
+    np.testing.assert_allclose(linear.centre, centre, atol=1e-9)
+    np.testing.assert_allclose(linear.residual, 0.0, atol=1e-7)
+
+
+def test_jacobian_is_the_derivative(rng: np.random.Generator) -> None:
+    seen, _ = exact(rng)
+    linear = linearise(TRUTH, seen, EXACT)
+    for unknown in range(10):
+        step = np.zeros(10)
+        step[unknown] = 1e-6
+        ahead, behind = (linearise(TRUTH.moved(s * step), seen, EXACT).residual for s in (1, -1))
+        np.testing.assert_allclose(linear.jacobian[..., unknown], (behind - ahead) / 2e-6, atol=1e-5)
+
+
+def test_covariance_is_that_of_noisy_poses(rng: np.random.Generator) -> None:
+    """Poses drawn 20,000 times: mean and covariance of what the plane cuts out."""
+    turns, centre = postures(rng, 1, off_plane=0.5)
+    centre[0] = [4.0, 0.6, -7.0]
+    noise = Noise(0.2, 0.05)
+    made = cell(rng, np.repeat(turns, 20_000, axis=0), np.repeat(centre, 20_000, axis=0), 0.2, 0.05)
+    around = linearise(TRUTH, from_arrays(np.zeros((20_000, 3)), np.zeros((20_000, 3, 3)), made.poses), EXACT)
+    seen = from_arrays(np.zeros((1, 3)), np.zeros((1, 3, 3)), made.true_poses[:1])
+    linear = linearise(TRUTH, seen, noise)
+    np.testing.assert_allclose(-linear.residual[0], -around.residual.mean(axis=0), atol=0.012)
+    np.testing.assert_allclose(linear.covariance[0], np.cov(around.residual.T), atol=0.06 * linear.covariance[0].max())
+
+
+def test_volume_u_is_the_rms_over_the_field(rng: np.random.Generator) -> None:
+    A = rng.normal(size=(6, 6)) * np.repeat([0.1, 0.005], 3)[:, None]
+    covariance = A @ A.T
+    centre = np.array([[2.0, 3.0, -8.0], [6.0, -1.0, 4.0]])
+    points = np.column_stack([rng.uniform(-1, 1, 4000) * FIELD_MM[0] + 4, np.zeros(4000),
+                              rng.uniform(-1, 1, 4000) * FIELD_MM[1] - 2])  # fmt: skip
+    draws = rng.multivariate_normal(np.zeros(6), covariance * 1e-6, 4000)  # small: the figure is of first order
+    moved = (rotation_from_vector(draws[:, 3:]) @ (points @ TRUE[:3, :3].T)[..., None])[..., 0] + draws[:, :3]
+    error = np.sqrt(np.mean(np.sum((moved - points @ TRUE[:3, :3].T) ** 2, axis=1))) * 1e3
+    assert volume_u(covariance, *field_of_view(TRUTH, centre)) == pytest.approx(error, rel=0.03)
+
+
+def test_volume_u_does_not_depend_on_where_z_is_zero(rng: np.random.Generator) -> None:
+    seen, centre = exact(rng)
+    here = np.linalg.inv(information(TRUTH, seen, Noise()))[:6, :6]
+    shift = np.array([0.0, 0.0, 300.0])
+    there = dataclasses.replace(TRUTH, translation_mm=TRUTH.translation_mm - TRUE[:3, :3] @ shift)
+    moved = dataclasses.replace(seen, circle=seen.circle + np.array([0.0, 300.0, 0.0]))
+    other = np.linalg.inv(information(there, moved, Noise()))[:6, :6]
+    assert volume_u(other, *field_of_view(there, centre + shift)) == pytest.approx(
+        volume_u(here, *field_of_view(TRUTH, centre)), rel=1e-6
+    )
+
+
+def test_frames_between_the_same_poses_share_their_errors(rng: np.random.Generator) -> None:
+    """The banded elimination against the plain formula with the whole covariance matrix."""
+    made = scan_recording(rng, scans_over(rng, 2), own=False, rate_hz=5.0, frames=12)
+    seen = by_pass(calibration.circles(made), made).place()
+    noise = Noise()
+    linear = linearise(TRUTH, seen, noise, with_offset=True)
+    spread = linear.by_pose * np.repeat([noise.pose_mm, np.radians(noise.pose_deg)], 3)
+    k = len(seen)
+    whole = np.zeros((k, 3, k, 3))
+    for scan in seen.scans:
+        W = np.zeros((len(scan.rows), scan.nodes))
+        W[np.arange(len(scan.rows)), scan.node] = 1 - scan.fraction
+        W[np.arange(len(scan.rows)), scan.node + 1] += scan.fraction
+        shared = np.einsum("ab,aip,bjp->aibj", W @ W.T, spread[scan.rows], spread[scan.rows])
+        whole[np.ix_(scan.rows, range(3), scan.rows, range(3))] = shared
+    own = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
+    for i in range(k):
+        whole[i, :, i, :] += own[i]
+    inverse = np.linalg.inv(whole.reshape(3 * k, 3 * k))
+    J, r = linear.jacobian.reshape(3 * k, -1), linear.residual.ravel()
+    found = normal_equations(linear, seen, noise, RADIUS)
+    expected = J.T @ inverse @ J
+    expected[9, 9] += noise.radius_u_mm**-2
+    np.testing.assert_allclose(found.matrix, expected, rtol=1e-6, atol=1e-6 * expected.max())
+    np.testing.assert_allclose(found.side, J.T @ inverse @ r, rtol=1e-5, atol=1e-6 * np.abs(found.side).max())
+    assert found.chi2 == pytest.approx(float(r @ inverse @ r), rel=1e-6)

@@ -1,0 +1,100 @@
+"""Scans over the sphere: poses between poses, and the offset of the profiler's clock."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.plugins.calibration.conftest import TRUE, off_design, scan_recording, scans_over
+from workbench.api import InputError, vector_from_rotation
+from workbench.plugins.calibration import circles, hand_eye
+from workbench.plugins.calibration.observations import _slope
+from workbench.plugins.calibration.values import Calibration
+
+
+def distance(found: Calibration) -> float:
+    pose = found.hand_eye.flange_from_profiler
+    e = np.append(TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))
+    return float(e @ np.linalg.solve(found.covariance, e))
+
+
+def calibrated(rec: Any) -> Calibration:
+    return hand_eye(circles(rec), rec)[1]
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 1 / 1.6], ids=["dense", "two poses a pass"])
+def test_scans_on_the_robots_clock(rate_hz: float) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        rec = scan_recording(rng, scans_over(rng, 7), own=False, rate_hz=rate_hz, frames=30, design=off_design(rng))
+        found = calibrated(rec)
+        assert distance(found) < 22.5
+        assert found.time_offset_s is None
+        assert found.volume_u_mm < 0.3
+
+
+@pytest.mark.parametrize("offset_s", [-0.15, 0.2, 1.7e9])
+def test_clock_offset(offset_s: float) -> None:
+    rng = np.random.default_rng(int(abs(10 * offset_s)) % 900)
+    found = calibrated(scan_recording(rng, scans_over(rng, 6), offset_s, frames=30, design=off_design(rng)))
+    assert found.time_offset_s is not None
+    assert found.time_offset_u_s is not None
+    assert found.time_offset_u_s < 2e-3
+    assert abs(found.time_offset_s - offset_s) < 4 * found.time_offset_u_s + 1e-6
+    assert distance(found) < 22.5
+
+
+def test_weaved_scans() -> None:
+    """The flange swings by 8 deg while it scans: rotation to 0.1 deg from three scans, seldom as much as 0.2."""
+    rng = np.random.default_rng(4)
+    scans = scans_over(rng, 3, weave_deg=8.0)
+    for scan in scans:
+        scan.seconds = 3.0
+    found = calibrated(scan_recording(rng, scans, 0.11, frames=60, rate_hz=100.0, design=off_design(rng)))
+    assert distance(found) < 22.5
+    assert found.time_offset_s == pytest.approx(0.11, abs=2e-3)
+    pose = found.hand_eye.flange_from_profiler
+    assert np.degrees(np.linalg.norm(vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))) < 0.2
+
+
+def test_scans_that_move_alike_do_not_tell_the_offset() -> None:
+    rng = np.random.default_rng(1)
+    scans = scans_over(rng, 6)
+    for scan in scans:
+        scan.start = np.array([scan.start[0], -5.5, scan.start[2]])
+        scan.end = scan.start + np.array([1.0, 11.0, 0.5])
+    alike = scan_recording(rng, scans, 0.1, frames=30)
+    with pytest.raises(InputError, match="all scans move alike"):
+        calibrated(alike)
+
+
+def test_scans_in_one_orientation_do_not_tell_the_translation() -> None:
+    rng = np.random.default_rng(1)
+    scans = scans_over(rng, 6)
+    for scan in scans:
+        scan.turn = scans[0].turn
+    with pytest.raises(InputError, match=r"the translation along .* nearly the same orientation"):
+        calibrated(scan_recording(rng, scans, own=False, frames=30))
+
+
+def test_times_that_no_offset_explains() -> None:
+    rng = np.random.default_rng(1)
+    rec = scan_recording(rng, scans_over(rng, 3), frames=20)
+    time = rec.time_s.copy()
+    time[rec.pass_index == 1] += 5.0
+    broken = type(rec)(**{name: getattr(rec, name) for name in rec.__slots__} | {"time_s": time})
+    with pytest.raises(InputError, match="no clock offset puts the frames of all scans within the robot's poses"):
+        calibrated(broken)
+
+
+def test_noise_of_poses_does_not_pass_for_motion() -> None:
+    """A straight motion's slope comes out of 40 noisy poses as a line's would; a weaving one's as it is."""
+    rng = np.random.default_rng(0)
+    time = np.linspace(0, 1.6, 41)
+    line = time[:, None] * [10.0, 0.0, -3.0] + rng.normal(0, 0.07, (41, 3))
+    assert np.abs(_slope(time, time, line) - [10.0, 0.0, -3.0]).max() < 0.15
+    swing = 4 * np.sin(2 * np.pi * time)[:, None] * [1.0, 0.5, 0.0] + rng.normal(0, 0.01, (41, 3))
+    expected = 8 * np.pi * np.cos(2 * np.pi * time)[:, None] * [1.0, 0.5, 0.0]
+    assert np.abs(_slope(time, time, swing) - expected)[3:-3].max() < 0.6

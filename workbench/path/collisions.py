@@ -16,14 +16,15 @@ from workbench.path.section import bevel_of
 from workbench.units import Float, Int
 
 SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
+STOCK_SHARE = 1.5  # of the depth of cut: beside where it cuts, the cutter may meet a layer and what is rough on it
 STEP_MM = 1.0  # between looks at a move through the air
 
 
 def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float) -> Iterator[str]:
     """Where the cutter enters what it must not, in words.
 
-    The finished part and all that is foreign by more than `penetration_mm` + 3 u; the stock that stands besides by more
-    than the depth of cut.
+    The finished part and all that is foreign by more than `penetration_mm` + 3 u; where it is not meant to cut, the
+    stock that earlier layers left by more than a ramp takes at its foot.
     """
     stands = standing(toolpath, cloud, edge, swept=True)
     taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
@@ -36,8 +37,9 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
     allowed = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge)
     for points, done in moves_in_order(toolpath):
         yield from _entered(toolpath, points, ALWAYS - 1, stock, allowed, "what must remain")
-        yield from _entered(toolpath, points, done + isinstance(points, Layer), stock,
-                            max(toolpath.depth_of_cut_mm, allowed), "the stock")  # fmt: skip
+        yield from _entered(
+            toolpath, points, done, stock, STOCK_SHARE * toolpath.depth_of_cut_mm + allowed, "the stock"
+        )
 
 
 def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
@@ -58,6 +60,11 @@ def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stoc
         return
     centre = poses.origin_mm - radius * poses.x
     axis, at = poses.z, np.arange(len(centre))
+    if isinstance(points, Layer) and after < ALWAYS - 1:
+        at = np.flatnonzero(~points.cutting)
+        centre, axis = centre[at], axis[at]
+    if not len(at):
+        return
     if isinstance(points, Travel):
         centre, axis, at = _dense(centre, poses.z)
     start, end = centre + (tip - allowed) * axis, centre - SHANK_MM * axis

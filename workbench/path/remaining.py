@@ -17,7 +17,6 @@ from workbench.path.poses import cutter_ends, poses_of
 from workbench.path.section import Bevel, bevel_of
 from workbench.units import AnyArray, Bool, Float
 
-ON_LAYER_MM = 1e-3
 SWEPT_STATIONS = 10  # a mm of edge: fine enough for the steep sides of the circle that a cutter leaves
 
 
@@ -38,8 +37,8 @@ def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
 def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`).
 
-    `swept`: all that the cutter takes. It is round, so it takes some of what lies beside its places too; what sticks
-    out of thin stock where a layer passes above it; and nothing below the finished face.
+    `swept`: all that the cutter meets on its way, whether it is meant to cut there or not. It is round, so it takes
+    some of what lies beside its places too; nothing below the finished face.
     """
     bevel, length = bevel_of(toolpath.root_mm, toolpath.bevel_deg), float(edge.arc_length_mm[-1])
     count = (len(edge.arc_length_mm) - 1) * (SWEPT_STATIONS if swept else 1) + 1
@@ -54,9 +53,7 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
             course = lower_course(edge, layer.arc_length_mm)
         height = bevel.height_mm(from_edge(toolpath, layer, course))
         if swept:
-            down = layer.measured & (layer.cutting | (np.abs(height - layer.height_mm) < ON_LAYER_MM))
-            height = np.where(down, np.maximum(height, 0.0), np.inf)
-            faces.append(_swept(height, layer.arc_length_mm, table, bevel, radius))
+            faces.append(_swept(np.maximum(height, 0.0), layer.arc_length_mm, table, bevel, radius))
         else:
             height = np.where(layer.cutting, height, np.inf)
             faces.append(_at_stations(height, layer.arc_length_mm, table.arc_length_mm))

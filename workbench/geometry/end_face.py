@@ -23,6 +23,7 @@ HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
 LEVEL_MM = 0.25  # width of the levels of q that are compared
 LEVELS = 5  # that one face may spread over
 STEP_MM = 3.0  # along the face without a return, at most
+ASIDE_POINTS = 10  # off the face between two of its own: more belong to something else, and the face has ended
 JUMP_MM = 0.6  # across it between neighbouring returns, at most
 LEAST_WIDTH_MM = 2.0
 LEAST_POINTS = 8
@@ -33,6 +34,7 @@ SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its 
 SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
+JOINED_MM = 0.7  # along the face from its end: what lies no further joins it
 ASIDE_MM = 0.3  # in front of or behind the face's line
 PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
 END_POINTS = 7  # at the face's end that say how it leans there
@@ -77,7 +79,7 @@ def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple
     for k in range(n + 1):
         if k < n and abs(q[k] - a - b * p[k]) > gate:
             continue
-        if k < n and last >= 0 and abs(p[k] - p[last]) < STEP_MM:
+        if k < n and last >= 0 and abs(p[k] - p[last]) < STEP_MM and k - last <= ASIDE_POINTS:
             last = k
             continue
         if last >= 0 and abs(p[last] - p[first]) > longest:
@@ -118,7 +120,7 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
     """The end face's direction in a profile, among `angles` about (gx, gz), and what lies beside it.
 
     Fills out (4,): the face's angle from (gx, gz) towards (-gz, gx), rad; its width, mm (0: no face); and how many
-    points next to its ends lie at higher and at lower z than its line.
+    points next to its ends lie at higher and at lower z than its line: those of what joins it there, if any does.
     """
     at, p, q = np.empty(x.size, np.int64), np.empty(x.size), np.empty(x.size)
     out[:] = 0.0
@@ -142,13 +144,16 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
             return
         best += math.atan(b)
     out[0], out[1] = best, abs(p[last] - p[first])
+    joined = np.zeros(2)
     for k in range(n):
-        beside = (k < first and at[first] - at[k] <= 2 * LOOK_COLUMNS) or (
-            k > last and at[k] - at[last] <= 2 * LOOK_COLUMNS
-        )
+        end = first if k < first else last
         r = (q[k] - a - b * p[k]) * np.sign(ux)
-        if beside and abs(r) > max(ASIDE_MM, gate):
-            out[2 if r > 0.0 else 3] += 1.0
+        if first <= k <= last or abs(at[k] - at[end]) > 2 * LOOK_COLUMNS or abs(r) < max(ASIDE_MM, gate):
+            continue
+        out[2 if r > 0.0 else 3] += 1.0
+        joined[0 if r > 0.0 else 1] += abs(p[k] - p[end]) < JOINED_MM + SURFACE_LEAN * abs(r)
+    if joined.sum() >= LOOK_COLUMNS // 2:
+        out[2], out[3] = joined[0], joined[1]
 
 
 @njit(cache=True, nogil=True)

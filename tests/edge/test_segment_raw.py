@@ -1,0 +1,203 @@
+"""Raw edges, on random and on chosen parts, against their truth; and what is refused."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Edge
+from workbench.edge import segment_raw
+from workbench.errors import InputError
+from workbench.units import DEG, Float
+
+Scans = Callable[..., Any]
+RAW = {"kind": "raw", "length_mm": 60.0, "thickness_mm": 8.0}
+ABOVE = {"from_mm": 5.0, "to_mm": 55.0, "skew_mm": [-0.4, 0.4]}
+UP = (0.05, -0.1, 1.0)  # as a user says it: roughly
+PARTS = [
+    ("raw_arc", 1),
+    ("raw_wavy", 1),
+    ("raw_drift", 1),
+    ("raw_below", 1),
+    ("raw_two_pass", 1),
+    ("raw_missing_20", 1),
+    ("raw_clamps", 1),
+]
+
+
+@functools.cache
+def found(scan: Any) -> Edge:
+    """The edge of a drawn part, its upper side told 14 deg wrong."""
+    across, along = scan.truth.across[0], scan.truth.tangent[0]
+    return segment_raw(scan.cloud, upper_side=tuple(across + 0.25 * along))
+
+
+def at_stations(scan: Any, edge: Edge, name: str) -> Float:
+    """The truth's vectors at the stations that were seen."""
+    s = scan.truth.arc_length_mm_at(edge.position_mm[edge.seen])
+    return np.stack([np.interp(s, scan.truth.arc_length_mm, getattr(scan.truth, name)[:, k]) for k in range(3)], axis=1)
+
+
+def off_true(scan: Any, edge: Edge) -> tuple[Float, Float, Float]:
+    """How far the lower edge lies off along n and m (mm), and how far n is turned about t (deg), station by station."""
+    n, m = at_stations(scan, edge, "normal"), at_stations(scan, edge, "across")
+    off = edge.position_mm[edge.seen] - at_stations(scan, edge, "position_mm")
+    normal = edge.normal[edge.seen]
+    turn = np.arctan2((normal * m).sum(axis=1), (normal * n).sum(axis=1)) / DEG
+    return (off * n).sum(axis=1), (off * m).sum(axis=1), turn
+
+
+@pytest.mark.parametrize(("condition", "seed"), PARTS)
+def test_lower_edge_and_direction_of_the_end_face(drawn: Scans, condition: str, seed: int) -> None:
+    """Within 0.04 mm along the normal of the bevel of 40 deg that is to be milled, and 0.1 deg."""
+    scan = drawn(condition, seed)
+    along_n, along_m, turn = off_true(scan, found(scan))
+    inside = slice(1, -1)  # an oblique frame may cross the lower edge's line a little beyond the plate
+    assert np.abs(along_n * np.cos(40 * DEG) + along_m * np.sin(40 * DEG))[inside].max() < 0.04
+    assert np.abs(turn).max() < 0.1
+
+
+@pytest.mark.parametrize(("condition", "seed"), PARTS)
+def test_the_edge_is_whole_and_its_axes_are_right_handed(drawn: Scans, condition: str, seed: int) -> None:
+    scan = drawn(condition, seed)
+    edge = found(scan)
+    assert edge.kind == "raw"
+    assert edge.frames is None
+    assert edge.arc_length_mm[0] == 0
+    np.testing.assert_allclose(np.diff(edge.arc_length_mm), 1.0, atol=0.05)
+    np.testing.assert_array_equal(np.isfinite(edge.position_mm[:, 0]), edge.seen)
+    np.testing.assert_allclose(np.cross(edge.across, edge.normal), edge.tangent, atol=1e-9)
+    assert (
+        np.abs((edge.tangent[edge.seen] * at_stations(scan, edge, "tangent")).sum(axis=1)) > np.cos(0.3 * DEG)
+    ).all()
+    assert ((edge.across[edge.seen] * at_stations(scan, edge, "across")).sum(axis=1) > 0.99).all()
+    assert ((edge.normal[edge.seen] * at_stations(scan, edge, "normal")).sum(axis=1) > 0.99).all()
+    assert edge.upper_inward is not None
+    assert ((edge.upper_inward * edge.normal).sum(axis=1) < -0.95).all()
+    assert edge.position_u_mm is not None
+    assert np.isfinite(edge.position_u_mm[edge.seen]).all()
+
+
+@pytest.mark.parametrize(("condition", "seed"), PARTS)
+def test_upper_edge_stands_the_thickness_above(drawn: Scans, condition: str, seed: int) -> None:
+    scan = drawn(condition, seed)
+    edge = found(scan)
+    assert edge.upper_position_mm is not None
+    s = scan.truth.arc_length_mm_at(edge.position_mm[edge.seen])
+    tilt = scan.recipe.part.end_face_tilt_deg * DEG
+    thickness = np.interp(s, scan.truth.arc_length_mm, scan.truth.thickness_mm) / np.cos(tilt)
+    width = ((edge.upper_position_mm - edge.position_mm)[edge.seen] * edge.across[edge.seen]).sum(axis=1)
+    assert np.nanmax(np.abs(width - thickness)[1:-1]) < 0.06
+    assert np.isfinite(width).mean() > 0.9
+
+
+def test_nothing_is_invented_under_clamps(drawn: Scans) -> None:
+    scan = drawn("raw_clamps", 1)
+    edge = found(scan)
+    really = scan.truth.seen_at(edge.position_mm[edge.seen])
+    assert (~really).sum() <= 3  # next to the clamps, within the spacing of stations
+    assert abs(scan.truth.seen.sum() * 0.5 - edge.seen.sum()) < 6
+
+
+def test_a_rough_face(drawn: Scans) -> None:
+    """0.3 mm of roughness: within 0.06 mm; the stated uncertainty of the direction covers its error."""
+    scan = drawn("raw_rough", 1)
+    edge = found(scan)
+    along_n, along_m, turn = off_true(scan, edge)
+    assert np.abs(along_n * np.cos(40 * DEG) + along_m * np.sin(40 * DEG))[1:-1].max() < 0.06
+    assert np.abs(turn).max() < 3 * edge.normal_u / DEG
+
+
+def test_labels_name_the_faces(scanned: Scans) -> None:
+    """Points that are named lie on what they are named after."""
+    scan = scanned(part=RAW, passes=[ABOVE])
+    edge = segment_raw(scan.cloud, upper_side=UP)
+    base = np.array(scan.recipe.part.base_from_part.position_mm)
+    for label, normal, level in ((ROOT_FACE, (0, -1, 0), 0.0), (UPPER_SURFACE, (0, 0, 1), 8.0)):
+        i, j = np.nonzero(edge.labels == label)
+        assert i.size > 5000
+        x, z = (v[i, j].astype(float)[:, None] for v in (scan.cloud.x_mm, scan.cloud.z_mm))
+        pose = scan.cloud.base_from_profiler[i]
+        point = pose[:, :3, 3] + x * pose[:, :3, 0] + z * pose[:, :3, 2] - base
+        assert np.quantile(np.abs(point @ np.array(normal) - level), 0.99) < 0.1
+    assert not (edge.labels == LOWER_SURFACE).any()
+    assert (edge.faces[ROOT_FACE].count > 50).mean() > 0.95
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_burrs_are_reported_and_move_no_edge(scanned: Scans, side: str) -> None:
+    burr = {"edge": side, "from_mm": 20.0, "to_mm": 32.0, "height_mm": 0.4, "width_mm": 0.4}
+    plain, burred = (segment_raw(scanned(part=RAW | {"burrs": ridge}, passes=[ABOVE]).cloud, upper_side=UP)
+                     for ridge in ([], [burr]))  # fmt: skip
+    assert plain.burr_stations.size == 0
+    at = burred.arc_length_mm[burred.burr_stations] + 5.0
+    assert at.size >= 5
+    assert at.min() > 19
+    assert at.max() < 33
+    at = np.linspace(1.0, 48.0, 48)
+    for name in ("position_mm", "upper_position_mm"):
+        for k in (1, 2):  # along x arc length may start a column's step apart
+            one, other = (np.interp(at, e.arc_length_mm, getattr(e, name)[:, k]) for e in (plain, burred))
+            assert np.abs(one - other).max() < 0.03
+
+
+def test_square_on_the_sense_of_z_must_be_told(scanned: Scans) -> None:
+    """Only the end face returns: nothing tells front from back but z_away, which then decides n."""
+    scan = scanned(part=RAW, scanner={"columns": 400, "beam": "parallel", "max_incidence_deg": 75.0},
+                   passes=[ABOVE | {"elevation_deg": 1.0, "aim_mm": [0.0, 4.0]}])  # fmt: skip
+    with pytest.raises(InputError, match="z_away"):
+        segment_raw(scan.cloud, upper_side=UP)
+    edge = segment_raw(scan.cloud, upper_side=UP, z_away=True)
+    along_n, along_m, turn = off_true(scan, edge)
+    assert np.abs(along_n).max() < 0.01
+    assert np.abs(along_m[1:-1]).max() < 0.04
+    assert np.abs(turn).max() < 0.05
+
+
+def test_upper_side_turned_round_turns_the_edge_round(scanned: Scans) -> None:
+    """Lower and upper edge change places, and t changes its sense: that is what `upper_side` is for."""
+    scan = scanned(part=RAW, passes=[ABOVE])
+    one, other = (segment_raw(scan.cloud, upper_side=(0.0, 0.0, way)) for way in (1.0, -1.0))
+    np.testing.assert_allclose(other.tangent[10], -one.tangent[10], atol=2e-3)
+    np.testing.assert_allclose(other.normal[10], one.normal[10], atol=2e-3)
+    assert one.upper_position_mm is not None
+    assert abs(float((other.position_mm[10] - one.upper_position_mm[10])[2])) < 0.05
+
+
+@pytest.mark.parametrize(("upper_side", "message"), [
+    ((0.0, 0.0, 0.0), "expected a direction"),
+    ((1.0, 0.1, 0.2), "runs along the edge"),
+    ((0.0, 1.0, 0.0), r"edge not in view|no raw edge"),
+])  # fmt: skip
+def test_unusable_upper_sides_are_refused(scanned: Scans, upper_side: tuple[float, float, float], message: str) -> None:
+    cloud = scanned(part=RAW, passes=[ABOVE]).cloud
+    with pytest.raises(InputError, match=message) as refusal:
+        segment_raw(cloud, upper_side=upper_side)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("aim_mm", "name"), [((-2.0, 17.5), "lower"), ((-2.0, -12.0), "upper")])
+def test_an_edge_seen_only_in_part_is_refused(scanned: Scans, aim_mm: tuple[float, float], name: str) -> None:
+    scan = scanned(part=RAW, passes=[ABOVE | {"aim_mm": list(aim_mm), "skew_mm": [0.0, 0.0]}])
+    with pytest.raises(InputError, match=f"{name} edge not in view"):
+        segment_raw(scan.cloud, upper_side=UP, z_away=True)
+
+
+def test_a_milled_edge_is_no_raw_edge(scanned: Scans) -> None:
+    with pytest.raises(InputError, match=r"not in view|no raw edge"):
+        segment_raw(scanned(part={"length_mm": 60.0, "root_mm": 3.0}).cloud, upper_side=UP)
+
+
+def test_too_few_frames_and_an_empty_view_are_refused(scanned: Scans) -> None:
+    cloud = scanned(part=RAW, passes=[ABOVE]).cloud
+    few = replace(cloud, **{name: getattr(cloud, name)[:2] for name in
+                            ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index")})  # fmt: skip
+    with pytest.raises(InputError, match="at least 3 frames"):
+        segment_raw(few, upper_side=UP)
+    with pytest.raises(InputError):
+        segment_raw(replace(cloud, keep=np.zeros_like(cloud.keep)), upper_side=UP)

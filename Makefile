@@ -5,10 +5,10 @@ MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
 
 help:
-	@echo "make demo       inspect a milled edge: table on the screen, report in out/demo/report.html"
+	@echo "make demo       the closed loop: scan a raw edge, plan, mill in simulation, scan, inspect; out/demo/report.html"
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
-	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/metrology.md"
+	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make docs       write the page of every stage anew"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
@@ -19,7 +19,7 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(BIN)/workbench run pipelines/inspect_bevel.json --out out/demo
+	@$(BIN)/workbench run pipelines/closed_loop.json --out out/demo
 
 test: setup
 	@$(BIN)/python -m pytest -q

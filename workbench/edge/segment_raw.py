@@ -27,7 +27,10 @@ def segment_raw(
     *,
     upper_side: Annotated[
         tuple[float, float, float],
-        Field(description="direction in the base, good to 30 deg, from the plate's lower to its upper surface"),
+        Field(
+            description="direction in the base from the plate's lower to its upper surface, good to 25 deg; "
+            "the ratio of its components counts, its length does not"
+        ),
     ],
     z_away: Annotated[
         bool | None, Field(description="does z count away from the sensor; null: from what lies beside the end face")

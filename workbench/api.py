@@ -52,6 +52,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
     from workbench.robot import (
         AngleConvention,
+        BoundingVolumes,
         Cell,
         Chain,
         Clearance,
@@ -59,6 +60,8 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         LoadingSetup,
         Turntable,
         abb_angles,
+        bounding_volumes,
+        clearance_bound_mm,
         forward_kinematics,
         inverse_kinematics,
         jacobian,
@@ -76,6 +79,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "AngleConvention",
     "AnyArray",
     "Bool",
+    "BoundingVolumes",
     "Cell",
     "Chain",
     "Chapter",
@@ -121,6 +125,8 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Verdict",
     "WorkbenchError",
     "abb_angles",
+    "bounding_volumes",
+    "clearance_bound_mm",
     "forward_kinematics",
     "frozen",
     "interpolate_poses",

@@ -4,6 +4,7 @@ Kinematics come from the URDF by pinocchio; the kernels here are vectorised over
 tests. Collision is python-fcl's.
 """
 
+from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
@@ -22,6 +23,7 @@ from workbench.robot.wrist import SphericalWrist, spherical_wrist
 
 __all__ = [
     "AngleConvention",
+    "BoundingVolumes",
     "Cell",
     "Chain",
     "Clearance",
@@ -30,7 +32,9 @@ __all__ = [
     "SphericalWrist",
     "Turntable",
     "abb_angles",
+    "bounding_volumes",
     "cell",
+    "clearance_bound_mm",
     "forward_kinematics",
     "inverse_kinematics",
     "jacobian",

@@ -32,14 +32,7 @@ class CollisionModel:
         """Build once, ask often."""
         self._cell = cell
         self._objects = [fcl.CollisionObject(_geometry(shape)) for shape in cell.shapes]
-        free = {frozenset(pair) for pair in cell.may_touch}
-        shapes = cell.shapes
-        self.pairs = [
-            (a, b)
-            for a in range(len(shapes))
-            for b in range(a + 1, len(shapes))
-            if _checked(shapes[a], shapes[b]) and frozenset((shapes[a].body, shapes[b].body)) not in free
-        ]
+        self.pairs = checked_pairs(cell)
 
     def collision(self, joints: Float, turntable: float = 0.0) -> tuple[str, str] | None:
         """The first pair of bodies nearer than the margin at joint angles (6,), rad; None: the posture is free."""
@@ -83,6 +76,18 @@ def turntable_pose(cell: Cell, angle: float) -> Float:
     c, s = np.cos(angle), np.sin(angle)
     turn = pose_from(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
     return np.asarray(cell.turntable.base_from_turntable @ turn)
+
+
+def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
+    """Indices of the cell's shapes that must not touch each other."""
+    free = {frozenset(pair) for pair in cell.may_touch}
+    shapes = cell.shapes
+    return [
+        (a, b)
+        for a in range(len(shapes))
+        for b in range(a + 1, len(shapes))
+        if _checked(shapes[a], shapes[b]) and frozenset((shapes[a].body, shapes[b].body)) not in free
+    ]
 
 
 def _checked(a: Shape, b: Shape) -> bool:

@@ -1,0 +1,168 @@
+"""The compiled kernels of `workbench.robot.bounds`. All in one file: numba's cache does not see changes elsewhere.
+
+Arrays are passed whole, with indices: a slice of an array costs as much as the arithmetic here. Volumes s: ends
+`at` (S, 2, 3) of a capsule's axis or pose `placed` (S, 3, 4) of a box, in the base.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from workbench.units import AnyArray
+
+SECTION = 0.6180339887498949  # golden
+STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
+
+
+@njit(cache=True, error_model="numpy")
+def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
+                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
+                 pairs: AnyArray) -> AnyArray:  # fmt: skip
+    """See `clearance_bound_mm`; `around` (S,): radius of the sphere around each volume."""
+    found = np.empty(len(joints))
+    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
+    turn[8] = table[:3]
+    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    for n in range(len(joints)):
+        _move(motion, turn, axes, points, joints, turned[n], n)
+        for s in range(len(link)):
+            if is_box[s]:
+                _compose(placed, s, motion, link[s], pose, s)
+                for r in range(3):
+                    middle[s, r] = placed[s, r, 3]
+            else:
+                _carry(at, middle, s, motion, link[s], ends)
+        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs)
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray, half: AnyArray, around: AnyArray,
+              is_box: AnyArray, pairs: AnyArray) -> float:  # fmt: skip
+    """The smallest distance of all pairs, or one that is 0 or less; pairs that are surely farther are passed over."""
+    best = 1e9
+    for i in range(len(pairs)):
+        a, b = pairs[i, 0], pairs[i, 1]
+        reach = best + around[a] + around[b]
+        x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
+        if x * x + y * y + z * z >= reach * reach:
+            continue
+        if is_box[a]:
+            a, b = b, a
+        if not is_box[b]:
+            best = min(best, _between(at, a, b) - radius[a] - radius[b])
+        elif _beyond_a_face(at, a, placed, half, b) - radius[a] < best:
+            best = min(best, _to_box(at, a, placed, half, b) - radius[a])
+        if best <= 0.0:
+            break
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _move(motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, joints: AnyArray, turned: float,
+          n: int) -> None:  # fmt: skip
+    """Motions of base, six links and turntable: turns about the axes at zero, one after the other (Rodrigues)."""
+    for r in range(3):
+        motion[0, r, r] = 1.0
+    for i in range(7):
+        x, y, z = (axes[i, 0], axes[i, 1], axes[i, 2]) if i < 6 else (0.0, 0.0, 1.0)
+        px, py, pz = (points[i, 0], points[i, 1], points[i, 2]) if i < 6 else (0.0, 0.0, 0.0)
+        angle = joints[n, i] if i < 6 else turned
+        c, s = np.cos(angle), np.sin(angle)
+        v = 1 - c
+        turn[i, 0, 0], turn[i, 0, 1], turn[i, 0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+        turn[i, 1, 0], turn[i, 1, 1], turn[i, 1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+        turn[i, 2, 0], turn[i, 2, 1], turn[i, 2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
+        turn[i, 0, 3] = px - turn[i, 0, 0] * px - turn[i, 0, 1] * py - turn[i, 0, 2] * pz
+        turn[i, 1, 3] = py - turn[i, 1, 0] * px - turn[i, 1, 1] * py - turn[i, 1, 2] * pz
+        turn[i, 2, 3] = pz - turn[i, 2, 0] * px - turn[i, 2, 1] * py - turn[i, 2, 2] * pz
+        if i < 6:
+            _compose(motion, i + 1, motion, i, turn, i)
+    _compose(motion, 7, turn, 8, turn, 6)
+
+
+@njit(cache=True, error_model="numpy")
+def _compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) -> None:
+    """out[o] = a[i] b[j], of rigid motions in their first three rows."""
+    for r in range(3):
+        for c in range(4):
+            out[o, r, c] = a[i, r, 0] * b[j, 0, c] + a[i, r, 1] * b[j, 1, c] + a[i, r, 2] * b[j, 2, c]
+        out[o, r, 3] += a[i, r, 3]
+
+
+@njit(cache=True, error_model="numpy")
+def _carry(at: AnyArray, middle: AnyArray, s: int, motion: AnyArray, link: int, ends: AnyArray) -> None:
+    """Ends and middle of a capsule where its link took it."""
+    for r in range(3):
+        m0, m1, m2, m3 = motion[link, r, 0], motion[link, r, 1], motion[link, r, 2], motion[link, r, 3]
+        at[s, 0, r] = m0 * ends[s, 0, 0] + m1 * ends[s, 0, 1] + m2 * ends[s, 0, 2] + m3
+        at[s, 1, r] = m0 * ends[s, 1, 0] + m1 * ends[s, 1, 1] + m2 * ends[s, 1, 2] + m3
+        middle[s, r] = (at[s, 0, r] + at[s, 1, r]) / 2
+
+
+@njit(cache=True, error_model="numpy")
+def _between(at: AnyArray, a: int, b: int) -> float:
+    """Distance of two segments (Ericson, Real-Time Collision Detection, 2005, section 5.1.9)."""
+    uu, vv, uv, uw, vw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for r in range(3):
+        u, v, w = at[a, 1, r] - at[a, 0, r], at[b, 1, r] - at[b, 0, r], at[a, 0, r] - at[b, 0, r]
+        uu, vv, uv = uu + u * u, vv + v * v, uv + u * v
+        uw, vw, ww = uw + u * w, vw + v * w, ww + w * w
+    square = uu * vv - uv * uv
+    s = min(max((uv * vw - uw * vv) / square, 0.0), 1.0) if square > 1e-12 * uu * vv else 0.0
+    t = (uv * s + vw) / vv if vv > 0.0 else 0.0
+    if t < 0.0 or t > 1.0 or vv == 0.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((uv * t - uw) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
+    left = 0.0
+    for r in range(3):
+        on_a = at[a, 0, r] + s * (at[a, 1, r] - at[a, 0, r])
+        on_b = at[b, 0, r] + t * (at[b, 1, r] - at[b, 0, r])
+        left += (on_a - on_b) ** 2
+    return np.sqrt(left)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def _beyond_a_face(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> float:
+    """A lower bound of a segment's distance from a box: how far it stays beyond one of the box's faces."""
+    best = -1e9
+    for k in range(3):
+        x, y, z = pose[b, 0, k], pose[b, 1, k], pose[b, 2, k]
+        o = x * pose[b, 0, 3] + y * pose[b, 1, 3] + z * pose[b, 2, 3]
+        p = x * at[a, 0, 0] + y * at[a, 0, 1] + z * at[a, 0, 2] - o
+        q = x * at[a, 1, 0] + y * at[a, 1, 1] + z * at[a, 1, 2] - o
+        best = max(best, min(p, q) - half[b, k], -max(p, q) - half[b, k])
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> float:
+    """A lower bound of a segment's distance from a box: convex along the segment, so a golden search brackets it."""
+    low, high, left, right = 0.0, 1.0, 1.0 - SECTION, SECTION
+    f, g = _outside(at, a, left, pose, half, b), _outside(at, a, right, pose, half, b)
+    for _ in range(STEPS):
+        if f < g:
+            high, right, g = right, left, f
+            left = high - SECTION * (high - low)
+            f = _outside(at, a, left, pose, half, b)
+        else:
+            low, left, f = left, right, g
+            right = low + SECTION * (high - low)
+            g = _outside(at, a, right, pose, half, b)
+    length = np.sqrt((at[a, 1, 0] - at[a, 0, 0]) ** 2 + (at[a, 1, 1] - at[a, 0, 1]) ** 2
+                     + (at[a, 1, 2] - at[a, 0, 2]) ** 2)  # fmt: skip
+    return min(f, g) - (high - low) * length  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def _outside(at: AnyArray, a: int, t: float, pose: AnyArray, half: AnyArray, b: int) -> float:
+    """Distance from a box of the point at t, 0 to 1, on a segment; 0 inside."""
+    x = at[a, 0, 0] + t * (at[a, 1, 0] - at[a, 0, 0]) - pose[b, 0, 3]
+    y = at[a, 0, 1] + t * (at[a, 1, 1] - at[a, 0, 1]) - pose[b, 1, 3]
+    z = at[a, 0, 2] + t * (at[a, 1, 2] - at[a, 0, 2]) - pose[b, 2, 3]
+    square = 0.0
+    for k in range(3):
+        beyond = max(abs(pose[b, 0, k] * x + pose[b, 1, k] * y + pose[b, 2, k] * z) - half[b, k], 0.0)
+        square += beyond * beyond
+    return np.sqrt(square)  # type: ignore[no-any-return]

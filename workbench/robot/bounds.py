@@ -1,0 +1,94 @@
+"""A lower bound of the clearance for very many postures: what it calls free is free, the rest is for fcl to decide.
+
+Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres and
+boxes, wider for cylinders and meshes. Bounding volumes that keep apart prove that the shapes do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.robot.bound_kernels import bound_kernel
+from workbench.robot.cell import Cell
+from workbench.robot.collision import checked_pairs, turntable_pose
+from workbench.robot.shapes import ON_TURNTABLE, Shape
+from workbench.units import Float, Int
+
+SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoundingVolumes:
+    """S shapes as capsules (two ends and a radius) or boxes (pose and half lengths), and the pairs to look at."""
+
+    link: Int  # (S,) as in `Shape`, the fixed ones 0
+    is_box: Int  # (S,) 1: a box
+    ends_mm: Float  # (S, 2, 3) at zero, in the base (or the turntable's frame)
+    radius_mm: Float  # (S,)
+    pose: Float  # (S, 4, 4) of boxes, likewise
+    half_mm: Float  # (S, 3)
+    around_mm: Float  # (S,) radius of the sphere around each
+    pairs: Int  # (P, 2)
+
+
+def bounding_volumes(cell: Cell) -> BoundingVolumes:
+    """The cell's shapes in volumes whose distances are quick."""
+    made = [_volume(shape) for shape in cell.shapes]
+    ends, radius, half = (np.array(part) for part in zip(*made, strict=True))
+    inside = np.where(radius < 0, np.linalg.norm(half, axis=1), radius)
+    around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + inside
+    return BoundingVolumes(
+        link=np.array([max(shape.link, 0) for shape in cell.shapes]), is_box=(radius < 0).astype(np.int64),
+        ends_mm=ends, radius_mm=np.maximum(radius, 0.0), pose=np.array([_centred(shape) for shape in cell.shapes]),
+        half_mm=half, around_mm=around, pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
+    )  # fmt: skip
+
+
+def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0) -> Float:
+    """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and turntable angles (n,), rad.
+
+    Free without further look: more than SAFE_MM and the cell's margin. Negative or small: ask `CollisionModel`.
+    """
+    q = np.ascontiguousarray(joints, float).reshape(-1, 6)
+    v, table = volumes, np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
+    return np.asarray(
+        bound_kernel(cell.chain.axes, cell.chain.points_mm, q, turntable_pose(cell, 0.0), table, v.link, v.is_box,
+                     v.ends_mm, v.radius_mm, v.pose, v.half_mm, v.around_mm, v.pairs)
+    )  # fmt: skip
+
+
+def _volume(shape: Shape) -> tuple[Float, float, Float]:
+    """Ends of a capsule's axis and its radius (negative: a box), half lengths of the box."""
+    half = _half_lengths(shape)
+    if shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6:
+        return np.zeros((2, 3)), -1.0, half
+    if shape.kind in ("capsule", "cylinder", "sphere"):
+        radius = shape.size_mm[0]
+        length = shape.size_mm[1] / 2 if len(shape.size_mm) > 1 else 0.0
+        axis = np.array([0.0, 0.0, length])
+    else:
+        longest = int(np.argmax(half))
+        axis = half * (np.arange(3) == longest)
+        radius = float(np.linalg.norm(np.delete(half, longest)))
+    pose = _centred(shape)
+    return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius, half
+
+
+def _half_lengths(shape: Shape) -> Float:
+    if shape.vertices_mm is not None:
+        return np.asarray(np.ptp(shape.vertices_mm, axis=0) / 2)
+    return np.array(shape.size_mm) / 2 if shape.kind == "box" else np.zeros(3)
+
+
+def _centred(shape: Shape) -> Float:
+    """The shape's pose, for a mesh moved to the middle of the box around it."""
+    if shape.vertices_mm is None:
+        return shape.pose
+    middle = np.eye(4)
+    middle[:3, 3] = (shape.vertices_mm.min(axis=0) + shape.vertices_mm.max(axis=0)) / 2
+    return np.asarray(shape.pose @ middle)
+
+
+assert ON_TURNTABLE == 7  # the kernel's eighth motion

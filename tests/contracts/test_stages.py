@@ -11,20 +11,23 @@ import pytest
 from pydantic_core import to_jsonable_python
 
 from workbench.pipeline.describe import parameter_texts, summary, unit_of
-from workbench.pipeline.registry import every_stage
+from workbench.pipeline.registry import every_stage, families
 from workbench.stage import Role, Stage
 
 STAGES = every_stage()[0]
-COUNTED = re.compile(r"\b(number|count|how many|ratio|share|factor|fraction|multiples?|index)\b", re.IGNORECASE)
+WORDS = "number|count|how many|ratio|share|factor|fraction|multiples?|index|direction"
+COUNTED = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
+    r"\b(number|count|how many|ratio|share|factor|fraction|multiples?|index|direction)\b", re.IGNORECASE
+)
 each_stage = pytest.mark.parametrize("stage", [pytest.param(stage, id=name) for name, stage in STAGES.items()])
 
 
 @each_stage
 def test_one_name_everywhere(stage: Stage) -> None:
-    """`family.verb` is the function `verb` in a module of that family."""
+    """`family.verb` is the function `verb` in a module that the family's entry point names."""
     family, verb = stage.name.split(".")
     assert stage.function.__name__.rstrip("_") == verb
-    assert family in stage.function.__module__.split(".")
+    assert any(f"{stage.function.__module__}.".startswith(f"{module}.") for module in families()[family])
 
 
 @each_stage
@@ -35,7 +38,7 @@ def test_says_what_it_does(stage: Stage) -> None:
 
 @each_stage
 def test_numbers_have_units(stage: Stage) -> None:
-    """A number carries its unit in its name, or its description says what it counts or compares."""
+    """A number carries its unit in its name, or its description says what it counts, compares or points at."""
     for text in parameter_texts(stage):
         if re.search(r"\b(number|integer)\b", text.type) and stage.parameters[text.name] is not Role.SEED:
             assert unit_of(text.name) or COUNTED.search(text.description), f"{text.name}: {text.description!r}"

@@ -17,8 +17,6 @@ from workbench.stage import Role, Stage
 STAGES = every_stage()[0]
 WORDS = "number|count|how many|ratio|share|factor|fraction|multiples?|index|direction"
 COUNTED = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
-    r"\b(number|count|how many|ratio|share|factor|fraction|multiples?|index|direction)\b", re.IGNORECASE
-)
 each_stage = pytest.mark.parametrize("stage", [pytest.param(stage, id=name) for name, stage in STAGES.items()])
 
 

@@ -117,5 +117,5 @@ def _refused(plan: Plan, final: Layer) -> tuple[str, ...]:
 
 
 def _reason(plan: Plan, a: float, b: float) -> str:
-    near = [x.reason for x in plan.lifts if x.to_mm + plan.air.ramp_mm >= a and x.from_mm - plan.air.ramp_mm <= b]
+    near = [x.reason for x in plan.lifts if x.to_mm + x.ramp_mm >= a and x.from_mm - x.ramp_mm <= b]
     return ", ".join(dict.fromkeys(near)) or "no stock above the finished bevel"

@@ -46,8 +46,8 @@ def make_plan(edge: Edge, cloud: Cloud, course: Course, table: Course, bevel: Be
     stock = bevel.height_mm(course.upper_mm)
     clear = float(stock.max()) + air.over_mm
     found = find_lifts(s, course.seen, needed, clear, air.over_mm - beside, air.ramp_mm)
-    lifts = hold_at_ends(merged([*found, *leave], air.ramp_mm), 0.0, length, air.ramp_mm)
-    refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0, air.ramp_mm), cutter)
+    lifts = hold_at_ends(merged([*found, *leave]), length, air.ramp_mm)
+    refuse_tight_curve(course, bevel, lifted_heights(s, lifts, 0.0), cutter)
     return Plan(course, bevel, stock, outward, quaternion, lifts, clear, air, length, v_slow_mm_s)
 
 

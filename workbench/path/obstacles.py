@@ -25,6 +25,7 @@ from workbench.units import Bool, Float, Int
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
+IN_THE_WAY = "clamp or other material in the way"
 LEAST_CUT_MM = 2.0  # for less the cutter does not come down
 BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it hides
 
@@ -47,6 +48,7 @@ class Lift:
     to_mm: float
     height_mm: float  # of the cutter above the finished face
     reason: str
+    ramp_mm: float
     share: float = 1.0  # of the way up to that height: a short gap leaves no room for more
 
 
@@ -111,26 +113,26 @@ def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm:
         low, high = np.inf, -np.inf
         if gap.size:  # between the last place that was seen and the next one
             low, high = float(s[gap[0] - 1]) + ramp_mm, float(s[min(gap[-1] + 1, s.size - 1)]) - ramp_mm
-        height, share = clear_mm, 1.0
+        height, share, ramp = clear_mm, 1.0, ramp_mm
         if in_way.size:
             low, high = min(low, float(s[in_way[0]])), max(high, float(s[in_way[-1]]))
             height = max(clear_mm, float(needed_mm[in_way].max()) + over_mm)
         elif low > high:  # a short gap: up and down again over it
             middle, half = (low + high) / 2.0, (high - low) / 2.0 + ramp_mm
             low = high = middle
-            share = float(smoothstep(np.array(half / ramp_mm)))
-        lifts.append(Lift(low, high, height, "clamp or other material in the way" if in_way.size else "not measured",
-                          share))  # fmt: skip
-    return merged(lifts, ramp_mm)
+            share, ramp = float(smoothstep(np.array(half / ramp_mm))), half
+        reason = IN_THE_WAY if in_way.size else "not measured"
+        lifts.append(Lift(low, high, height, reason, ramp, share))
+    return merged(lifts)
 
 
-def hold_at_ends(lifts: Sequence[Lift], from_mm: float, to_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
-    """The lifts, gone on with beyond an end of the stretch if there is no room to come down before it."""
+def hold_at_ends(lifts: Sequence[Lift], length_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
+    """The lifts, gone on with beyond an end of the edge if there is no room to come down before it."""
     out = list(lifts)
-    if out and out[0].from_mm - ramp_mm < from_mm + LEAST_CUT_MM:
-        out[0] = replace(out[0], from_mm=-math.inf, share=1.0)
-    if out and out[-1].to_mm + ramp_mm > to_mm - LEAST_CUT_MM:
-        out[-1] = replace(out[-1], to_mm=math.inf, share=1.0)
+    if out and out[0].from_mm - out[0].ramp_mm < LEAST_CUT_MM:
+        out[0] = replace(out[0], from_mm=-math.inf, ramp_mm=ramp_mm, share=1.0)
+    if out and out[-1].to_mm + out[-1].ramp_mm > length_mm - LEAST_CUT_MM:
+        out[-1] = replace(out[-1], to_mm=math.inf, ramp_mm=ramp_mm, share=1.0)
     return tuple(out)
 
 
@@ -140,25 +142,26 @@ def _runs(mask: Bool) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def merged(lifts: Sequence[Lift], ramp_mm: float) -> list[Lift]:
+def merged(lifts: Sequence[Lift]) -> list[Lift]:
     """Lifts in order; those between which there is no room to come down are one."""
     out: list[Lift] = []
     for lift in sorted(lifts, key=lambda x: x.from_mm):
-        if out and lift.from_mm - out[-1].to_mm < 2.0 * ramp_mm + LEAST_CUT_MM:
+        if out and lift.from_mm - lift.ramp_mm < out[-1].to_mm + out[-1].ramp_mm + LEAST_CUT_MM:
             before = out.pop()
-            reason = max(before.reason, lift.reason, key=lambda r: r.startswith("clamp"))
-            height, share = max(before.height_mm, lift.height_mm), max(before.share, lift.share)
-            lift = Lift(before.from_mm, max(before.to_mm, lift.to_mm), height, reason, share)
+            lift = Lift(
+                before.from_mm, max(before.to_mm, lift.to_mm), max(before.height_mm, lift.height_mm),
+                IN_THE_WAY if IN_THE_WAY in (before.reason, lift.reason) else before.reason,
+                max(before.ramp_mm, lift.ramp_mm), max(before.share, lift.share),
+            )  # fmt: skip
         out.append(lift)
     return out
 
 
-def lifted_heights(s: Float, lifts: Sequence[Lift], base_mm: float, ramp_mm: float) -> Float:
+def lifted_heights(s: Float, lifts: Sequence[Lift], base_mm: float) -> Float:
     """Height (k,) above the finished face of a layer at `base_mm`, lifted smoothly where it must be."""
     height = np.full(s.shape, base_mm)
     for lift in lifts:
         away = np.maximum(np.maximum(lift.from_mm - s, s - lift.to_mm), 0.0)
-        height = np.maximum(
-            height, base_mm + lift.share * (lift.height_mm - base_mm) * smoothstep(1.0 - away / ramp_mm)
-        )
+        rise = lift.share * (lift.height_mm - base_mm) * smoothstep(1.0 - away / lift.ramp_mm)
+        height = np.maximum(height, base_mm + rise)
     return height

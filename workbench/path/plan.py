@@ -71,7 +71,7 @@ def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
     """The layer at a height above the finished face; `index` from 1, in cutting order."""
     course, s = plan.course, plan.course.arc_length_mm
     lead = smoothstep(np.maximum(-s, s - plan.length_mm) / plan.air.lead_mm)
-    lifted = lifted_heights(s, plan.lifts, height_mm, plan.air.ramp_mm)
+    lifted = lifted_heights(s, plan.lifts, height_mm)
     lift = np.maximum(lifted - height_mm, lead * (plan.clear_mm - height_mm))
     inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
     cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (plan.stock_mm - height_mm > LEAST_DEPTH_MM)

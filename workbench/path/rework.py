@@ -131,7 +131,11 @@ def _between(wanted: list[tuple[float, float]], clear_mm: float, ramp_mm: float)
     """Lifts over what lies between the stretches, where there is room to rise."""
     ends = [-math.inf, *(x for stretch in wanted for x in stretch), math.inf]
     gaps = zip(ends[::2], ends[1::2], strict=True)
-    return [Lift(a + ramp_mm, b - ramp_mm, clear_mm, LEAVE) for a, b in gaps if b - a > 2.0 * ramp_mm + LEAST_CUT_MM]
+    return [
+        Lift(a + ramp_mm, b - ramp_mm, clear_mm, LEAVE, ramp_mm)
+        for a, b in gaps
+        if b - a > 2.0 * ramp_mm + LEAST_CUT_MM
+    ]
 
 
 def _stretches(table: Course, excess: Excess, mask: Bool) -> tuple[Stretch, ...]:

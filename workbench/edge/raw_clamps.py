@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.units import Bool, Float, Int
 
-STEP_MM, STEEPEST = 0.6, 0.6  # from frame to frame, and per mm of the way, that one face may jump outwards
+STEP_MM, STEEPEST = 0.4, 0.6  # from frame to frame, and per mm of the way, that one face may jump
 GAP_MM = 4.0  # frames further apart than this belong to different stretches
 REACH_MM = 6.0  # of a stretch's end that says where it goes on
 SAME_MM = 1.2  # stretches within this of each other may be one face
@@ -46,7 +46,7 @@ def _back(height: Float, way: Float) -> Bool:
     lowest = level[sound].min() if sound.any() else 0.0
     chosen = np.zeros(height.size, bool)
     for part, here in zip(stretches, level, strict=True):
-        chosen[part] = here < lowest + SAME_MM
+        chosen[part] = abs(here - lowest) < SAME_MM  # further back: the end of the plate, seen for a few frames
     return chosen
 
 

@@ -76,6 +76,17 @@ def test_mistakes_are_named(cell: Cell, noisy: Any, targets: int, change: Change
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("part", "targets", "message"),
+    [("wrench", 0, "loads without wrench"), ("displacement", 0, "without displacement"),
+     ("targets_mm", 4, "without displacement")],
+)  # fmt: skip
+def test_columns_of_zeros_are_refused(cell: Cell, noisy: Any, part: str, targets: int, message: str) -> None:
+    assert cell.loading is not None
+    with pytest.raises(InputError, match=message):
+        identify_from(cell.chain, cell.loading, scaled(part, slice(None), 0.0)(noisy(21, targets), cell))
+
+
 @pytest.mark.parametrize("targets", [0, 4])
 def test_no_sound_set_is_refused(cell: Cell, noisy: Any, targets: int) -> None:
     assert cell.loading is not None

@@ -7,6 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bench.metrology.calibration.part import measure_calibration
+from bench.metrology.calibration.result import CalibrationResult
+from bench.metrology.calibration.summary import (
+    CALIBRATION_CONDITIONS,
+    summarise_calibrations,
+    worst_calibrations,
+)
+from bench.metrology.calibration.table import calibration_tables
 from bench.metrology.loop.part import measure_loop
 from bench.metrology.loop.result import LoopResult
 from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
@@ -75,5 +83,20 @@ STUDIES = {
         worst_loops,
         ROOT / "docs" / "planning_metrology.md",
         "loop",
+    ),
+    "calibration": Study(
+        Measurement(
+            measure_calibration,
+            CalibrationResult,
+            ("workbench/geometry", "workbench/synthetic", "workbench/plugins/calibration", "bench/peers",
+             "bench/metrology/calibration"),
+        ),
+        CALIBRATION_CONDITIONS,
+        500,
+        summarise_calibrations,
+        calibration_tables,
+        worst_calibrations,
+        ROOT / "docs" / "calibration_metrology.md",
+        "calibration",
     ),
 }  # fmt: skip

@@ -100,7 +100,7 @@ def test_systematic_errors_come_back_and_have_their_size():
         off = recording.robot_position_mm - truth.base_from_flange[:, :3, 3]
         assert off[-1] == pytest.approx(off[0], abs=1e-12)
         sizes.append(np.mean(np.sum(off**2, axis=1)))
-    assert np.sqrt(np.mean(sizes)) == pytest.approx(0.5, rel=0.15)
+    assert np.sqrt(np.mean(sizes)) == pytest.approx(0.5 * np.sqrt(3), rel=0.15)
 
 
 def test_design_is_off_by_what_the_recipe_says():

@@ -74,6 +74,12 @@ def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
     return recording, truth
 
 
+def true_poses(recipe: SphereRecipe) -> tuple[Float, Float, Float]:
+    """flange_from_profiler (4, 4), flange poses (N, 4, 4), sphere centres in the profiler frame (N, 3): true."""
+    poses = np.concatenate([m.base_from_flange for m in sphere_motion(recipe)])
+    return pose(recipe.robot.flange_from_profiler), poses, scene(recipe, poses).centre
+
+
 def _truth(recipe: SphereRecipe, poses: Float, pass_index: Int) -> SphereTruth:
     true = pose(recipe.robot.flange_from_profiler)
     return SphereTruth(recipe, true, design_hand_eye(recipe), poses, scene(recipe, poses).centre, pass_index)

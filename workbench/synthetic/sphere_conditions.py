@@ -113,9 +113,15 @@ def gross(rng: Generator, document: Document) -> None:
 
 
 def systematic(rng: Generator, document: Document) -> None:
-    """Fifteen postures; the robot errs smoothly by 0.5 mm (RMS length)."""
+    """Fifteen postures; the robot errs smoothly by 0.5 mm an axis, in waves of 60 to 120 deg."""
     document["passes"] = postures(rng, 15)
-    document["robot"] |= {"systematic_mm": 0.5, "systematic_reach_deg": rng.uniform(60, 240)}
+    document["robot"] |= {"systematic_mm": 0.5, "systematic_reach_deg": rng.uniform(60, 120)}
+
+
+def smooth(rng: Generator, document: Document) -> None:
+    """The same in waves of 120 to 240 deg: most of such an error is taken for a part of the hand-eye pose."""
+    systematic(rng, document)
+    document["robot"] |= {"systematic_reach_deg": rng.uniform(120, 240)}
 
 
 def scans(rng: Generator, document: Document) -> None:
@@ -125,9 +131,11 @@ def scans(rng: Generator, document: Document) -> None:
 
 
 def weaved(rng: Generator, document: Document) -> None:
-    """The same, weaved by 4 mm and 3 deg."""
-    document["passes"] = [_scan(rng, (-1.0) ** i) | {"weave_mm": 4.0, "weave_deg": 3.0} for i in range(6)]
+    """The same in 4 s each, weaved by 8 mm and 3 deg, poses at 50 Hz."""
+    weave = {"weave_mm": 8.0, "weave_deg": 3.0, "seconds": 4.0}
+    document["passes"] = [_scan(rng, (-1.0) ** i) | weave for i in range(6)]
     _own_clock(rng, document)
+    document["robot"] |= {"pose_rate_hz": 50.0, "frame_rate_hz": 25.0}
 
 
 def _scan(rng: Generator, way: float) -> Document:
@@ -194,7 +202,8 @@ def repeats(rng: Generator, document: Document) -> None:
 
 SOUND: dict[str, Condition] = {
     "sphere_nine": nine, "sphere_six": six, "sphere_equator": equator, "sphere_stray": stray, "sphere_gross": gross,
-    "sphere_systematic": systematic, "sphere_scans": scans, "sphere_weaved": weaved, "sphere_grid": grid,
+    "sphere_systematic": systematic, "sphere_smooth": smooth, "sphere_scans": scans, "sphere_weaved": weaved,
+    "sphere_grid": grid,
 }  # fmt: skip
 DEGENERATE: dict[str, Condition] = {
     "same_orientation": same_orientation, "one_axis": one_axis, "two_orientations": two_orientations,

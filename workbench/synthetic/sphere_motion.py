@@ -13,7 +13,7 @@ from workbench.synthetic.surface import pose
 from workbench.units import DEG, Float
 
 _PAUSE_S = 2.0  # between passes
-_WEAVES, _SWINGS = 1.5, 2.0  # of a scan: to and fro sideways, and in orientation
+_WEAVES, _SWINGS = np.array([1.5, 0.0, 2.5]), 2.0  # waves of a scan: in the view, and in orientation
 _SWING_AXIS = np.array([0.3, 0.4, np.sqrt(0.75)])  # in the flange frame
 _WAVES = 3  # sine waves that make one axis of the systematic error
 _MM_PER_RAD = 1000.0  # flange positions a metre apart are as far as orientations a radian apart
@@ -79,7 +79,7 @@ def flange_poses(recipe: SphereRecipe, one: SpherePass, time_s: Float) -> Float:
     done = (time_s / one.seconds)[:, None] if one.to_mm is not None else np.zeros((len(time_s), 1))
     end = one.sphere_mm if one.to_mm is None else one.to_mm
     view = (1 - done) * np.array(one.sphere_mm) + done * np.array(end)
-    view = view + one.weave_mm * np.sin(2 * np.pi * _WEAVES * done) * [1.0, 0.0, 1.0]
+    view = view + one.weave_mm * np.sin(2 * np.pi * _WEAVES * done)
     swing = one.weave_deg * DEG * np.sin(2 * np.pi * _SWINGS * done) * _SWING_AXIS
     nominal = rotation_from_rpy(*(np.array(robot.nominal_rpy_deg) * DEG))
     turned = nominal @ rotation_from_vector(np.array(one.turn_deg) * DEG) @ rotation_from_vector(swing)
@@ -98,7 +98,7 @@ def systematic_error(recipe: SphereRecipe, base_from_flange: Float) -> Float:
     turn = _small_vector(nominal.T @ base_from_flange[:, :3, :3])
     place = np.concatenate([turn, (base_from_flange[:, :3, 3] - recipe.sphere.center_mm) / _MM_PER_RAD], axis=1)
     waves = np.sin(place @ direction.reshape(-1, 6).T * (360 / robot.systematic_reach_deg) + phase.ravel())
-    return np.asarray(waves.reshape(-1, 3, _WAVES).sum(axis=2) * robot.systematic_mm * np.sqrt(2 / (3 * _WAVES)))
+    return np.asarray(waves.reshape(-1, 3, _WAVES).sum(axis=2) * robot.systematic_mm * np.sqrt(2 / _WAVES))
 
 
 def _small_vector(rotation: Float) -> Float:

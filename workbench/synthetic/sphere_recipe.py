@@ -35,8 +35,8 @@ class SpherePass(Strict):
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1  # frames held still
     to_mm: Vector | None = None  # a scan: where the centre lies at its end
     seconds: Annotated[float, Field(gt=0, le=100)] = 1.0
-    weave_mm: NonNegative = 0.0  # in x and in range
-    weave_deg: NonNegative = 0.0
+    weave_mm: NonNegative = 0.0  # amplitude in x, with 1.5 waves a scan, and in range, with 2.5
+    weave_deg: NonNegative = 0.0  # amplitude of a swing about an oblique axis, with two waves
     gross_mm: Vector = (0.0, 0.0, 0.0)  # what the recorded pose is off, beyond the noise
 
 
@@ -52,7 +52,7 @@ class SphereRobot(Strict):
     pose_margin_s: NonNegative = 0.3  # of recorded poses, before and after a scan
     pose_noise_mm: NonNegative = 0.07
     pose_noise_deg: NonNegative = 0.01
-    systematic_mm: NonNegative = 0.0  # RMS length of an error that is smooth in the posture
+    systematic_mm: NonNegative = 0.0  # of each axis, RMS: an error that is smooth in the posture
     systematic_reach_deg: Annotated[float, Field(ge=5, le=720)] = 90.0  # its wavelength; a metre counts as a radian
     clock: Literal["robot", "own"] = "robot"
     clock_offset_s: Annotated[float, Field(ge=-10, le=10)] = 0.0  # profile time - robot time

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from workbench.api import Float, Recording
@@ -131,6 +132,7 @@ def plan_picture(calibration: Calibration, plan: PosturePlan) -> bytes:
         left, right = figure.subplots(1, 2)
         tilt = plan.map_tilt_deg
         drawn = left.contourf(tilt, tilt, plan.map_volume_u_mm.T, levels=12, cmap="viridis_r")
+        drawn.set_clip_path(Circle((0, 0), plan.cone_deg, transform=left.transData))
         figure.colorbar(drawn, ax=left, label="uncertainty over the field after it, mm")
         left.set_xlabel("tilt about the profiler's x, deg")
         left.set_ylabel("tilt about the profiler's y, deg")

@@ -165,7 +165,6 @@ def _map(limits: Limits, estimate: Estimate, known: Float, noise: Noise, optics:
         flange = planning.poses(limits, estimate, both, np.zeros(len(both)), centre)
         after = planning.volume_after(known + planning.gains(flange, centre, estimate, noise, optics), weight)
         best = np.minimum(best, after)
-    best[np.linalg.norm(both, axis=1) > limits.cone * 1.001] = np.nan
     return tilt, best.reshape(MAP_STEPS, MAP_STEPS)
 
 

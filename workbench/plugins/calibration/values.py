@@ -76,7 +76,7 @@ class PosturePlan:
     half_mm: tuple[float, float]  # half width and half height within which the sphere is shown
     cone_deg: float
     map_tilt_deg: Float  # (m,) tilts of the range axis from the mean orientation, about the profiler's x and y
-    map_volume_u_mm: Float  # (m, m) after one more posture there, in its best place; NaN beyond the cone
+    map_volume_u_mm: Float  # (m, m) after one more posture there, the sphere in its best place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,1 @@
+"""Hand-eye calibration on simulated spheres, against the true pose and the Cramer-Rao bound."""

@@ -1,0 +1,144 @@
+"""The figures of calibration as Markdown tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import isfinite
+
+from bench.metrology.calibration.summary import (
+    CORRELATED_GOAL,
+    COVER_GOAL,
+    FLAGGED_GOAL,
+    GROSS_GOAL,
+    OFFSET_GOAL,
+    PLAN_GOAL,
+    ROTATION_GOAL_DEG,
+    VOL_GOAL,
+    CalibrationSummary,
+    Share,
+)
+from bench.metrology.table import markdown
+from workbench.synthetic.sphere_conditions import DEGENERATE
+
+OPENCV = (
+    "OpenCV's `calibrateHandEye` cannot take this problem: its AX = XB needs the full pose of the target in the "
+    "sensor's frame for every posture. A circle gives two coordinates of a point and, without its sign, a third; no orientation."
+)
+
+
+def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str:
+    """All tables, and what fell short."""
+    short = [words for s in summaries for words in s.shortcomings]
+    sound = [s for s in summaries if s.condition not in DEGENERATE]
+    parts: list[tuple[str, Iterable[str]]] = [
+        ("Error over the field of view against the Cramer-Rao bound, coverage of the 95 % ellipsoid", accuracy(sound)),
+        ("Gross poses, systematic errors of the robot", robot(sound)),
+        ("Scans over the sphere: clock offset, rotation", clock(sound)),
+        ("Nine planned postures beside the median of random nines, by their bounds", plans(sound)),
+        ("Methods side by side, `sphere_grid`: three orientations, three places each", methods(sound)),
+        ("Sets that determine nothing", refusals(summaries)),
+    ]
+    lines = [f"`{command}`", ""]
+    for title, rows in parts:
+        rows = list(rows)
+        lines += [f"### {title}", "", *rows, ""] if rows else []
+    return "\n".join([*lines, *crashes(summaries), "Not met: " + ("; ".join(short) if short else "nothing") + "."])
+
+
+def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    head = ["condition", "trials", "refused", "vol RMSE, mm", "bound, mm", "ratio", "goal", "stated u, mm", "covers, %",
+            "95 % interval", "goal", "wrong signs", "silently wrong", "solve, ms (median)"]  # fmt: skip
+    rows = [
+        [s.condition, f"{s.trials}", f"{len(s.refused)}", f"{s.vol_mm:.3f}", f"{s.bound_mm:.3f}", _marked(s.ratio,
+         VOL_GOAL.get(s.condition)), _goal(VOL_GOAL.get(s.condition)), f"{s.u_mm:.3f}",
+         *_share(s.covered, COVER_GOAL.get(s.condition)), f"{s.signs_wrong}", f"{s.silently_wrong}",
+         f"{s.solve_ms:.1f}"]
+        for s in summaries if s.condition != "sphere_planned"
+    ]  # fmt: skip
+    return markdown(head, rows) if rows else []
+
+
+def robot(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    head = ["condition", "just the gross ones rejected, %", f"vol over predicted (goal {GROSS_GOAL:g})",
+            f"misfit flagged, % (goal {100 * FLAGGED_GOAL:g})", "`correlated`: covers, %", "95 % interval", "goal",
+            "`correlated`: vol RMSE, mm"]  # fmt: skip
+    rows = []
+    for s in summaries:
+        if s.condition == "sphere_gross":
+            rows.append([s.condition, _percent(s.gross_found), _marked(s.vol_mm / s.u_mm, GROSS_GOAL),
+                         _percent(s.flagged), "", "", "", ""])  # fmt: skip
+        if s.correlated.of:
+            goal = CORRELATED_GOAL if s.condition == "sphere_systematic" else None
+            rows.append([s.condition, "", "", _percent(s.flagged), *_share(s.correlated, goal),
+                         f"{s.correlated_mm:.3f}"])  # fmt: skip
+    return markdown(head, rows) if rows else []
+
+
+def clock(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    head = ["condition", "offset RMSE, ms", f"over its bound (goal {OFFSET_GOAL:g})",
+            f"rotation RMSE, deg (goal, weaved: {ROTATION_GOAL_DEG:g})"]  # fmt: skip
+    rows = [
+        [s.condition, f"{s.offset_ms:.3f}", _marked(s.offset_ratio, OFFSET_GOAL), f"{s.rotation_deg:.4f}"]
+        for s in summaries
+        if isfinite(s.offset_ms)
+    ]
+    return markdown(head, rows) if rows else []
+
+
+def plans(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    head = ["trials", f"planned over random: median (goal {PLAN_GOAL:g})", "95th percentile", "bound, mm",
+            "vol RMSE, mm"]  # fmt: skip
+    rows = [
+        [f"{s.trials}", _marked(s.plan_ratio[0], PLAN_GOAL), f"{s.plan_ratio[1]:.3f}", f"{s.bound_mm:.3f}",
+         f"{s.vol_mm:.3f}"]
+        for s in summaries if isfinite(s.plan_ratio[0])
+    ]  # fmt: skip
+    return markdown(head, rows) if rows else []
+
+
+def methods(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    for s in summaries:
+        if s.others:
+            rows = [[name, f"{value:.3f}", f"{value / s.bound_mm:.3f}"] for name, value in s.others.items()]
+            yield from markdown(["method", "vol RMSE, mm", "over the bound"], rows)
+            yield ""
+            yield "All but the bundle are given the signs and postures that the bundle has found."
+            yield OPENCV
+
+
+def refusals(summaries: list[CalibrationSummary]) -> Iterable[str]:
+    rows = [
+        [s.condition, f"{s.trials}", f"{len(s.refused)}", f"{s.named}", s.refused[0].refused or "" if s.refused else ""]
+        for s in summaries if s.condition in DEGENERATE
+    ]  # fmt: skip
+    return markdown(["set", "trials", "refused", "direction named", "the first one's words"], rows) if rows else []
+
+
+def crashes(summaries: list[CalibrationSummary]) -> list[str]:
+    lines = [f"- {s.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in summaries for r in s.crashed]
+    sound = [s for s in summaries if s.condition not in DEGENERATE]
+    lines += [f"- {s.condition}, seed {r.seed}: refused: {r.refused}" for s in sound for r in s.refused[:5]]
+    return [*lines, ""] if lines else []
+
+
+def _marked(value: float, goal: float | None) -> str:
+    return f"{value:.3f}" if goal is None or value <= goal else f"**{value:.3f}**"
+
+
+def _goal(goal: float | None) -> str:
+    return "" if goal is None else f"{goal:g}"
+
+
+def _percent(share: Share) -> str:
+    return f"{100 * share.value:.1f}"
+
+
+def _share(share: Share, goal: tuple[float, float] | None) -> list[str]:
+    if not share.of:
+        return ["", "", ""]
+    low, high = share.interval
+    value = _percent(share)
+    if goal and not goal[0] <= share.value <= goal[1]:
+        value = f"**{value}**"
+    words = "" if goal is None else f"{100 * goal[0]:g} to {100 * goal[1]:g}"
+    return [value, f"{100 * low:.1f} to {100 * high:.1f}", words]

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import open3d
 import pytest
+from pydantic import BaseModel
 
 from workbench.errors import InputError, WorkbenchError
 from workbench.robot import Cell, CollisionModel, cell, inverse_kinematics, read_cell
+from workbench.robot import cell_file as cell_file_module
 
 
 def test_shipped_cell(cell: Cell) -> None:
@@ -126,3 +128,11 @@ def test_workpiece_and_links_of_meshes(cell_file: Any) -> None:
 def test_json_of_the_data_folder_is_plain() -> None:
     text = (Path(__file__).parents[2] / "data" / "robot" / "cell.json").read_text()
     assert json.loads(text)["version"] == 1
+
+
+def test_every_key_of_the_cell_file_is_explained() -> None:
+    text = (Path(__file__).parents[2] / "data" / "robot" / "README.md").read_text()
+    parts = [part for part in vars(cell_file_module).values() if isinstance(part, type) and issubclass(part, BaseModel)]
+    keys = {key for part in parts for key in part.model_fields}
+    assert len(keys) > 30
+    assert sorted(key for key in keys if f"| `{key}` |" not in text) == []

@@ -120,7 +120,7 @@ FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
     "a layer in the air": (
         lambda p: replace(p, layers=(in_the_air(p.layers[0]), *p.layers[1:])), "layer 1 cuts nothing but air"),
     "a key point left out": (lambda p: change(p, **without(20)), "no point every mm"),
-    "the end left out": (lambda p: change(p, **without(slice(-12, None))), "from one end of the edge to the other"),
+    "the end left out": (lambda p: change(p, **without(slice(-14, None))), "from one end of the edge to the other"),
     "cutting what was not measured": (
         lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)), "nothing was measured"),
     "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),

@@ -40,7 +40,7 @@ def layers(
         float, Field(ge=0.1, le=50, description="how near the cutter comes to a clamp beside it")
     ] = 2.0,
     ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
-    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 10.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,
     smoothing_mm: Annotated[
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
     ] = 10.0,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Layer, Travel
-from workbench.geometry.tool_frames import bevel_normal, smoothstep, tool_quaternions
+from workbench.geometry.tool_frames import bevel_normal, tool_quaternions
 from workbench.path.course import Course
 from workbench.path.obstacles import Lift, lifted_heights
 from workbench.path.section import LEAST_DEPTH_MM, Bevel
@@ -70,9 +70,11 @@ def origins(course: Course, bevel: Bevel, height_mm: float) -> Float:
 def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
     """The layer at a height above the finished face; `index` from 1, in cutting order."""
     course, s = plan.course, plan.course.arc_length_mm
-    lead = smoothstep(np.maximum(-s, s - plan.length_mm) / plan.air.lead_mm)
     lifted = lifted_heights(s, plan.lifts, height_mm)
-    lift = np.maximum(lifted - height_mm, lead * (plan.clear_mm - height_mm))
+    lift = np.maximum(
+        lifted - height_mm,
+        lead_heights(np.maximum(-s, s - plan.length_mm), plan.air.lead_mm, plan.clear_mm - height_mm),
+    )
     inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
     cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (plan.stock_mm - height_mm > LEAST_DEPTH_MM)
     return Layer(
@@ -82,6 +84,16 @@ def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
         cutting=cutting, measured=course.seen,
         width_mm=np.where(cutting, plan.bevel.width_mm(course, height_mm), 0.0),
     )  # fmt: skip
+
+
+def lead_heights(beyond_mm: Float, lead_mm: float, clear_mm: float) -> Float:
+    """Height (k,) above the layer at places `beyond_mm` (k,) its end: a circle that leaves it tangentially.
+
+    It reaches `clear_mm` at the end of the lead, or a quarter of a circle where that is higher.
+    """
+    rise = min(clear_mm, lead_mm)
+    radius = (lead_mm**2 + rise**2) / (2.0 * rise)
+    return np.asarray(radius - np.sqrt(radius**2 - np.clip(beyond_mm, 0.0, lead_mm) ** 2))
 
 
 def make_travels(plan: Plan, layers: Sequence[Layer], high_mm: float) -> tuple[Travel, ...]:

@@ -37,7 +37,7 @@ def rework(
     clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height above stock and clamps in the air")] = 5.0,
     side_clearance_mm: Annotated[float, Field(ge=0.1, le=50, description="distance to a clamp beside it")] = 2.0,
     ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
-    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 10.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,
     v_fast_mm_s: Annotated[float, Field(gt=0, le=5000, description="feed far from all material")] = 20.0,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="greatest change of the feed")] = 50.0,
 ) -> Rework:

@@ -103,6 +103,8 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
              elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
+    With poses of shape (a p, 1, 4, 4) it is the displacement of every single point.
+
     Args:
         arm: the robot.
         stiffness: (6,) Nm/rad.

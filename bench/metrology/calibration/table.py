@@ -22,7 +22,8 @@ from workbench.synthetic.sphere_conditions import DEGENERATE
 
 OPENCV = (
     "OpenCV's `calibrateHandEye` cannot take this problem: its AX = XB needs the full pose of the target in the "
-    "sensor's frame for every posture. A circle gives two coordinates of a point and, without its sign, a third; no orientation."
+    "sensor's frame for every posture. A circle gives two coordinates of a point and, without its sign, a third, but "
+    "no orientation."
 )
 
 

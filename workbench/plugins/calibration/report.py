@@ -163,7 +163,7 @@ def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
 def _figure(picture: bytes, words: str, caption: str) -> str:
     """`caption` is HTML."""
     address = f"data:image/svg+xml;base64,{base64.b64encode(picture).decode()}"
-    return f'<figure><img src="{address}" alt="{escape(words)}"><figcaption>{caption}</figcaption></figure>'
+    return f'<figure><img src="{address}" alt="{escape(words)}"/><figcaption>{caption}</figcaption></figure>'
 
 
 def _key(colour: str, words: str) -> str:

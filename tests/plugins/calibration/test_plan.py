@@ -1,0 +1,127 @@
+"""Planned postures: within their limits, worth what is predicted, and better than random ones."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.api import DEG, InputError, inverse, vector_from_rotation
+from workbench.plugins.calibration import circles, hand_eye, plan, planning
+from workbench.plugins.calibration.model import Estimate, Noise
+from workbench.synthetic import parse_sphere_recipe, simulate_sphere
+
+CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
+PASSES = [
+    {"sphere_mm": [-8, 2, -9], "turn_deg": [20, 3, -7]}, {"sphere_mm": [7, -3, 8], "turn_deg": [-15, 12, 5]},
+    {"sphere_mm": [3, 3, -4], "turn_deg": [4, -22, 10]}, {"sphere_mm": [-6, -2, 12], "turn_deg": [-19, -8, -12]},
+    {"sphere_mm": [1, 4, 2], "turn_deg": [9, 17, 16]}, {"sphere_mm": [9, -4, -10], "turn_deg": [13, -14, -18]},
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made():
+    recipe = parse_sphere_recipe({"format": "sphere-recipe", "seed": 4, "passes": PASSES})
+    recording, truth = simulate_sphere(recipe)
+    profiles = circles(recording)
+    return profiles, recording, hand_eye(profiles, recording)[1], truth
+
+
+def test_postures_lie_within_the_limits(made):
+    profiles, recording, found, _ = made
+    proposed, _ = plan(
+        found, profiles, recording, postures=6, cone_deg=12, roll_deg=5, half_width_mm=4, half_height_mm=6
+    )
+    off = np.abs(proposed.centre_mm[:, ::2] - proposed.middle_mm)
+    assert (off <= np.array([4, 6]) + 1e-9).all()
+    hand_eye_pose = found.hand_eye.flange_from_profiler
+    axes = (proposed.base_from_flange @ hand_eye_pose)[:, :3, 2]
+    recorded = np.array([p[:3, :3] for p in made[3].base_from_flange])
+    U, _, V = np.linalg.svd(recorded.sum(axis=0))
+    mean = U @ V @ hand_eye_pose[:3, :3]
+    assert np.degrees(np.arccos(axes @ mean[:, 2])).max() < 12.1
+    # the sphere's centre comes to lie where the table says, by the true geometry within the calibration's error
+    there = inverse(proposed.base_from_flange @ made[3].flange_from_profiler) @ np.array([1890.33, 241.48, 1079.72, 1])
+    assert there[:, :3] == pytest.approx(proposed.centre_mm, abs=1.0)
+
+
+def test_going_there_makes_the_calibration_as_good_as_predicted(made):
+    """The planned postures are simulated, added to the recording, and the whole is calibrated anew."""
+    profiles, recording, found, _ = made
+    proposed, _ = plan(found, profiles, recording, postures=4)
+    first = parse_sphere_recipe({"format": "sphere-recipe", "passes": [{"sphere_mm": [0, 0, 0]}]})
+    nominal = simulate_sphere(first)[1].base_from_flange[0, :3, :3]
+    more = []
+    for pose, centre in zip(proposed.base_from_flange, proposed.centre_mm, strict=True):
+        turn = vector_from_rotation(nominal.T @ pose[:3, :3]) / DEG
+        more.append({"sphere_mm": (centre - [0, 0, 150]).tolist(), "turn_deg": turn.tolist()})
+    again, _ = simulate_sphere(parse_sphere_recipe({"format": "sphere-recipe", "seed": 4, "passes": PASSES + more}))
+    better = hand_eye(circles(again), again)[1]
+    assert better.volume_u_mm == pytest.approx(proposed.volume_u_mm[-1], rel=0.12)
+    assert proposed.volume_u_mm[-1] < 0.8 * proposed.volume_u_mm[0]
+    assert (np.diff(proposed.volume_u_mm) < 0).all()
+
+
+def test_nine_planned_are_better_than_random_nines():
+    rng = np.random.default_rng(0)
+    estimate = Estimate(np.eye(3), np.array([100.0, 20.0, 50.0]), np.array([1500.0, 0.0, 800.0]), 5.0)
+    limits = planning.Limits(np.diag([1.0, -1.0, -1.0]), 25 * DEG, 25 * DEG, (0.0, 150.0), (10.0, 15.0))
+    noise, optics = Noise(), planning.Optics(0.015, 0.05)
+    weight = planning.volume_weight(estimate, limits.middle_mm)
+    start = planning.before(estimate, noise)
+
+    def volume(flange, centre):
+        return planning.volume_after(
+            start + planning.gains(flange, centre, estimate, noise, optics).sum(axis=0), weight
+        )
+
+    flange, centre = planning.candidates(limits, estimate, 400, rng)
+    chosen = planning.choose(planning.gains(flange, centre, estimate, noise, optics), start, 9)
+    assert len(set(chosen.tolist())) == 9
+    random = [volume(*planning.random_postures(limits, estimate, 9, rng)) for _ in range(60)]
+    assert volume(flange[chosen], centre[chosen]) < 0.67 * np.median(random)
+
+
+def test_circles_are_as_uncertain_as_their_scatter():
+    """The predicted covariance against fits of simulated arcs."""
+    recipe = parse_sphere_recipe({"format": "sphere-recipe", "robot": {"pose_noise_mm": 0, "pose_noise_deg": 0},
+                                  "passes": [{"sphere_mm": [0.01, 3.0, 0], "repeats": 300}]})  # fmt: skip
+    found = circles(simulate_sphere(recipe)[0]).circle
+    predicted = planning.circle_covariance(np.array([16.0]), planning.Optics(0.015, 0.05))[0]
+    assert found.std(axis=0) == pytest.approx(
+        np.sqrt(np.diagonal(predicted)), rel=0.2
+    )  # the fit is robust: it costs a little
+
+
+def test_table_holds_the_poses(made):
+    profiles, recording, found, _ = made
+    proposed, table = plan(found, profiles, recording)
+    rows = list(csv.DictReader(io.StringIO(table.content.decode())))
+    assert table.name == "calibration_plan.csv"
+    assert [float(row["volume_u_after_mm"]) for row in rows] == pytest.approx(proposed.volume_u_mm[1:], abs=1e-4)
+    assert [float(rows[0][k]) for k in ("x_mm", "y_mm", "z_mm")] == pytest.approx(
+        proposed.base_from_flange[0, :3, 3], abs=1e-3
+    )
+
+
+def test_the_robot_must_reach_the_postures(made):
+    profiles, recording, found, _ = made
+    proposed, _ = plan(found, profiles, recording, cell=CELL)
+    from workbench.api import inverse_kinematics, read_cell, within_limits
+
+    chain = read_cell(CELL).chain
+    joints = within_limits(chain, inverse_kinematics(chain, proposed.base_from_flange))
+    assert np.isfinite(joints).all(axis=-1).any(axis=-1).all()
+
+
+def test_a_sphere_out_of_reach_is_refused(made):
+    profiles, _, _, _ = made
+    far = parse_sphere_recipe({"format": "sphere-recipe", "seed": 4, "passes": PASSES,
+                               "sphere": {"center_mm": [9000, 0, 1000]}})  # fmt: skip
+    recording, _ = simulate_sphere(far)
+    found = hand_eye(circles(recording), recording)[1]
+    with pytest.raises(InputError, match=r"reaches 0 of .* postures"):
+        plan(found, profiles, recording, cell=CELL)

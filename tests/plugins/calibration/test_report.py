@@ -1,0 +1,71 @@
+"""The chapter: its numbers are the calibration's, its pictures are whole, and text out of files is escaped."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+from workbench.plugins.calibration import circles, hand_eye, plan, report, validate
+from workbench.synthetic import random_sphere_recipe, simulate_sphere
+
+
+@pytest.fixture(scope="module")
+def parts():
+    recording, _ = simulate_sphere(random_sphere_recipe("sphere_gross", 5))
+    recording = dataclasses.replace(recording, part_id="<b>ball</b>")
+    profiles = circles(recording)
+    _, found, _ = hand_eye(profiles, recording)
+    return found, profiles, recording, plan(found, profiles, recording)[0], validate(found, profiles, recording)[0]
+
+
+def test_chapter_tells_everything(parts):
+    chapter = report(*parts)
+    titles = re.findall(r"<h3>(.*?)</h3>", chapter.html)
+    assert titles == [
+        "What is known well, and what is not", "Sphere centres in the base", "Residuals of each posture",
+        "Frames that do not count", "Profiles and their circles", "Errors on held-out postures",
+        "Where the next posture would help most",
+    ]  # fmt: skip
+    found = parts[0]
+    assert f"{found.volume_u_mm:.3f} mm" in chapter.html
+    for words, u in found.directions:
+        assert f"{words}" in chapter.html.replace("&#x27;", "'")
+        assert f"{u:.3f}" in chapter.html
+    assert chapter.html.count("gross pose") == 2
+    assert chapter.warnings == found.warnings
+    assert "13 of 15 postures" in chapter.summary
+
+
+def test_html_is_well_formed_and_names_nothing_outside(parts):
+    page = ElementTree.fromstring(f"<div>{report(*parts).html}</div>")
+    pictures = [image.attrib["src"] for image in page.iter("img")]
+    assert len(pictures) == 4
+    for address in pictures:
+        kind, data = address.split(",", 1)
+        assert kind == "data:image/svg+xml;base64"
+        assert ElementTree.fromstring(base64.b64decode(data)).tag.endswith("svg")
+    assert "http" not in "".join(page.itertext())
+
+
+def test_text_out_of_files_is_escaped(parts):
+    found = dataclasses.replace(parts[0], directions=(("<script>", 1.0),))
+    chapter = report(found, *parts[1:])
+    assert "<script>" not in chapter.html
+    assert "&lt;script&gt;" in chapter.html
+
+
+def test_same_calibration_same_bytes(parts):
+    found, profiles, recording, *_ = parts
+    assert report(found, profiles, recording).html == report(found, profiles, recording).html
+
+
+def test_without_design_plan_and_validation(parts):
+    _, profiles, recording, *_ = parts
+    bare = dataclasses.replace(recording, flange_from_profiler=None)
+    chapter = report(hand_eye(profiles, bare)[1], profiles, bare)
+    assert "Where the next" not in chapter.html
+    assert chapter.html.count("<img") == 3

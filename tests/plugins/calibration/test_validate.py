@@ -1,0 +1,89 @@
+"""Validation on held-out postures tells a wrong calibration where the spread of fitted centres does not."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from workbench.api import HandEye, InputError
+from workbench.plugins.calibration import circles, hand_eye, validate
+from workbench.synthetic import random_sphere_recipe, simulate_sphere
+
+OTHER = {"center_mm": [900.0, -400.0, 700.0]}
+
+
+def calibrated(drawn, condition="sphere_nine", **changes):
+    document = random_sphere_recipe(condition, drawn).model_dump(mode="json")
+    for key, value in changes.items():
+        document[key] = document[key] | value if isinstance(value, dict) else value
+    recipe = type(random_sphere_recipe(condition, drawn)).model_validate(document)
+    recording, _ = simulate_sphere(recipe)
+    recording = dataclasses.replace(recording, source=f"{condition}-{drawn}-{sorted(changes)}")
+    profiles = circles(recording)
+    return profiles, recording
+
+
+def test_held_out_errors_are_as_large_as_expected():
+    misfits, ratios = [], []
+    for seed in range(12):
+        profiles, recording = calibrated(seed)
+        found, _ = validate(hand_eye(profiles, recording)[1], profiles, recording)
+        misfits.append(found.misfit)
+        ratios.append(found.rms_mm / found.expected_mm)
+    assert np.mean(misfits) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.15)
+
+
+def test_folds_hold_out_whole_parts():
+    profiles, recording = calibrated(3)
+    found, document = validate(hand_eye(profiles, recording)[1], profiles, recording, folds=3)
+    assert "3 parts" in found.how
+    content = json.loads(document.content)
+    assert len(content["postures"]) == 9
+    assert content["rms_mm"] == pytest.approx(found.rms_mm)
+
+
+def second_recording(seed):
+    """The calibration of one recording, and another of the same profiler, with its sphere elsewhere."""
+    profiles, recording = calibrated(seed)
+    more = random_sphere_recipe("sphere_nine", seed + 100).model_dump(mode="json")
+    return hand_eye(profiles, recording)[1], calibrated(seed, sphere=OTHER, passes=more["passes"], seed=seed + 100)
+
+
+def test_a_second_recording_agrees():
+    misfits = []
+    for seed in range(8):
+        calibration, (profiles, recording) = second_recording(seed)
+        found, _ = validate(calibration, profiles, recording)
+        assert "second recording" in found.how
+        misfits.append(found.misfit)
+    assert np.mean(misfits) == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_second_recording_shows_a_profiler_that_was_knocked():
+    calibration, (profiles, recording) = second_recording(1)
+    pose = calibration.hand_eye.flange_from_profiler.copy()
+    pose[:3, 3] += [1.0, 1.0, -1.0]
+    moved = dataclasses.replace(calibration, hand_eye=HandEye(pose, source=calibration.hand_eye.source))
+    assert validate(moved, profiles, recording)[0].misfit > 3
+
+
+def test_too_few_postures_are_refused():
+    profiles, recording = calibrated(2, passes=random_sphere_recipe("sphere_nine", 2).model_dump()["passes"][:4])
+    try:
+        calibration = hand_eye(profiles, recording, max_u_mm=10)[1]
+    except InputError as error:
+        pytest.skip(f"four postures: {error}")
+    with pytest.raises(InputError, match="too few to hold 1 out"):
+        validate(calibration, profiles, recording)
+
+
+def test_scans_are_held_out_whole():
+    profiles, recording = calibrated(1, "sphere_scans")
+    calibration = hand_eye(profiles, recording)[1]
+    found, _ = validate(calibration, profiles, recording)
+    assert found.misfit == pytest.approx(1.0, abs=0.35)
+    assert np.nanmean(found.u_mm[:, 0]) > 0.05

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from workbench import Pipeline
 from workbench.errors import InputError
 from workbench.plugins.stiffness import plan_loads, simulate_loads
 from workbench.plugins.stiffness.design import choose, choose_postures, cost, relative_u
@@ -14,7 +15,7 @@ from workbench.plugins.stiffness.loads import read_loads
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, CollisionModel
 
-from .conftest import K
+from .conftest import ROOT, K
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +98,15 @@ def test_bad_postures_and_cells_are_refused(cell: Cell, stiffness: JointStiffnes
         plan_loads(dataclasses.replace(cell, loading=None), stiffness)
     with pytest.raises(InputError, match="targets_mm"):
         plan_loads(cell, stiffness, targets=9)
+
+
+def test_shipped_loads_are_what_the_pipeline_gives(tmp_path: Any) -> None:
+    Pipeline.load(ROOT / "pipelines" / "plan_loads.json").run(tmp_path / "out")
+    made, shipped = tmp_path / "out" / "loads.csv", ROOT / "data" / "synthetic" / "loads.csv"
+    ours, theirs = read_loads(made), read_loads(shipped)
+    assert ours.labels == theirs.labels
+    assert np.allclose(ours.joints, theirs.joints, atol=1e-8)
+    assert np.allclose(ours.wrench, theirs.wrench, atol=1e-3)
+    assert ours.displacement is not None
+    assert theirs.displacement is not None
+    assert np.allclose(ours.displacement, theirs.displacement, atol=1e-5)

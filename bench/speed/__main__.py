@@ -32,6 +32,7 @@ def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]
     yield from rows.linearity(times)
     yield from rows.routes(paths, times, also_largest)
     yield from rows.planning()
+    yield from rows.calibrating()
 
 
 def main() -> None:

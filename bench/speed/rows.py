@@ -139,6 +139,29 @@ def planning() -> Iterator[Row]:
     yield from planned(json.loads(done.stdout))
 
 
+def calibrating() -> Iterator[Row]:
+    """Nine profiles to the hand-eye pose, beside the paper's genetic algorithm, in a process on one core."""
+    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", "bench.speed.calibration"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
+    yield from calibrated(json.loads(done.stdout))
+
+
+def calibrated(found: dict[str, Any]) -> Iterator[Row]:
+    """Rows of what `bench.speed.calibration` has measured; errors are RMS over the field of view."""
+    s, vol = found["seconds"], found["vol_mm"]
+    yield Row("hand-eye pose of 9 profiles after circle fits, signs searched, answer checked", seconds(s["ours"]), "",
+              1e3 * s["ours"], "{:.2f} ms", goal=5, at_most=True)  # fmt: skip
+    yield Row("file of 9 profiles to `handeye.json`, libraries imported", seconds(found["file_s"]), "", found["file_s"],
+              "{:.3f} s", goal=1, at_most=True)  # fmt: skip
+    others = (("DE", "scipy's differential evolution, an individual at a time"), ("GA", "the paper's GA, vectorised"))
+    for own, words in (("ours", "signs searched"), ("with_signs", "signs given, from the design's pose")):
+        for name, other in others:
+            yield Row(f"hand-eye pose of 9 profiles, {words}, error {vol[own]:.3f} mm; {other}, signs given, 100 x "
+                      f"100 evaluations a step, error {vol[name]:.3f} mm", seconds(s[own]), seconds(s[name]),
+                      s[name] / s[own], "{:.0f} x faster", goal=300)  # fmt: skip
+
+
 def planned(found: dict[str, Any]) -> Iterator[Row]:
     """Rows of what `bench.speed.planning` has measured. The peers' times are linear in the points of the path."""
     stages_s, points = found["stages_s"], found["points"]

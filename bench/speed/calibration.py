@@ -1,0 +1,137 @@
+"""Hand-eye calibration beside the paper's genetic algorithm. `python -m bench.speed.calibration` prints JSON.
+
+It runs in a process of its own, on one core. Both sides get the same circles; the genetic algorithms get the signs of h
+as well, which `solve` has to find; `with_signs` is ours where they are given.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from bench.metrology.calibration.part import recorded
+from bench.metrology.calibration.truth import cell_of, circles
+from bench.peers.genetic import genetic_hand_eye
+from bench.speed.timing import REPEATS
+from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.plugins import calibration
+from workbench.plugins.calibration import bundle, signs
+from workbench.plugins.calibration.methods import BOX_MM, BOX_RAD, GENERATIONS, POPULATION, Centres, _Pairs
+from workbench.plugins.calibration.model import Estimate, Noise, linearise
+from workbench.plugins.calibration.observations import Observations, from_arrays
+from workbench.plugins.calibration.solve import solve
+from workbench.scan import read
+from workbench.synthetic import random_sphere_recipe, write_simulation
+from workbench.synthetic.sphere_motion import design_hand_eye
+from workbench.units import Float
+
+SETS = 10  # of nine postures, drawn anew
+FIRST_SEED = 500_000
+STEPS, SETTLED = 12, 1e-3  # of Gauss-Newton on the centres, mm and rad
+
+
+def one_by_one(design: Float, seen: Centres, seed: int) -> Float:
+    """Hand-eye pose (4, 4) by the paper's two steps with scipy's differential evolution, an individual at a time."""
+    pairs = _Pairs(seen)
+    rpy = np.array(rpy_from_rotation(design[:3, :3]))
+
+    def evolve(cost: Callable[[Float], float], middle: Float, half: float) -> Float:
+        box = [(m - half, m + half) for m in middle]
+        found = differential_evolution(cost, box, popsize=POPULATION // 3, maxiter=GENERATIONS, tol=0.0, polish=False,
+                                       rng=np.random.default_rng(seed))  # fmt: skip
+        return np.asarray(found.x)
+
+    angles = evolve(lambda g: float(np.sum(pairs.rotation_residual(rotation_from_rpy(*g)[None]) ** 2)), rpy, BOX_RAD)
+    R = rotation_from_rpy(*angles)
+    return pose_from(R, evolve(lambda g: float(pairs.translation_cost(R, g[None])[0]), design[:3, 3], BOX_MM))
+
+
+def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise) -> Estimate:
+    """Ours from the design's pose with known signs: least squares on the centres, then maximum likelihood."""
+    R, t = design[:3, :3].copy(), design[:3, 3].copy()
+    middle = centres.t.mean(axis=0)
+    off = centres.t - middle
+    C = ((centres.r @ (centres.P @ R.T + t)[..., None])[..., 0] + off).mean(axis=0)
+    weight = np.full(centres.P.shape, noise.pose_mm**-2)
+    for _ in range(STEPS):
+        N, g = np.zeros((9, 9)), np.zeros(9)
+        signs._equations(centres.P, weight, centres.r, off, R, t, C, N, g)
+        step = signs._solve(N, g)
+        t, R, C = t + step[:3], rotation_from_vector(step[3:6]) @ R, C + step[6:]
+        if np.abs(step).max() < SETTLED:
+            break
+    return bundle.fit(Estimate(R, t, C + middle, noise.radius_mm), seen, noise).estimate
+
+
+def measure() -> dict[str, Any]:
+    """Medians in s of processor time, and RMS errors over the field of view in mm, of all methods over the same sets."""
+    times: dict[str, list[float]] = {}
+    errors: dict[str, list[float]] = {}
+
+    def timed(name: str, repeats: int, way: Callable[..., Any], *given: Any) -> Any:
+        for _ in range(repeats):
+            start = time.process_time()
+            found = way(*given)
+            times.setdefault(name, []).append(time.process_time() - start)
+        return found
+
+    for k in range(SETS):
+        recipe = random_sphere_recipe("sphere_nine", FIRST_SEED + k)
+        cell, design, noise = cell_of(recipe), design_hand_eye(recipe), Noise()
+        circle, covariance = circles(cell, np.random.default_rng(k))
+        seen = from_arrays(circle, covariance, recorded(recipe))
+        if k == 0:
+            solve(seen, noise, design)  # kernels are loaded
+        estimate = timed("ours", REPEATS, solve, seen, noise, design).fit.estimate
+        P = bundle.signed_centres(estimate, linearise(estimate, seen, noise), seen)
+        centres = Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
+        signed = timed("with_signs", REPEATS, with_signs, design, centres, seen, noise)
+        answers = {
+            "with_signs": pose_from(signed.rotation, signed.translation_mm),
+            "ours": pose_from(estimate.rotation, estimate.translation_mm),
+            "GA": timed("GA", 1, genetic_hand_eye, design, centres, np.random.default_rng(k)),
+            "DE": timed("DE", 1, one_by_one, design, centres, k),
+        }
+        for name, pose in answers.items():
+            errors.setdefault(name, []).append(cell.vol_mm(pose))
+    return {
+        "seconds": {name: statistics.median(each) for name, each in times.items()},
+        "vol_mm": {name: float(np.sqrt(np.mean(np.square(each)))) for name, each in errors.items()},
+        "file_s": file_to_answer(),
+        "sets": SETS,
+    }
+
+
+def file_to_answer() -> float:
+    """From a file of nine profiles to handeye.json in this process: the median; what is imported is there."""
+    taken = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sphere.h5"
+        write_simulation(random_sphere_recipe("sphere_stray", FIRST_SEED), path)
+        for _ in range(REPEATS):
+            start = time.perf_counter()
+            recording = read(recording=path)
+            profiles = calibration.circles(recording)
+            calibration.hand_eye(profiles, recording)
+            taken.append(time.perf_counter() - start)
+    return statistics.median(taken)
+
+
+def main() -> None:
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    json.dump(measure(), sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""Both sides of the calibration's timing solve the same task, and the page says what was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.metrology.calibration.part import recorded
+from bench.metrology.calibration.truth import cell_of, circles
+from bench.peers.genetic import genetic_hand_eye
+from bench.speed.calibration import file_to_answer, with_signs
+from bench.speed.rows import calibrated
+from workbench.plugins.calibration import bundle
+from workbench.plugins.calibration.methods import Centres
+from workbench.plugins.calibration.model import Noise, linearise
+from workbench.plugins.calibration.observations import from_arrays
+from workbench.plugins.calibration.solve import solve
+from workbench.synthetic import random_sphere_recipe
+from workbench.synthetic.sphere_motion import design_hand_eye
+
+
+def test_both_sides_find_the_pose():
+    recipe = random_sphere_recipe("sphere_nine", 12)
+    cell, design, noise = cell_of(recipe), design_hand_eye(recipe), Noise()
+    circle, covariance = circles(cell, np.random.default_rng(0))
+    seen = from_arrays(circle, covariance, recorded(recipe))
+    estimate = solve(seen, noise, design).fit.estimate
+    P = bundle.signed_centres(estimate, linearise(estimate, seen, noise), seen)
+    centres = Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
+    signed = with_signs(design, centres, seen, noise)
+    assert signed.translation_mm == pytest.approx(estimate.translation_mm, abs=1e-4)
+    assert cell.vol_mm(genetic_hand_eye(design, centres, np.random.default_rng(0))) < 1.0
+
+
+def test_a_file_is_answered():
+    assert 0 < file_to_answer() < 30
+
+
+def test_rows_say_what_was_measured():
+    seconds = {"ours": 0.004, "with_signs": 0.001, "GA": 0.1, "DE": 0.8}
+    vol = {"ours": 0.1, "with_signs": 0.1, "GA": 0.2, "DE": 0.3}
+    rows = list(calibrated({"seconds": seconds, "vol_mm": vol, "file_s": 0.2, "sets": 10}))
+    assert [row.met for row in rows] == [True, True, False, False, True, False]
+    assert [round(row.factor) for row in rows[2:]] == [200, 25, 800, 100]
+    assert "error 0.300 mm" in rows[2].what

@@ -17,7 +17,7 @@ from workbench.plugins.calibration.bundle import Fit, without_gross
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations
 
-AMPLITUDES_MM = (0.0, *np.geomspace(0.05, 6.0, 11))
+AMPLITUDES_MM = (0.0, *np.geomspace(0.05, 3.0, 10))
 LENGTHS_RAD = (0.05, 0.15, 0.4, 1.0, 2.5)
 LENIENT = 4.0  # what a posture may be off over the robot's noise before it is gross: systematic errors are not
 ROUNDS = 2  # of linearisation
@@ -48,6 +48,7 @@ def _over_grid(estimate: Estimate, here: Observations, noise: Noise) -> tuple[Fl
         _restricted(linear, here, noise, a**2 * np.exp(-0.5 * (apart / length) ** 2), estimate) for a, length in grid
     ]
     log = np.array([one[0] for one in found])
+    log += 0.5 * np.log([max(a, AMPLITUDES_MM[1]) for a, _ in grid])  # between Jeffreys' prior and a flat one
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
     weights = np.exp(log - log.max())
     return (weights / weights.sum(), np.array([one[1] for one in found]), np.array([one[2] for one in found]),

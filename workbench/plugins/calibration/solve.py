@@ -7,18 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError, vector_from_rotation
+from workbench.api import Float, InputError
 from workbench.plugins.calibration import bundle, signs
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.determinacy import check_determined, check_offset, check_postures, directions
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.plugins.calibration.rivals import only_answer
 
 COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
 COARSE_STEPS = 12  # of the fits from the grid of clock offsets
 TRIED = 6  # answers of the search that are refined
-RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
-REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
 HOPELESS = 0.5  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
 CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
@@ -57,7 +56,7 @@ def solve(seen: Observations, noise: Noise, design: Float | None = None, *, wher
     best = refined[0]
     _check_explains(best, seen, noise, where)
     _check_determined(best, seen, noise, limit_mm, where)  # before rivals: where nothing is determined there are many
-    best, alone = _only(refined, design, where)
+    best, alone = only_answer(refined, design, seen, noise, where)
     stated, raised = best, noise
     if bundle.misfits(best):
         best, raised = bundle.matched(best, seen, noise)
@@ -144,38 +143,6 @@ def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit,
     other = bundle.without_gross(best.estimate, seen, free)
     fits = other.chi2 < best.chi2 - CONTRADICTED and (other.used >= best.used).all()
     return (other, free) if fits else (best, noise)
-
-
-def _only(refined: list[Fit], design: Float | None, where: str) -> tuple[Fit, bool]:
-    """The best answer, if no other fits nearly as well within the design's reach."""
-    best = refined[0]
-    rivals = [one for one in refined if one.chi2 < best.chi2 + RIVAL and _differs(one, best)]
-    if not rivals:
-        return best, True
-    near = [one for one in [best, *rivals] if design is None or _within_reach(one.estimate, design)]
-    if len(near) == 1:
-        return near[0], False
-    first, second = (near or [best, *rivals])[:2]
-    turn = np.linalg.norm(vector_from_rotation(first.estimate.rotation.T @ second.estimate.rotation)) / DEG
-    shift = np.linalg.norm(first.estimate.translation_mm - second.estimate.translation_mm)
-    raise InputError(
-        where,
-        f"the postures do not determine on which side of the laser plane the sphere's centre lies: two answers, "
-        f"{turn:.1f} deg and {shift:.1f} mm apart, fit almost equally (chi-square {first.chi2:.1f} and "
-        f"{second.chi2:.1f}); add postures, with the sphere on both sides of the plane",
-    )
-
-
-def _differs(one: Fit, other: Fit) -> bool:
-    """Whether two answers are apart by more than their uncertainty."""
-    turn = vector_from_rotation(one.estimate.rotation @ other.estimate.rotation.T)
-    apart = np.concatenate([one.estimate.translation_mm - other.estimate.translation_mm, turn])
-    return bool(apart @ np.linalg.pinv(one.covariance[:6, :6] + other.covariance[:6, :6]) @ apart > RIVAL)
-
-
-def _within_reach(estimate: Estimate, design: Float) -> bool:
-    turn = np.linalg.norm(vector_from_rotation(estimate.rotation @ design[:3, :3].T))
-    return bool(turn < REACH_RAD and np.linalg.norm(estimate.translation_mm - design[:3, 3]) < REACH_MM)
 
 
 def _check_determined(best: Fit, seen: Observations, noise: Noise, limit_mm: float, where: str,

@@ -50,8 +50,8 @@ def warnings(result: Fit, answer: Answer, profiles: SphereProfiles, stated: Nois
         found, stated_mm = 2 * answer.fit.estimate.radius_mm, profiles.sphere_diameter_mm
         said.append(f"the sphere's diameter is {found:.3f} mm by the data, stated {stated_mm:.3f} mm: set free")
     if not answer.alone:
-        said.append("a second answer fits the data as well, the design's pose excludes it: add postures with the "
-                    "sphere on both sides of the laser plane")  # fmt: skip
+        said.append("a second answer, with the sphere on the other side of the laser plane, fits nearly as well: add "
+                    "postures with the sphere on both sides")  # fmt: skip
     if profiles.noise_mm > NOISY * profiles.stated_noise_mm:
         said.append(f"points scatter by {profiles.noise_mm:.3f} mm about their circles, stated "
                     f"{profiles.stated_noise_mm:g} mm: check exposure, and the sphere's surface")  # fmt: skip

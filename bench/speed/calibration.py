@@ -74,7 +74,7 @@ def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise
 
 
 def measure() -> dict[str, Any]:
-    """Medians in s of processor time, and RMS errors over the field of view in mm, of all methods over the same sets."""
+    """Medians of processor time in s, RMS errors over the field of view in mm, of all methods over the same sets."""
     times: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
 

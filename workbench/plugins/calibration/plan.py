@@ -22,9 +22,10 @@ from workbench.api import (
     rotation_from_quaternion,
     stage,
 )
-from workbench.plugins.calibration import planning
+from workbench.plugins.calibration import bundle, planning
+from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Estimate, Noise, information
-from workbench.plugins.calibration.observations import by_pass
+from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.planning import Limits, Optics
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 
@@ -61,8 +62,9 @@ def plan(
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
 
     The information of the postures at hand and that of each candidate come from the same model as the calibration's
-    uncertainty; candidates are chosen greedily and by exchange (Fedorov 1972). The plan is a table,
-    `calibration_plan.csv`: flange poses to go to, in order, and what the uncertainty will be after each.
+    uncertainty, with the robot's noise as large as the residuals say; candidates are chosen greedily and by exchange
+    (Fedorov 1972). The plan is a table, `calibration_plan.csv`: flange poses to go to, in order, and what the
+    uncertainty will be after each.
 
     Args:
         calibration: the calibration so far.
@@ -86,7 +88,7 @@ def plan(
     estimate = estimate_of(calibration)
     limits = _limits(calibration, recording, (cone_deg, roll_deg), (half_width_mm, half_height_mm))
     optics = optics_of(profiles, recording)
-    known = _known(calibration, profiles, recording, estimate, noise)
+    known, noise = _known(calibration, profiles, recording, estimate, noise)
     flange, centre = planning.candidates(limits, estimate, CANDIDATES, np.random.default_rng(seed))
     if cell is not None:
         reached = _reached(cell, flange)
@@ -129,10 +131,17 @@ def _limits(calibration: Calibration, recording: Recording, turn_deg: tuple[floa
 
 
 def _known(calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate,
-           noise: Noise) -> Float:  # fmt: skip
-    """Information (10, 10) of the postures at hand."""
+           noise: Noise) -> tuple[Float, Noise]:  # fmt: skip
+    """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
-    return information(estimate, seen, noise)[:10, :10]
+    noise = as_noisy_as_found(estimate, seen, noise)[1]
+    return information(estimate, seen, noise)[:10, :10], noise
+
+
+def as_noisy_as_found(estimate: Estimate, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
+    """The fit from an estimate, and the noise: the robot's as large as the residuals say where they exceed it."""
+    whole = bundle.fit(estimate, seen, noise)
+    return bundle.matched(whole, seen, noise) if bundle.misfits(whole) else (whole, noise)
 
 
 def _reached(cell: InputFile, flange: Float) -> Float:

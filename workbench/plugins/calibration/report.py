@@ -145,7 +145,7 @@ def _pair(error: float, u: float) -> str:
 
 def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
     yield "<h3>Where the next posture would help most</h3>"
-    yield f"<p>Now {plan.volume_u_mm[0]:.3f} mm over the field of view, as predicted from the stated noise; " \
+    yield f"<p>Now {plan.volume_u_mm[0]:.3f} mm over the field of view; " \
           f"after the {len(plan.centre_mm)} postures proposed {plan.volume_u_mm[-1]:.3f} mm.</p>"  # fmt: skip
     rows = []
     for i, (pose, centre) in enumerate(zip(plan.base_from_flange, plan.centre_mm, strict=True), 1):

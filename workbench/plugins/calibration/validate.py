@@ -17,7 +17,7 @@ from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.plan import estimate_of
+from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 
 NEAR_EQUATOR = 0.1  # |y| in radii below which w says nothing of y
@@ -42,7 +42,7 @@ def validate(
     recording: Recording,
     *,
     folds: Annotated[
-        int, Field(ge=0, le=100, description="parts that are held out in turn; 0: each posture by itself")
+        int, Field(ge=0, le=100, description="number of parts that are held out in turn; 0: each posture by itself")
     ] = 0,
     pose_noise_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.07,
     pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="as in calibrate.hand_eye")] = 0.01,
@@ -88,9 +88,7 @@ def _by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int,
     if count - math.ceil(count / parts) < MIN_POSTURES:
         raise InputError(f"{source}: /robot", f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
                                               f"expected {MIN_POSTURES} others at least")  # fmt: skip
-    whole = bundle.fit(estimate, seen, noise)
-    if bundle.misfits(whole):
-        whole, noise = bundle.matched(whole, seen, noise)
+    whole, noise = as_noisy_as_found(estimate, seen, noise)
     residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
     chi2 = 0.0
     for part in range(parts):

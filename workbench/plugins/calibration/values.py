@@ -67,7 +67,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosturePlan:
-    """The next p postures that tell most. `volume_u_mm` is predicted from the stated noise."""
+    """The next p postures that tell most. `volume_u_mm` is predicted from the noise that the residuals show."""
 
     base_from_flange: Float  # (p, 4, 4) to go to, in order
     centre_mm: Float  # (p, 3) where the sphere's centre will lie in the profiler frame

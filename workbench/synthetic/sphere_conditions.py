@@ -131,15 +131,16 @@ def scans(rng: Generator, document: Document) -> None:
 
 
 def weaved(rng: Generator, document: Document) -> None:
-    """The same in 4 s each, weaved by 8 mm and 3 deg, poses at 50 Hz."""
-    weave = {"weave_mm": 8.0, "weave_deg": 3.0, "seconds": 4.0}
-    document["passes"] = [_scan(rng, (-1.0) ** i) | weave for i in range(6)]
+    """The same in 6 s each about the middle of the view, weaved by 12 mm and 3 deg, poses at 50 Hz."""
+    weave = {"weave_mm": 12.0, "weave_deg": 3.0, "seconds": 6.0}
+    document["passes"] = [_scan(rng, (-1.0) ** i, 0.2) | weave for i in range(6)]
     _own_clock(rng, document)
     document["robot"] |= {"pose_rate_hz": 50.0, "frame_rate_hz": 25.0}
 
 
-def _scan(rng: Generator, way: float) -> Document:
-    start, end = place(rng), [rng.uniform(-2, 2), -11.0 * way, rng.uniform(-2, 2)]
+def _scan(rng: Generator, way: float, share: float = 1.0) -> Document:
+    """Once across the sphere, begun within a share of the view."""
+    start, end = [share * v for v in place(rng)], [rng.uniform(-2, 2), -11.0 * way, rng.uniform(-2, 2)]
     start[1] = 5.5 * way
     return {"sphere_mm": start, "to_mm": [a + b for a, b in zip(start, end, strict=True)], "turn_deg": turn(rng)}
 

@@ -27,7 +27,7 @@ from workbench.units import Float
 PROFILES = ("sphere_stray", "sphere_scans", "sphere_weaved")  # these are measured from the points on
 UNKNOWN_RADIUS_MM = 5.0
 RADIUS_U_MM = 0.05
-CLEAR_MM = 0.3  # a centre nearer to the laser plane has no side
+CLEAR_MM = 0.5  # six sigma of a recorded pose: a centre nearer to the laser plane has no side
 WRONG = 10.0  # standard deviations over the field of view
 NAMED = re.compile(r"do not determine the (translation|rotation)|distinct postures.*undetermined")
 

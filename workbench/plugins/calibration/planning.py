@@ -31,7 +31,7 @@ class Limits:
     roll: float  # greatest turn about the range axis, rad
     middle_mm: tuple[float, float]  # of the view: x, z
     half_mm: tuple[float, float]  # half its width and height
-    off_plane: tuple[float, float] = (0.3, 0.8)  # |y| of the sphere's centre, in radii
+    off_plane: tuple[float, float] = (0.3, 0.7)  # |y| of the sphere's centre, in radii: beyond, an error may miss it
 
 
 @dataclass(frozen=True)

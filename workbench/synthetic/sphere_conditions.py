@@ -130,6 +130,15 @@ def scans(rng: Generator, document: Document) -> None:
     _own_clock(rng, document)
 
 
+def scans_alike(rng: Generator, document: Document) -> None:
+    """Six scans that all move alike: the clock's offset cannot be told from a shift along the motion."""
+    scans(rng, document)
+    along = [rng.uniform(-2, 2), -11.0, rng.uniform(-2, 2)]
+    for one in document["passes"]:
+        start = [one["sphere_mm"][0], 5.5, one["sphere_mm"][2]]
+        one |= {"sphere_mm": start, "to_mm": [a + b for a, b in zip(start, along, strict=True)]}
+
+
 def weaved(rng: Generator, document: Document) -> None:
     """The same in 6 s each about the middle of the view, weaved by 12 mm and 3 deg, poses at 50 Hz."""
     weave = {"weave_mm": 12.0, "weave_deg": 3.0, "seconds": 6.0}
@@ -209,4 +218,5 @@ SOUND: dict[str, Condition] = {
 DEGENERATE: dict[str, Condition] = {
     "same_orientation": same_orientation, "one_axis": one_axis, "two_orientations": two_orientations,
     "one_point": one_point, "collinear": collinear, "two_postures": two_postures, "repeats": repeats,
+    "scans_alike": scans_alike,
 }  # fmt: skip

@@ -24,7 +24,7 @@ from workbench.synthetic import SphereRecipe, random_sphere_recipe, simulate_sph
 from workbench.synthetic.sphere_motion import design_hand_eye, sphere_motion
 from workbench.units import Float
 
-PROFILES = ("sphere_stray", "sphere_scans", "sphere_weaved")  # these are measured from the points on
+PROFILES = ("sphere_stray", "sphere_scans", "sphere_weaved", "scans_alike")  # these are measured from the points on
 UNKNOWN_RADIUS_MM = 5.0
 RADIUS_U_MM = 0.05
 CLEAR_MM = 0.5  # six sigma of a recorded pose: a centre nearer to the laser plane has no side

@@ -131,9 +131,12 @@ def plan_picture(calibration: Calibration, plan: PosturePlan) -> bytes:
         figure = Figure(figsize=(10, 4.2), layout="constrained")
         left, right = figure.subplots(1, 2)
         tilt = plan.map_tilt_deg
-        drawn = left.contourf(tilt, tilt, plan.map_volume_u_mm.T, levels=12, cmap="viridis_r")
+        inside = np.hypot(tilt[:, None], tilt) <= plan.cone_deg  # the map's corners lie beyond the cone
+        known = plan.map_volume_u_mm[inside]
+        levels = np.linspace(known.min(), max(known.max(), known.min() + 1e-9), 13)
+        drawn = left.contourf(tilt, tilt, plan.map_volume_u_mm.T, levels=levels, cmap="viridis_r", extend="min")
         drawn.set_clip_path(Circle((0, 0), plan.cone_deg, transform=left.transData))
-        figure.colorbar(drawn, ax=left, label="uncertainty over the field after it, mm")
+        figure.colorbar(drawn, ax=left, format="%.3g", label="uncertainty over the field after it, mm")
         left.set_xlabel("tilt about the profiler's x, deg")
         left.set_ylabel("tilt about the profiler's y, deg")
         left.set_aspect("equal")

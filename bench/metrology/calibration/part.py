@@ -93,7 +93,9 @@ def _compare(result: CalibrationResult, cell: Cell, answer: Answer, seen: Observ
     y = linearise(estimate, seen, answer.noise).centre[:, 1]
     clear = kept & (np.abs(cell.centre[:, 1]) > CLEAR_MM)
     result.signs_wrong = int((np.sign(y) != np.sign(cell.centre[:, 1]))[clear].sum())
-    result.gross_found = bool((answer.fit.used == kept).all())
+    if not kept.all():
+        result.gross_found = not answer.fit.used[~kept].any()
+    result.sound_rejected = int((~answer.fit.used[kept]).sum())
     result.flagged = misfits(answer.stated)
     result.warned = result.flagged or not answer.alone or not answer.fit.used.all()
 

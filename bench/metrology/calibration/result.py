@@ -24,7 +24,8 @@ class CalibrationResult:
     wrong: bool = False  # the error is beyond all uncertainty, whatever is said
     warned: bool = False
     flagged: bool = False  # a misfit that repeatability cannot explain
-    gross_found: bool | None = None  # just the postures that are grossly off were rejected
+    gross_found: bool | None = None  # all postures that are grossly off were rejected
+    sound_rejected: int = 0  # postures that are not
     correlated_nees: float | None = None  # with robot_error 'correlated'
     correlated_vol_mm: float | None = None
     random_mm: float | None = None  # median bound of random postures within a plan's limits

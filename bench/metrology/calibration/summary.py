@@ -65,6 +65,7 @@ class CalibrationSummary:
     silently_wrong: int  # trials whose error is beyond all uncertainty, and no warning
     flagged: Share
     gross_found: Share
+    sound_rejected: int  # postures, in all trials
     offset_ratio: float  # RMS error of the clock's offset over the RMS of its bound
     offset_ms: float
     rotation_deg: float  # RMS
@@ -118,6 +119,7 @@ def summarise_calibrations(condition: str, results: list[CalibrationResult]) -> 
         signs_wrong=sum(r.signs_wrong > 0 for r in good), silently_wrong=sum(r.wrong and not r.warned for r in good),
         flagged=Share(sum(r.flagged for r in good), len(good)),
         gross_found=Share(sum(bool(r.gross_found) for r in good), sum(r.gross_found is not None for r in good)),
+        sound_rejected=sum(r.sound_rejected for r in good),
         offset_ratio=_rms(r.offset_ms for r in good) / _rms(r.offset_bound_ms for r in good),
         offset_ms=_rms(r.offset_ms for r in good), rotation_deg=_rms(r.rotation_deg for r in good),
         plan_ratio=(percentile(ratios, 50), percentile(ratios, 95)),

@@ -60,14 +60,15 @@ def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:
 
 
 def robot(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["condition", "all gross poses rejected, %", "sound postures rejected, in all trials", f"vol over predicted (goal {GROSS_GOAL:g})",
+    head = ["condition", "all gross poses rejected, %", "sound postures rejected, in all trials",
+            f"vol over predicted (goal {GROSS_GOAL:g})",
             f"misfit flagged, % (goal {100 * FLAGGED_GOAL:g})", "`correlated`: covers, %", "95 % interval", "goal",
             "`correlated`: vol RMSE, mm"]  # fmt: skip
     rows = []
     for s in summaries:
         if s.condition == "sphere_gross":
-            rows.append([s.condition, _percent(s.gross_found), f"{s.sound_rejected}", _marked(s.vol_mm / s.u_mm, GROSS_GOAL),
-                         _percent(s.flagged), "", "", "", ""])  # fmt: skip
+            rows.append([s.condition, _percent(s.gross_found), f"{s.sound_rejected}",
+                         _marked(s.vol_mm / s.u_mm, GROSS_GOAL), _percent(s.flagged), "", "", "", ""])  # fmt: skip
         if s.correlated.of:
             goal = CORRELATED_GOAL if s.condition == "sphere_systematic" else None
             rows.append([s.condition, "", f"{s.sound_rejected}", "", _percent(s.flagged), *_share(s.correlated, goal),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import pass_tilt, smooth_slope, wrapped
 from workbench.edge.measure import check_advance
 from workbench.edge.raw_ends import EndCourse, end_course, frame_shift, place_ends, range_noise
@@ -75,10 +75,13 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
             _, a, b = curve.frame(face.s[on])
             spot = stand_out[on, None] * n + lower.rough(face.s[on])[:, None] * m
             points = curve.position(face.s[on]) + spot[:, :1] * a + spot[:, 1:] * b
-            curve = fit_course_curve(points, face.s[on], _unit((math.cos(tilt) * a + math.sin(tilt) * b).mean(axis=0)))
+            lean = [_lean(cloud, found, curve, s, tilt, sigma, f) for f in (UPPER_SURFACE, LOWER_SURFACE)]
+            square = tilt + next((turn + math.pi / 2.0 for turn in lean if math.isfinite(turn)), 0.0)
+            across = _unit((math.cos(square) * a + math.sin(square) * b).mean(axis=0))
+            curve = fit_course_curve(points, face.s[on], across, float(np.nanmedian(placed[0].step)))
     upper = end_course(placed[1], shift, cloud.pass_index, True)
     return RawMeasured(
-        curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma),
+        curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma, UPPER_SURFACE),
         np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
         face.s, float(np.nanmedian(face.place @ m)), tangent_u,
     )  # fmt: skip
@@ -145,15 +148,12 @@ def _tilt_u(face: SectionLines, tilt: float) -> float:
     return max(found)
 
 
-def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, sigma: float) -> float:
-    """Turn from the end face's direction to that of the upper surface, into the plate; NaN if that is never seen."""
-    surface = found.faces[UPPER_SURFACE]
+def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, sigma: float, label: int) -> float:
+    """Turn from the end face's direction to that of a surface of the plate, into it; NaN if it is never seen."""
+    surface = found.faces[label]
     if (surface.count > 0).sum() < 3:
         return math.nan
     slope = smooth_slope(surface, s, cloud.pass_index)
     lines = section_lines(surface, slope, cloud.base_from_profiler, found.side, np.full(s.size, sigma), curve, s)
-    lean = wrapped(
-        lines.angle - tilt
-    )  # of a line: known but for half a turn; the plate lies at -n, a quarter turn back
-    turn = _mean_angle(2.0 * lean) / 2.0  # of a line, which has two senses
+    turn = _mean_angle(2.0 * wrapped(lines.angle - tilt)) / 2.0  # a line has two senses; the plate lies at -n
     return turn if math.sin(turn) < 0.0 else turn - math.pi

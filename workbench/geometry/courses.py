@@ -22,12 +22,17 @@ from workbench.units import Bool, Float
 Shape = tuple[int, float]  # degree and distance of knots, mm
 # Shapes to choose from, the simplest first; knots 20 mm apart carry waves from 60 mm on.
 SHAPES: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 40.0), (3, 28.0), (3, 20.0))
+FINER: tuple[Shape, ...] = ((3, 14.0), (3, 10.0))  # where nothing but noise scatters: a smooth face
 FLAT: tuple[Shape, ...] = ((1, math.inf), (2, math.inf), (3, math.inf), (3, 200.0))  # of what a plate's flatness rules
 BIN_MM = 2.0
+CARRIED_MM = 7.0  # between the knots of a spline that carries any of these on
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 CHOICE_MM = 400.0  # the shape is chosen on this much of the edge
+SMOOTH_MM = 0.004  # bins of a smooth face scatter about its course by less
+WHITE = 0.3  # greatest correlation of neighbouring bins that passes for noise
 PRICE = 3.0  # of a coefficient, in the unit of twice the log-likelihood
 OUTLIER_SIGMAS = 5.0
+BEAT = 0.5  # of a step: a uniform phase has a standard deviation of 0.29
 PLACES = 200  # at which the uncertainty is computed; linear between them
 
 
@@ -56,6 +61,8 @@ def fit_course(s: Float, values: Float, shapes: tuple[Shape, ...] = SHAPES, toge
     for again in (True, True, False):
         at, mean, count = _bin_means(s[kept], values[kept])
         shape = shapes[0] if len(shapes) == 1 else _choice(at, mean, count, shapes, together_mm)
+        if len(shapes) > 1 and shape in SHAPES[-3:]:
+            shape = _finer(at, mean, count, shape)
         spline = _fit(at, mean, count, _knots(s[kept], shape))
         if again:
             off = np.linalg.norm(values - spline(s), axis=1)
@@ -63,19 +70,23 @@ def fit_course(s: Float, values: Float, shapes: tuple[Shape, ...] = SHAPES, toge
     return Course(spline, kept, shape)
 
 
-def fit_course_curve(points_mm: Float, s: Float, across: Float) -> Curve:
+def fit_course_curve(points_mm: Float, s: Float, across: Float, step_mm: float = 0.0) -> Curve:
     """The smooth curve through points (n, 3) mm of a flat plate's edge, at rough arc lengths s (n,).
 
-    across (3,): unit, square to the plate. The height along it has a course of its own: in a silhouette's it is
-    known but for the step between two columns, whose beat must not bend the curve.
+    across (3,): unit, square to the plate. The height along it has a course of its own: that of a silhouette is known
+    but for the step between two columns (`step_mm`; 0: a corner), whose beat must not bend the curve. So it is a line
+    unless the heights are off a line by more than such a beat.
     """
     height = points_mm @ across
     flat = fit_course(s, points_mm - height[:, None] * across)
     high = fit_course(s, height[:, None], FLAT)
+    line = fit_course(s, height[:, None], FLAT[:1])
+    if np.std(high.spline(s) - line.spline(s)) < BEAT * step_mm:
+        high = line
     for _ in range(3):  # the spline's own parameter becomes its arc length
         dense = np.linspace(s.min(), s.max(), max(50, int(np.ptp(s)) * 2))
         sites = flat.spline(dense) + high.spline(dense) * across
-        spline = _fit(dense, sites, np.ones(dense.size), _knots(dense, SHAPES[-1]))
+        spline = _fit(dense, sites, np.ones(dense.size), _knots(dense, (3, CARRIED_MM)))
         speed = np.linalg.norm(spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = np.asarray(np.interp(s, dense, arc))
@@ -154,6 +165,24 @@ def _choice(at: Float, values: Float, weight: Float, shapes: tuple[Shape, ...], 
         score = free * math.log(float((weight[:, None] * left**2).sum()) + 1e-12) + PRICE * size
         if score < least:
             best, least = shape, score
+    return best
+
+
+def _finer(at: Float, values: Float, weight: Float, shape: Shape) -> Shape:
+    """The same shape, or one with nearer knots if with these nothing but white noise is left: a face without waves."""
+    best, noise, free = shape, 0.0, float(at.size)
+    for finer in (shape, *(other for other in (*SHAPES[-2:], *FINER) if other[1] < shape[1])):
+        knots = _knots(at, finer)
+        size = knots.size - 1 - finer[0]
+        if size > free / 2.0:
+            break
+        left = values - _fit(at, values, weight, knots)(at)
+        if finer is shape and float(np.median(np.linalg.norm(left, axis=1))) > SMOOTH_MM:
+            break
+        together = float((left[1:] * left[:-1]).sum()) / float((left**2).sum() + 1e-30)
+        score = free * math.log(float((weight[:, None] * left**2).sum()) + 1e-12) + PRICE * size
+        if finer is shape or (score < noise and abs(together) < WHITE):
+            best, noise = finer, score
     return best
 
 

@@ -23,6 +23,7 @@ SAMPLE_FRAMES = 60
 SMOOTH_MM = 1.0  # a plate's surfaces are smooth: corners with them scatter by noise alone, frame by frame
 COVERS = 0.9  # share of the edge that corners must show for silhouettes to be left aside
 CELL_MM = 5.0
+NEAR_MM = 1.0
 LEAST_CORNERS = 20
 PLACE_MM = 4.0  # distance of the places at which the posterior of a silhouette's end is taken
 KNOTS_MM = (64.0, 32.0, 16.0)  # of the course along m: a plate's thickness hardly waves
@@ -149,31 +150,38 @@ def end_course(ends: PlacedEnds, shift: FrameShift, pass_index: Int, whole: bool
     low, step, sigma, weight = settled(low, ends.step, sigma, np.where(silhouette, ends.column, 0).astype(np.int64),
                                        pass_index)  # fmt: skip
     mine = np.flatnonzero(np.isfinite(ends.m))
-    if _corners_cover(ends.s[mine], ~silhouette[mine]):
-        mine = mine[~silhouette[mine]]
+    alone, covered = _beyond_corners(ends.s[mine], ~silhouette[mine])
+    if covered:
+        mine = mine[~silhouette[mine] | alone]
     mine = mine[np.argsort(ends.s[mine], kind="stable")]
     corner = ~silhouette[mine]
-    shapes, together_mm = (SHAPES, SMOOTH_MM) if corner.all() else (FLAT, TOGETHER_MM)
+    shapes, together_mm = (SHAPES, SMOOTH_MM) if covered else (FLAT, TOGETHER_MM)
     middle = out * (low + 0.5 * step)[mine]
     course = fit_course(ends.s[mine], middle[:, None], shapes, together_mm)
     residual = middle - course.spline(ends.s[mine])[:, 0]
-    used = np.zeros(ends.m.size, bool)
-    used[mine[course.kept]] = True
+    used, kept = np.zeros(ends.m.size, bool), course.kept | (covered & ~corner)
+    used[mine[kept]] = True
+    if covered:  # silhouettes that were left aside show the edge too
+        used |= silhouette & np.isfinite(ends.m)
     found = EndCourse(used, out, course, residual, ends.s[mine])
     if not whole or corner.all():
         return found
     if corner.any():
         sigma[mine[corner]] = max(float(np.median(np.abs(residual[corner]))) / 0.6745, 1e-3)
-    on = mine[course.kept]
+    on = mine[kept]
     known = Ends(ends.s[on], low[on], step[on], sigma[on], ends.missing[on], weight[on])
     shared_u = np.where(corner, 0.0, shift.u[mine])
     return replace(found, ends=known, likely=fit_end(known, KNOTS_MM), shared_u=shared_u)
 
 
-def _corners_cover(s: Float, corner: Bool) -> bool:
-    """Do corners alone show (nearly) all of the edge that is seen?"""
-    cell = np.floor(s / CELL_MM)
-    return bool(np.unique(cell[corner]).size >= COVERS * np.unique(cell).size)
+def _beyond_corners(s: Float, corner: Bool) -> tuple[Bool, bool]:
+    """Which places s (k,) lie where no corner is near, and whether corners show (nearly) all of the edge."""
+    if not corner.any():
+        return ~corner, False
+    cell, at = np.floor(s / CELL_MM), np.sort(s[corner])
+    after = np.clip(np.searchsorted(at, s), 1, max(at.size - 1, 1))
+    away = np.minimum(np.abs(s - at[after - 1]), np.abs(s - at[np.minimum(after, at.size - 1)]))
+    return away > NEAR_MM, bool(np.unique(cell[corner]).size >= COVERS * np.unique(cell).size)
 
 
 def range_noise(cloud: Cloud, found: RawFaces) -> float:

@@ -3,7 +3,8 @@
 from workbench.path.check import check
 from workbench.path.feed import feed
 from workbench.path.layers import layers
+from workbench.path.read import read
 from workbench.path.rework import rework
 from workbench.path.simplify import simplify
 
-__all__ = ["check", "feed", "layers", "rework", "simplify"]
+__all__ = ["check", "feed", "layers", "read", "rework", "simplify"]

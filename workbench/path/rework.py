@@ -21,7 +21,7 @@ from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.refusals import refuse_cutter
 from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
-from workbench.units import Bool, Float
+from workbench.units import DEG, Bool, Float
 
 LEAVE = "nothing to rework"
 
@@ -52,25 +52,21 @@ def rework(
     Args:
         edge: the milled edge as measured.
         inspection: of that edge.
-        toolpath: that it was milled with: its cutter, requirement and depth of cut hold again.
+        toolpath: that it was milled with: its cutter and depth of cut hold again; required is what was inspected for.
         cloud: the scan of the milled edge.
         overlap_mm: milled beyond each end of a failing stretch.
         clearance_mm, side_clearance_mm, ramp_mm, lead_mm: as in `path.layers`.
         v_fast_mm_s, acceleration_mm_s2: as in `path.feed`; the path is checked as by `path.check`.
 
     Raises:
-        InputError: a raw edge, an inspection of another edge or against another requirement.
+        InputError: a raw edge, an inspection of another edge.
 
     A path that cannot be planned, or that its checks refuse, is left out with a warning.
     """
     if edge.kind != "milled" or len(inspection.profile.root_mm) != len(edge.arc_length_mm):
         raise InputError("edge", "expected the milled edge that was inspected")
     asked = inspection.requirements
-    if (asked.root_nominal_mm, asked.bevel_nominal_deg) != (toolpath.root_mm, toolpath.bevel_deg):
-        raise InputError("inspection", f"expected the requirement of the path, {toolpath.root_mm:g} mm and "
-                         f"{toolpath.bevel_deg:g} deg, found {asked.root_nominal_mm:g} mm and "
-                         f"{asked.bevel_nominal_deg:g} deg")  # fmt: skip
-    bevel = bevel_of(toolpath.root_mm, toolpath.bevel_deg)
+    bevel = bevel_of(asked.root_nominal_mm, asked.bevel_nominal_deg)
     table = with_thickness(lower_course(edge, edge.arc_length_mm), *thickness_before(edge, toolpath))
     excess = excess_of(inspection, bevel, table.upper_mm[:, 1])
     raw = unmilled(edge, toolpath)
@@ -121,8 +117,8 @@ def _path(edge: Edge, cloud: Cloud, before: Toolpath, table: Course, bevel: Beve
     heights = layer_heights(stock[down], before.depth_of_cut_mm)
     cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
     return Toolpath(
-        cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=before.root_mm,
-        bevel_deg=before.bevel_deg, depth_of_cut_mm=before.depth_of_cut_mm, v_slow_mm_s=before.v_slow_mm_s,
+        cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=bevel.root_mm,
+        bevel_deg=bevel.angle / DEG, depth_of_cut_mm=before.depth_of_cut_mm, v_slow_mm_s=before.v_slow_mm_s,
         edge_length_mm=plan.length_mm, part_id=cloud.part_id, source=cloud.source,
     )  # fmt: skip
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from itertools import zip_longest
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Layer, Moves, Toolpath, Travel
+from workbench.artefacts import Layer, Moves, Postures, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.moves import merge_poses
 from workbench.stage import stage
@@ -27,11 +27,13 @@ class Points(NamedTuple):
     cutting: Bool  # (n,)
     measured: Bool  # (n,)
     layer: Int  # (n,) 0: between layers
+    turntable: Float  # (n,) rad
 
 
 @stage("path.simplify")
 def simplify(
     toolpath: Toolpath,
+    postures: Postures | None = None,
     *,
     chord_tolerance_mm: Annotated[
         float, Field(ge=0, le=5, description="greatest distance of a key point from the line or arc of its move")
@@ -62,8 +64,12 @@ def simplify(
     slowest of its points. Layer, cutting and measured do not change within a move. Arcs turn at most 170 deg, and
     their via point lies in the middle. With both tolerances 0 every point is the target of a straight move.
 
+    With postures the targets are those of the turned tool, in the base, and the turntable's angles come along. While
+    it turns, every point is the target of a straight move, since a controller would not turn it in step otherwise.
+
     Args:
         toolpath: the path; its frame stays.
+        postures: how robot, cutter and turntable stand along it.
         chord_tolerance_mm: greatest distance of a key point from its move.
         angle_tolerance_deg: greatest angle of its orientation to the move's.
         feed_tolerance: share by which its feed may exceed the move's while cutting.
@@ -72,16 +78,16 @@ def simplify(
         least_sweep_deg: what turns less than this stays straight.
 
     Raises:
-        InputError: a path of fewer than two different poses.
+        InputError: a path of fewer than two different poses; postures of another path.
     """
-    points, before = _points(toolpath)
+    points, before = _different(_points(toolpath) if postures is None else _postured(toolpath, postures))
     if chord_tolerance_mm == 0 and angle_tolerance_deg == 0:
         targets, circular = np.arange(len(points.layer)), np.zeros(len(points.layer), bool)
         via, via_turn = np.full((len(targets), 3), np.nan), np.full((len(targets), 4), np.nan)
     else:
         targets, circular, via, via_turn = merge_poses(
             points.position_mm, points.quaternion_wxyz, points.feed_mm_s,
-            4 * points.layer + 2 * points.cutting + points.measured, chord_mm=chord_tolerance_mm,
+            _labels(points), chord_mm=chord_tolerance_mm,
             angle=angle_tolerance_deg * DEG,
             feed_share=np.where(points.cutting, feed_tolerance, air_feed_tolerance),
             least_sweep=least_sweep_deg * DEG if arcs else math.inf,
@@ -91,22 +97,50 @@ def simplify(
         position_mm=points.position_mm[targets], quaternion_wxyz=points.quaternion_wxyz[targets], circular=circular,
         via_position_mm=via, via_quaternion_wxyz=via_turn, feed_mm_s=slowest, cutting=points.cutting[targets],
         layer=points.layer[targets], toolpath=toolpath, points_before=before, chord_tolerance_mm=chord_tolerance_mm,
-        angle_tolerance_deg=angle_tolerance_deg,
+        angle_tolerance_deg=angle_tolerance_deg, **_postures(postures, points.turntable[targets]),
     )  # fmt: skip
 
 
-def _points(toolpath: Toolpath) -> tuple[Points, int]:
-    """The path's points without those that repeat the pose before them, and how many there were with them."""
+def _postures(postures: Postures | None, turntable: Float) -> dict[str, Any]:
+    """What the moves say of the robot's posture."""
+    if postures is None:
+        return {}
+    return {
+        "turntable_deg": turntable / DEG if postures.has_turntable else None,
+        "start_joints_deg": postures.joints[0] / DEG,
+        "flange_from_point": postures.flange_from_point,
+    }
+
+
+def _labels(points: Points) -> Int:
+    """Of the way towards each point; another one at each where the turntable turns."""
+    label = 4 * points.layer + 2 * points.cutting + points.measured
+    turns = np.append(False, np.diff(points.turntable) != 0)
+    return np.asarray(np.where(turns, -1 - np.arange(len(label)), label))
+
+
+def _postured(toolpath: Toolpath, postures: Postures) -> Points:
+    if postures.toolpath is not toolpath:
+        raise InputError("postures", "expected those of this path, found another path's")
+    return Points(*(getattr(postures, name) for name in Points._fields))
+
+
+def _points(toolpath: Toolpath) -> Points:
+    """The path's points in the order of motion."""
     parts = []
     for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
         parts += [_part(part) for part in (travel, layer) if part is not None]
     if not parts:
         raise InputError("toolpath", "expected at least one layer, found none")
-    points = Points(*map(np.concatenate, zip(*parts, strict=True)))
+    return Points(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _different(points: Points) -> tuple[Points, int]:
+    """Points without those that repeat the pose before them, and how many there were with them."""
     step = np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)
     q = points.quaternion_wxyz
     turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
-    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD))
+    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (np.diff(points.turntable) != 0))
     if new.sum() < 2:
         raise InputError("toolpath", f"expected at least two different poses, found {new.sum()}")
     return Points(*(column[new] for column in points)), len(new)
@@ -118,4 +152,4 @@ def _part(part: Layer | Travel) -> Points:
         more = (part.cutting, part.measured, np.full(k, part.index))
     else:
         more = (np.zeros(k, bool), np.ones(k, bool), np.zeros(k, np.int64))
-    return Points(part.position_mm, part.quaternion_wxyz, part.feed_mm_s, *more)
+    return Points(part.position_mm, part.quaternion_wxyz, part.feed_mm_s, *more, np.zeros(k))

@@ -242,6 +242,31 @@ class Toolpath:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Postures:
+    """How robot, cutter and turntable stand at n points of a path, travels included, in the order of motion.
+
+    Travels have more points than the path's own. Turned with the cutter and the turntable, a point's frame is where
+    the tool frame on the flange goes; the robot's base is the frame of all that follows.
+    """
+
+    toolpath: Toolpath  # that they are for
+    layer: Int  # (n,) index of the layer; 0: through the air between layers
+    cutting: Bool  # (n,)
+    measured: Bool  # (n,)
+    position_mm: Float  # (n, 3) of the turned frame
+    quaternion_wxyz: Float  # (n, 4)
+    feed_mm_s: Float  # (n,) towards the point, as the base sees it; on the workpiece it is the path's
+    cutter_rotation: Float  # (n,) of the flange about the cutter's axis, rad
+    turntable: Float  # (n,) rad
+    joints: Float  # (n, 6) the controller's angles, rad
+    displacement_mm: Float  # (n, 3) by which the cutter gives way
+    clearance_mm: Float  # (n,) between bodies that must not touch; NaN: nothing could
+    flange_from_point: Float  # (4, 4) the tool frame in the flange
+    has_turntable: bool
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Moves:
     """A path as a robot's controller runs it: k straight or circular moves, each to its target.
 
@@ -260,6 +285,9 @@ class Moves:
     points_before: int  # of that path
     chord_tolerance_mm: float
     angle_tolerance_deg: float
+    turntable_deg: Float | None = None  # (k,) at each target; None: no turntable is driven
+    start_joints_deg: Float | None = None  # (6,) the posture of the first target; None: the controller chooses
+    flange_from_point: Float | None = None  # (4, 4) the tool frame that the postures rest on; None: any
 
 
 @dataclass(frozen=True, slots=True, eq=False)

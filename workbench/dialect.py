@@ -55,7 +55,8 @@ class ProgramJob:
     def work_object(self) -> tuple[Float, Float]:
         """Position (3,) in mm and quaternion (4,) of the frame of the moves in the robot's base."""
         pose = self.moves.toolpath.base_from_workobject
-        pose = np.eye(4) if pose is None else pose
+        if pose is None or self.moves.start_joints_deg is not None:  # postures hold in the base
+            pose = np.eye(4)
         return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])
 
     @property

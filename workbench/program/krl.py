@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field
 
 from workbench.artefacts import Document, Gate, Moves
 from workbench.dialect import ProgramJob, rounded_feeds, write_program
+from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.parameters import (
     TOOL_CENTRE_OF_GRAVITY_MM,
@@ -65,7 +66,13 @@ def krl(
         moves: the path as straight and circular moves.
         gate: of the path's own checks.
         name: of the program and its file.
+
+    Raises:
+        InputError: the moves rest on postures.
     """
+    if moves.start_joints_deg is not None:
+        raise InputError("program.krl", "expected moves without postures: only program.rapid writes a turntable and a "
+                         "first posture")  # fmt: skip
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
     job = ProgramJob(name, moves, spindle, zone_mm)
     return write_program(Krl(job), gate)

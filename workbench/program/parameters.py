@@ -8,7 +8,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from workbench.artefacts import Moves
 from workbench.dialect import MillingTool
+from workbench.geometry.poses import quaternion_from_rotation
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -41,6 +43,11 @@ TOOL_CENTRE_OF_GRAVITY_MM: Vector = (0.0, 0.0, 150.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
-def tool(position_mm: Vector, quaternion_wxyz: Quaternion, mass_kg: float, centre_of_gravity_mm: Vector) -> MillingTool:
-    """The tool that a stage's parameters describe."""
+def tool(position_mm: Vector, quaternion_wxyz: Quaternion, mass_kg: float, centre_of_gravity_mm: Vector,
+         moves: Moves | None = None) -> MillingTool:  # fmt: skip
+    """The tool that a stage's parameters describe; its frame is that of the postures where the moves rest on some."""
+    if moves is not None and moves.flange_from_point is not None:
+        pose, radius = moves.flange_from_point, moves.toolpath.cutter.diameter_mm / 2
+        return MillingTool(pose[:3, 3] - radius * pose[:3, 0], quaternion_from_rotation(pose[:3, :3]), mass_kg,
+                           np.array(centre_of_gravity_mm))  # fmt: skip
     return MillingTool(np.array(position_mm), np.array(quaternion_wxyz), mass_kg, np.array(centre_of_gravity_mm))

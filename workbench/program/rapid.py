@@ -53,7 +53,9 @@ def rapid(
     Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
     quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
     Feeds have 3 significant digits, one speeddata each. The tool centre point lies on the cutter's flank, a radius off
-    its axis. Axis configurations are not monitored, since no posture is given; circular moves turn the tool in the
+    its axis. Where the moves rest on postures (`stiffness.posture`) the program begins with MoveAbsJ to the first one,
+    the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Axis configurations
+    are not monitored: from its first posture on, the robot keeps its configuration; circular moves turn the tool in the
     frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes. The file is ASCII; names out of
     recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
 
@@ -71,8 +73,8 @@ def rapid(
     names = [module, procedure, tool_name, work_object_name]
     if len({name.lower() for name in names}) < len(names):
         raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
-    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
-    job = ProgramJob(module, moves, spindle, zone_mm)
+    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm, moves)
+    job = ProgramJob(module, moves, spindle, zone_mm, moves.turntable_deg)
     return write_program(Rapid(job, procedure, tool_name, work_object_name), gate)
 
 
@@ -119,12 +121,24 @@ class Rapid:
                             job.turntable_deg)  # fmt: skip
         arcs = np.flatnonzero(job.moves.circular)
         yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job))
+        yield from self._start_posture()
         yield f"  PROC {self.procedure}()"
         yield from ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
 
     def start(self) -> Iterable[str]:
-        """From wherever the robot stands."""
+        """From wherever the robot stands, to the first target, in its posture where one is given."""
+        if self.job.moves.start_joints_deg is not None:
+            return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}"]
         return [f"    MoveJ p1,{self.ends[0]}"]
+
+    def _start_posture(self) -> Iterator[str]:
+        """Joint angles of the first target."""
+        joints, turntable = self.job.moves.start_joints_deg, self.job.turntable_deg
+        if joints is not None:
+            axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints, 4) + 0.0).tolist())
+            first = UNUSED if turntable is None else f"{_tidy(turntable[:1], 4)[0]:.4f}"
+            others = ",".join([UNUSED] * 5)
+            yield f"  CONST jointtarget jStart:=[[{axes}],[{first},{others}]];"
 
     def straight(self, i: int) -> Iterable[str]:
         """MoveL."""

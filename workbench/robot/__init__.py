@@ -19,6 +19,7 @@ from workbench.robot.kinematics import (
     motions,
 )
 from workbench.robot.read import cell, read_cell
+from workbench.robot.screening import CollisionScreen
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Chain",
     "Clearance",
     "CollisionModel",
+    "CollisionScreen",
     "LoadingSetup",
     "SphericalWrist",
     "Turntable",

@@ -38,6 +38,29 @@ def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
 
 
 @njit(cache=True, error_model="numpy")
+def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
+                is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
+                pairs: AnyArray, least: float) -> AnyArray:  # fmt: skip
+    """Whether each pair (n, P) may come as near as `least`."""
+    found = np.zeros((len(joints), len(pairs)), np.bool_)
+    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
+    turn[8] = table[:3]
+    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    for n in range(len(joints)):
+        _move(motion, turn, axes, points, joints, turned[n], n)
+        for s in range(len(link)):
+            if is_box[s]:
+                _compose(placed, s, motion, link[s], pose, s)
+                for r in range(3):
+                    middle[s, r] = placed[s, r, 3]
+            else:
+                _carry(at, middle, s, motion, link[s], ends)
+        for i in range(len(pairs)):
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1]) <= least
+    return found
+
+
+@njit(cache=True, error_model="numpy")
 def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray, half: AnyArray, around: AnyArray,
               is_box: AnyArray, pairs: AnyArray) -> float:  # fmt: skip
     """The smallest distance of all pairs, or one that is 0 or less; pairs that are surely farther are passed over."""

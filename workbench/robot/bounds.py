@@ -1,7 +1,8 @@
 """A lower bound of the clearance for very many postures: what it calls free is free, the rest is for fcl to decide.
 
 Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres and
-boxes, wider for cylinders and meshes. Bounding volumes that keep apart prove that the shapes do.
+boxes, wider for cylinders (a flat one that stands around: a box) and meshes. Bounding volumes that keep apart prove
+that the shapes do.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import bound_kernel
+from workbench.robot.bound_kernels import bound_kernel, near_kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 
@@ -59,10 +60,21 @@ def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turn
     )  # fmt: skip
 
 
+def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> Bool:
+    """Which pairs (n, P) are not proven to keep apart at joint angles (n, 6) and turntable angles (n,), rad."""
+    v, least = volumes, cell.margin_mm + SAFE_MM
+    return np.asarray(
+        near_kernel(cell.chain.axes, cell.chain.points_mm, np.ascontiguousarray(joints, float),
+                    turntable_pose(cell, 0.0), np.ascontiguousarray(turntable, float), v.link, v.is_box, v.ends_mm,
+                    v.radius_mm, v.pose, v.half_mm, v.around_mm, v.pairs, least)
+    )  # fmt: skip
+
+
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
     """Ends of a capsule's axis and its radius (negative: a box), half lengths of the box."""
     half = _half_lengths(shape)
-    if shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6:
+    flat = shape.kind == "cylinder" and shape.size_mm[1] < 2 * shape.size_mm[0]
+    if (flat or shape.kind in ("box", "mesh")) and not 1 <= shape.link <= 6:
         return np.zeros((2, 3)), -1.0, half
     if shape.kind in ("capsule", "cylinder", "sphere"):
         radius = shape.size_mm[0]
@@ -79,6 +91,9 @@ def _volume(shape: Shape) -> tuple[Float, float, Float]:
 def _half_lengths(shape: Shape) -> Float:
     if shape.vertices_mm is not None:
         return np.asarray(np.ptp(shape.vertices_mm, axis=0) / 2)
+    if shape.kind == "cylinder":
+        radius, length = shape.size_mm
+        return np.array([radius, radius, length / 2])
     return np.array(shape.size_mm) / 2 if shape.kind == "box" else np.zeros(3)
 
 

@@ -38,8 +38,8 @@ class CollisionModel:
         """The first pair of bodies nearer than the margin at joint angles (6,), rad; None: the posture is free."""
         self._place(joints, turntable)
         for a, b in self.pairs:
-            if self._touch(a, b) or (self._cell.margin_mm > 0 and self._distance(a, b) < self._cell.margin_mm):
-                return self._names(a, b)
+            if self._near(a, b):
+                return self.names(a, b)
         return None
 
     def clearance(self, joints: Float, turntable: float = 0.0) -> Clearance | None:
@@ -49,11 +49,28 @@ class CollisionModel:
         for a, b in self.pairs:
             distance = 0.0 if self._touch(a, b) else self._distance(a, b)
             if best is None or distance < best.distance_mm:
-                best = Clearance(distance, self._names(a, b))
+                best = Clearance(distance, self.names(a, b))
         return best
 
-    def _names(self, a: int, b: int) -> tuple[str, str]:
+    def first_hit(self, moved: Float, turned: Float, pairs: list[int]) -> int:
+        """The first of some pairs (indices into `pairs`) that is nearer than the margin; -1: none.
+
+        Args:
+            moved: (7, 4, 4) motions of base and links.
+            turned: (4, 4) pose of the turntable.
+            pairs: to be looked at.
+        """
+        for shape in {s for i in pairs for s in self.pairs[i]}:
+            self._put(shape, moved, turned)
+        return next((i for i in pairs if self._near(*self.pairs[i])), -1)
+
+    def names(self, a: int, b: int) -> tuple[str, str]:
+        """Of two bodies by the indices of their shapes."""
         return self._cell.shapes[a].body, self._cell.shapes[b].body
+
+    def _near(self, a: int, b: int) -> bool:
+        margin = self._cell.margin_mm
+        return self._touch(a, b) or (margin > 0 and self._distance(a, b) < margin)
 
     def _touch(self, a: int, b: int) -> bool:
         return bool(fcl.collide(self._objects[a], self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
@@ -64,9 +81,13 @@ class CollisionModel:
     def _place(self, joints: Float, turntable: float) -> None:
         moved = motions(self._cell.chain, joints)
         turned = turntable_pose(self._cell, turntable)
-        for shape, placed in zip(self._cell.shapes, self._objects, strict=True):
-            pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
-            placed.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+        for shape in range(len(self._objects)):
+            self._put(shape, moved, turned)
+
+    def _put(self, index: int, moved: Float, turned: Float) -> None:
+        shape = self._cell.shapes[index]
+        pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
+        self._objects[index].setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
 
 
 def turntable_pose(cell: Cell, angle: float) -> Float:

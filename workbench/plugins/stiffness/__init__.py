@@ -5,7 +5,8 @@ from workbench.plugins.stiffness.force import force
 from workbench.plugins.stiffness.identify import identify
 from workbench.plugins.stiffness.maps import maps
 from workbench.plugins.stiffness.plan_loads import plan_loads
+from workbench.plugins.stiffness.posture import posture
 from workbench.plugins.stiffness.read import read
 from workbench.plugins.stiffness.simulate_loads import simulate_loads
 
-__all__ = ["deflection", "force", "identify", "maps", "plan_loads", "read", "simulate_loads"]
+__all__ = ["deflection", "force", "identify", "maps", "plan_loads", "posture", "read", "simulate_loads"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import AnyArray, Chain, Float, InputError, inverse, pose_from, spherical_wrist
-from workbench.plugins.stiffness.arm_kernels import displacement_kernel, traverse_kernel
+from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_kernel, traverse_kernel
 
 CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
 SQUARE = 1e-9  # cosine that still counts as a right angle
@@ -27,6 +27,8 @@ class Arm:
     arm_from_base: Float  # (4, 4)
     wrist_in_flange_mm: Float  # (3,) the wrist's centre
     axis_in_flange: Float  # (3,) of joint 6
+    across_in_flange: Float  # (3,) of joint 5, where joint 6 is at zero
+    bend: float  # of axis 6 against axis 4 about axis 5, where joint 5 is at zero
     lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
 
@@ -59,7 +61,7 @@ def fast_arm(chain: Chain) -> Arm:
     limits[4] += bend  # the wrist's bend is that between axes 4 and 6
     windows = tuple(number for low, high in limits for number in _window(low, high))
     return Arm(arm_from_base, flange[:3, :3].T @ (centre - flange[:3, 3]), flange[:3, :3].T @ h[5],
-               tuple(float(length) for length in lengths), windows)  # fmt: skip
+               flange[:3, :3].T @ h[4], float(bend), tuple(float(length) for length in lengths), windows)  # fmt: skip
 
 
 def _window(low: float, high: float) -> tuple[float, float, float]:
@@ -117,7 +119,8 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
         elbow: likewise.
 
     Returns:
-        Mean displacement (a, t), mm, and the worst that is said of one of the path's postures (a, t), see CAUSES.
+        Mean displacement (a, t), mm, and the worst that is said of one of the path's postures (a, t), see CAUSES; of
+        the wrist's two flips, each kept all along the path, the better one.
     """
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(flange_from_cutter)
@@ -128,6 +131,27 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
         base_from_cutter[..., :3, 3] @ turn.T + shift, load_mm @ turn.T + shift, force_n @ turn.T,
         (*map(float, wrist), *map(float, axis)), np.cos(angles), np.sin(angles), *_signs(arm, shoulder, elbow),
     )  # fmt: skip
+
+
+def joint_angles(arm: Arm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
+    """Joint angles (n, 6) in (-pi, pi] at poses (n, 4, 4), in one of the branches of `inverse_kinematics`.
+
+    Meaningless, but finite, where `displacements` says of the posture that it is unreachable or singular.
+    """
+    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
+    rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
+    w, a, b = (
+        np.ascontiguousarray(part.T)
+        for part in (
+            (rotation @ arm.wrist_in_flange_mm + at) @ turn.T + shift,
+            rotation @ arm.axis_in_flange @ turn.T,
+            rotation @ arm.across_in_flange @ turn.T,
+        )
+    )
+    found = np.empty((len(at), 6))
+    front, side = _signs(arm, shoulder, elbow)
+    joints_kernel(arm.lengths, arm.bend, w, a, b, front, side, 1.0 - 2.0 * flip, found)
+    return found
 
 
 def _signs(arm: Arm, shoulder: int, elbow: int) -> tuple[float, float]:

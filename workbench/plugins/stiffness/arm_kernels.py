@@ -15,17 +15,17 @@ FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSE
 def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):  # type: ignore[no-untyped-def]
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
     tables, points, steps = at.shape[0], at.shape[1], len(cosine)
-    total, worst = np.zeros((tables, steps)), np.zeros((tables, steps))
+    total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
     for i in range(tables):
         for j in range(points):
             r, p = turn[i, j], at[i, j]
             _turn_cutter(lengths, limits, k, r, p, load[i, j], force[i, j], tool, cosine, sine, front, side,
-                         total[i], worst[i])  # fmt: skip
-    return total / points, worst.astype(np.uint8)
+                         total[i], worst[i], flipped[i])  # fmt: skip
+    return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst):  # type: ignore[no-untyped-def]
+def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):  # type: ignore[no-untyped-def]
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
     vx, vy, vz, ux, uy, uz = tool
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
@@ -40,25 +40,62 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
     px, py, pz, fx, fy, fz = load[0], load[1], load[2], force[0], force[1], force[2]
     for t in range(len(cosine)):
         c, s = cosine[t], sine[t]
-        moved, said = posture(
+        moved, said, other = posture(
             lengths, limits, k, cx + c * ax + s * bx, cy + c * ay + s * by, cz + c * az + s * bz,
             dx + c * ex + s * gx, dy + c * ey + s * gy, dz + c * ez + s * gz, px, py, pz, fx, fy, fz, front, side,
         )  # fmt: skip
         total[t] += moved
-        worst[t] = max(worst[t], said)
+        worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):  # type: ignore[no-untyped-def]
     """Columns (3, n) in the arm frame."""
     for n in range(w.shape[1]):
-        found[n], said[n] = posture(lengths, limits, k, w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n],
-                                     p[0, n], p[1, n], p[2, n], f[0, n], f[1, n], f[2, n], front, side)  # fmt: skip
+        found[n], one, other = posture(lengths, limits, k, w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n],
+                                       p[0, n], p[1, n], p[2, n], f[0, n], f[1, n], f[2, n], front, side)  # fmt: skip
+        said[n] = min(one, other)
+
+
+@njit(cache=True, error_model="numpy")
+def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):  # type: ignore[no-untyped-def]
+    """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
+    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
+    l2, l3 = ur * ur + ui * ui, fr * fr + fi * fi
+    for n in range(w.shape[1]):
+        wx, wy, wz, ax, ay, az = w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n]
+        x = front * np.sqrt(max(wx * wx + wy * wy - d * d, 0.0))
+        turned = np.arctan2(wy * x - wx * d, wx * x + wy * d)
+        c1, s1 = np.cos(turned), np.sin(turned)
+        tr, ti = wz - z2, x - a1
+        far = tr * tr + ti * ti
+        along = (far + l2 - l3) / (2 * far)
+        height = side * np.sqrt(max(l2 / far - along * along, 0.0))
+        er, ei = along * tr - height * ti, along * ti + height * tr
+        mr, mi = tr - er, ti - ei
+        c2, s2 = (er * ur + ei * ui) / l2, (ei * ur - er * ui) / l2
+        c23, s23 = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
+        hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
+        hx, hy, hz = c1 * hi, s1 * hi, hr
+        gx, gy, gz = flip * (hy * az - hz * ay), flip * (hz * ax - hx * az), flip * (hx * ay - hy * ax)
+        bent = flip * np.sqrt(gx * gx + gy * gy + gz * gz)
+        across = sense5 * (gy * c1 - gx * s1)
+        up = sense5 * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
+        bx, by, bz = b[0, n], b[1, n], b[2, n]
+        over = ax * (gy * bz - gz * by) + ay * (gz * bx - gx * bz) + az * (gx * by - gy * bx)
+        found[n, 0], found[n, 1] = turned, np.arctan2(s2, c2)
+        found[n, 2] = np.arctan2(sense3 * (s23 * c2 - c23 * s2), c23 * c2 + s23 * s2)
+        found[n, 3] = np.arctan2(up, across)
+        found[n, 4] = (np.arctan2(bent, hx * ax + hy * ay + hz * az) - bend + np.pi) % (2 * np.pi) - np.pi
+        found[n, 5] = np.arctan2(over, gx * bx + gy * by + gz * bz)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
 def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):  # type: ignore[no-untyped-def]
-    """Displacement and verdict of one posture; without a jump, so that several run side by side once inlined."""
+    """Displacement of one posture and what is said of it and of the one with its wrist flipped.
+
+    Without a jump, so that several run side by side once inlined.
+    """
     a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
     # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
     flat = wx * wx + wy * wy
@@ -112,9 +149,9 @@ def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, 
     ) & (c3 * limits[6] + s3 * limits[7] >= limits[8])  # fmt: skip
     turned = across * limits[9] + up * limits[10]
     straight, sideways = c5 * limits[12], bent * limits[13]
-    wrist = ((turned >= limits[11] * bent) & (straight + sideways >= limits[14])) | (
-        (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
-    )
+    wrist = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])
+    flipped = (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
     missed = (x2 < 0.0) | (height2 < 0.0)
     said = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & wrist else LIMIT))
-    return np.sqrt(dx * dx + dy * dy + dz * dz), said
+    other = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & flipped else LIMIT))
+    return np.sqrt(dx * dx + dy * dy + dz * dz), said, other

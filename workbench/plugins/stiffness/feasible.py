@@ -1,0 +1,103 @@
+"""Which cells of the traversal's grid the robot can really mill in: one configuration all along, free of collision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int
+from workbench.plugins.stiffness.arm import Arm, joint_angles
+from workbench.plugins.stiffness.path_points import PathPoints
+from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
+
+MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
+FREE, SINGULAR, LIMIT, UNREACHABLE, COLLISION = range(5)
+CAUSES = (None, "singular", "limit", "unreachable", "collision")
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """The branch of the inverse kinematics that is kept all along a path."""
+
+    branch: int  # index into `traversal.BRANCHES`
+    flip: int  # of the wrist
+
+    def joints(self, arm: Arm, flange: Float) -> Float:
+        """Joint angles (n, 6) in (-pi, pi]."""
+        shoulder, elbow = BRANCHES[self.branch]
+        return joint_angles(arm, flange, shoulder=shoulder, elbow=elbow, flip=self.flip)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdicts:
+    """What was found out about c cells of the grid."""
+
+    cause: Int  # (c,) index into CAUSES
+    hit: Int  # (c,) pair of bodies that collides, or -1
+    flip: Int  # (c,) of the wrist, where it is free
+
+
+class Examiner:
+    """Asks whether a path can be milled with a constant cutter rotation and turntable angle."""
+
+    def __init__(self, cell: Cell, arm: Arm, points: PathPoints) -> None:
+        """Build once, ask often."""
+        self.cell, self.arm, self.points = cell, arm, points
+        self.screen = CollisionScreen(cell)
+
+    def examine(self, branch: Int, rotation: Float, table: Float, at: Int) -> Verdicts:
+        """Verdicts on cells (c,), judged at the points `at` (p,) of the path; each flip of the wrist is tried."""
+        count = len(branch)
+        cause, hit, flips = np.full(count, LIMIT), np.full(count, -1), np.zeros(count, int)
+        flange = flange_poses(self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)),
+                              np.repeat(table, len(at)))  # fmt: skip
+        flange = flange.reshape(count, len(at), 4, 4)
+        for flip in (0, 1):
+            for which in range(len(BRANCHES)):
+                todo = np.flatnonzero((branch == which) & (cause != FREE))
+                if not len(todo):
+                    continue
+                joints = Configuration(which, flip).joints(self.arm, flange[todo].reshape(-1, 4, 4))
+                joints, inside = followed(self.cell.chain, joints.reshape(len(todo), len(at), 6))
+                hits = np.full(len(todo), -1)
+                hits[inside] = self._hits(joints[inside], table[todo[inside]])
+                found = np.where(inside, np.where(hits >= 0, COLLISION, FREE), LIMIT)
+                better = (found == FREE) | (found == COLLISION)
+                cause[todo[better]], hit[todo[better]], flips[todo[better]] = found[better], hits[better], flip
+        hit[cause == FREE] = -1
+        return Verdicts(cause, hit, flips)
+
+    def along(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
+        """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""
+        flange = flange_poses(self.cell, self.points, np.arange(len(rotation)), rotation, table)
+        joints, inside = followed(self.cell.chain, configuration.joints(self.arm, flange)[None])
+        if not inside[0]:
+            return joints[0], LIMIT, -1
+        if np.abs(np.diff(joints[0], axis=0)).max() > MOST_STEP:
+            return joints[0], SINGULAR, -1
+        hits = self.screen.hits(joints[0], table)
+        return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
+
+    def _hits(self, joints: Float, table: Float) -> Int:
+        """The first hit of each path (c, p, 6), or -1; points one after the other, so that a hit spares the rest."""
+        found = np.full(len(joints), -1)
+        for at in order(joints.shape[1]):
+            open_ = np.flatnonzero(found < 0)
+            found[open_] = self.screen.hits(joints[open_, at], table[open_])
+        return found
+
+
+def order(count: int) -> list[int]:
+    """Ends first, then the middle: where a path collides, it mostly does so there."""
+    return sorted(range(count), key=lambda i: min(i, count - 1 - i))
+
+
+def followed(chain: Chain, joints: Float) -> tuple[Float, Bool]:
+    """Joint angles (c, p, 6) along paths without jumps of a turn, and whether they lie within limits (c,)."""
+    turn, (low, high) = 2 * np.pi, chain.limits.T
+    q = np.unwrap(joints, axis=1)
+    least = np.ceil((low - 1e-9 - q.min(axis=1)) / turn)
+    most = np.floor((high + 1e-9 - q.max(axis=1)) / turn)
+    shift = np.clip(np.round(-q.mean(axis=1) / turn), least, most)
+    return q + turn * shift[:, None], (least <= most).all(axis=1)

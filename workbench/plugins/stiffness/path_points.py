@@ -1,0 +1,137 @@
+"""All points of a milling path in the order of motion, as the posture optimiser sees them. mm, N, rad."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Literal
+
+import numpy as np
+
+from workbench.api import (
+    Bool,
+    Cell,
+    Float,
+    InputError,
+    Int,
+    Layer,
+    Toolpath,
+    Travel,
+    interpolate_poses,
+    inverse,
+    pose_from,
+    rotation_from_quaternion,
+)
+from workbench.plugins.stiffness.values import MillingForce
+
+AIR_STEP_MM = 5.0  # a travel is looked at so often
+Load = Literal["mean", "peak"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathPoints:
+    """n points of travels and layers in the order of motion; frames as in `Layer`, in the base."""
+
+    base_from_point: Float  # (n, 4, 4) with the turntable where it was when the path was planned
+    feed_mm_s: Float  # (n,) towards the point
+    force_n: Float  # (n, 3) on the cutter at the point, base axes; 0 in the air
+    layer: Int  # (n,) index of the layer; 0: through the air between layers
+    cutting: Bool  # (n,)
+    measured: Bool  # (n,)
+    point_from_tip: Float  # (4, 4) the cutter's tip: a radius off along x, its reach along z
+    planned: float  # where the turntable stood, rad
+
+    @property
+    def loaded(self) -> Int:
+        """Indices of the points where the cutter cuts."""
+        return np.flatnonzero(np.linalg.norm(self.force_n, axis=1) > 0)
+
+    @property
+    def time_steps_s(self) -> Float:
+        """Time (n,) from the point before, at the path's own feed; what stands still takes a millisecond."""
+        way = np.linalg.norm(np.diff(self.base_from_point[:, :3, 3], axis=0), axis=1)
+        return np.asarray(np.maximum(np.append(0.0, way / self.feed_mm_s[1:]), 1e-3))
+
+    def only(self, indices: Int) -> PathPoints:
+        """Some of the points."""
+        columns = ("base_from_point", "feed_mm_s", "force_n", "layer", "cutting", "measured")
+        return dataclasses.replace(self, **{name: getattr(self, name)[indices] for name in columns})
+
+    def turned(self, cell: Cell, turntable: Float) -> Float:
+        """Motions (..., 4, 4) in the base of what stands on the turntable when it goes to angles (...)."""
+        angles = np.asarray(turntable, float)
+        if cell.turntable is None:
+            return np.broadcast_to(np.eye(4), (*angles.shape, 4, 4))
+        table = cell.turntable.base_from_turntable
+        return np.asarray(table @ turn_about_z(angles - self.planned) @ inverse(table))
+
+
+def turn_about_z(angles: Float) -> Float:
+    """Poses (..., 4, 4) turned by angles (...) about z."""
+    turn = np.zeros((*np.shape(angles), 4, 4))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(angles)
+    turn[..., 1, 0], turn[..., 0, 1] = np.sin(angles), -np.sin(angles)
+    turn[..., 2, 2] = turn[..., 3, 3] = 1.0
+    return turn
+
+
+def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm: float, planned: float) -> PathPoints:
+    """Gather the points of a path; travels are filled up to one point every AIR_STEP_MM.
+
+    Raises:
+        InputError: the force is of another path, or nothing cuts.
+    """
+    base = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
+    parts = list(_parts(toolpath))
+    poses, feeds = zip(*(_filled(parts, i) for i in range(len(parts))), strict=True)
+    by_layer = {layer.index: getattr(layer, f"{load}_in_path_n") for layer in force.layers}
+    forces, both = [], list(zip(parts, poses, strict=True))
+    for part, pose in both:
+        acts = by_layer.get(part.index) if isinstance(part, Layer) else np.zeros((len(pose), 3))
+        if acts is None or len(acts) != len(pose) or not np.isfinite(acts).all():
+            raise InputError("milling force", "expected that of this path, point by point")
+        forces.append(acts @ base[:3, :3].T)
+    found = PathPoints(
+        base_from_point=base @ np.concatenate(poses), feed_mm_s=np.concatenate(feeds), force_n=np.concatenate(forces),
+        layer=np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both]),
+        cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
+        measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
+        point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
+        planned=planned,
+    )  # fmt: skip
+    if not len(found.loaded):
+        raise InputError("milling force", "expected points where the cutter is loaded, found none")
+    return found
+
+
+def _parts(toolpath: Toolpath) -> Iterator[Layer | Travel]:
+    """Travel, layer, travel, ..., an empty travel where the path has none."""
+    nothing = Travel(np.empty((0, 3)), np.empty((0, 4)), np.empty(0))
+    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
+        yield nothing if travel is None else travel
+        if layer is not None:
+            yield layer
+
+
+def _filled(parts: list[Layer | Travel], i: int) -> tuple[Float, Float]:
+    """Poses (k, 4, 4) and feeds (k,) of a part; of a travel with points between, from its neighbours' ends on."""
+    part = parts[i]
+    own = pose_from(rotation_from_quaternion(part.quaternion_wxyz), part.position_mm)
+    if isinstance(part, Layer):
+        return own, part.feed_mm_s
+    before, after = (parts[j : j + 1] if j >= 0 else [] for j in (i - 1, i + 1))
+    rows = [(b.position_mm[-1:], b.quaternion_wxyz[-1:], b.feed_mm_s[-1:]) for b in before]
+    rows.append((part.position_mm, part.quaternion_wxyz, part.feed_mm_s))
+    rows += [(a.position_mm[:1], a.quaternion_wxyz[:1], a.feed_mm_s[:1]) for a in after]
+    position, quaternion, feed = (np.concatenate(column) for column in zip(*rows, strict=True))
+    if len(position) < 2:
+        return own, part.feed_mm_s
+    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    pieces = np.maximum(np.ceil(way / AIR_STEP_MM), 1).astype(int)
+    at = np.concatenate([k + np.arange(pieces[k]) / pieces[k] for k in range(len(pieces))] + [[len(pieces)]])
+    towards = feed[np.minimum(np.ceil(at - 1e-9).astype(int), len(feed) - 1)]
+    keep = slice(len(before), len(at) - len(after))
+    poses = interpolate_poses(at, np.arange(len(feed), dtype=float), position, quaternion)
+    return poses[keep], towards[keep]

@@ -1,0 +1,156 @@
+"""`stiffness.posture`: how robot, cutter and turntable should stand at every point of a path (eq. 25)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import DEG, Cell, Chapter, Document, Float, Gate, InputError, Postures, Toolpath, stage
+from workbench.plugins.stiffness.arm import fast_arm
+from workbench.plugins.stiffness.feasible import FREE, Examiner
+from workbench.plugins.stiffness.law import Law, Limits, improved_law
+from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
+from workbench.plugins.stiffness.posture_chapter import posture_chapter
+from workbench.plugins.stiffness.posture_document import posture_document
+from workbench.plugins.stiffness.search import Choice, search
+from workbench.plugins.stiffness.standing import Found, postures
+from workbench.plugins.stiffness.traversal import lowest, sample, traversal
+from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+
+Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-360, le=360)]]
+
+
+@stage("stiffness.posture")
+def posture(
+    cell: Cell,
+    stiffness: JointStiffness,
+    toolpath: Toolpath,
+    force: MillingForce,
+    gate: Gate | None = None,
+    *,
+    mode: Annotated[
+        Literal["constant", "along_path"], Field(description="one posture law for all points, or a law along the path")
+    ] = "constant",
+    turntable_moves: Annotated[
+        bool, Field(description="along_path: the turntable turns along the path too, not the cutter alone")
+    ] = False,
+    cutter_rotation_deg: Annotated[Range, Field(description="lowest and highest; a full turn is the whole circle")] = (
+        -180,
+        180,
+    ),
+    turntable_deg: Annotated[Range | None, Field(description="lowest and highest; null: the cell's limits")] = None,
+    step_deg: Annotated[float, Field(ge=0.25, le=30, description="of the grid, both ways")] = 1.0,
+    sampled_points: Annotated[
+        int, Field(ge=2, le=5000, description="number of loaded points, evenly spread, that the traversal averages")
+    ] = 60,
+    load: Annotated[Load, Field(description="the force of a revolution that counts: its mean or its peak")] = "mean",
+    reach_mm: Annotated[
+        float | None,
+        Field(ge=-200, le=500, description="of the cutter's tip beyond a point's frame; null: half its flutes"),
+    ] = None,
+    planned_at_deg: Annotated[
+        float, Field(ge=-360, le=360, description="where the turntable stood when the part was scanned")
+    ] = 0.0,
+    acceleration_deg_s2: Annotated[
+        float, Field(gt=0, le=10000, description="along_path: largest of any joint and the turntable, of the law")
+    ] = 100.0,
+    whole_map: Annotated[
+        bool, Field(description="false: cells worse than the optimum are not examined for collision")
+    ] = True,
+) -> tuple[Postures, Gate, Document, Chapter]:
+    """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
+
+    `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
+    Cells are examined in the order of their displacement, so the choice is the optimum of the grid: every better cell
+    is proven unreachable, out of limits, singular or colliding. `along_path`: then a law of the cutter rotation along
+    the path by dynamic programming, in the same configuration of the arm, never worse. Writes `posture.json`.
+
+    Args:
+        cell: robot, tool, turntable, what stands around.
+        stiffness: of the joints.
+        toolpath: the path, as planned.
+        force: on the cutter along it.
+        gate: of the path's own checks, passed on.
+        mode: one pair of angles, or a law along the path.
+        turntable_moves: whether the law moves the turntable too.
+        cutter_rotation_deg: range of the cutter rotation.
+        turntable_deg: range of the turntable angle.
+        step_deg: of the grid.
+        sampled_points: how many loaded points the traversal looks at; the result holds for all.
+        load: mean or peak force.
+        reach_mm: how far the cutter reaches beyond a point's frame, along its axis.
+        planned_at_deg: turntable angle at which the path's positions hold.
+        acceleration_deg_s2: what the law may ask of a joint.
+        whole_map: whether all cells of the map are examined for collision.
+
+    Raises:
+        InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
+            kernels hold for; the force is of another path.
+    """
+    arm, k = fast_arm(cell.chain), stiffness.nm_per_rad
+    reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
+    points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
+    rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
+    examiner, some = Examiner(cell, arm, points), points.only(sample(points, sampled_points))
+    choice, over = search(examiner, traversal(arm, cell, k, some, rotations, tables), whole_map=whole_map)
+    n = len(points.layer)
+    constant = Law(np.full(n, choice.rotation), np.full(n, choice.table))
+    chosen, joints, warnings = constant, choice.joints, cell.warnings
+    if mode == "along_path":
+        limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0),
+                        acceleration_deg_s2 * DEG)  # fmt: skip
+        moving = tables if turntable_moves and len(tables) > 1 else None
+        chosen = improved_law(examiner, k, choice.configuration, constant, rotations, moving, limits)
+        chosen, joints, more = _kept(examiner, choice, chosen, constant)
+        warnings = warnings + more
+    made = postures(examiner, stiffness, toolpath, chosen, joints, warnings)
+    alone = postures(examiner, stiffness, toolpath, constant, choice.joints, (), clearance=False)
+    found = Found(
+        postures=made, points=points, choice=choice, map=over, mode=mode, sampled=len(some.loaded),
+        bound_mm=float(lowest(arm, cell, k, some, rotations, tables).min(axis=1).mean()),
+        constant_mm=_mean(alone, points),
+    )  # fmt: skip
+    return made, _gate(gate, found), Document("posture.json", posture_document(found)), posture_chapter(cell, found)
+
+
+def grid(limits_deg: Range, step_deg: float) -> Float:
+    """Angles in rad from the lowest on; of a full turn without its end."""
+    low, high = limits_deg
+    if not low <= high:
+        raise InputError(
+            "stiffness.posture", f"expected a range with the lower angle first, found {low:g}, {high:g} deg"
+        )
+    count = int(np.floor((min(high - low, 360.0) + 1e-9) / step_deg)) + 1
+    angles = low + step_deg * np.arange(count)
+    return np.asarray(angles[angles < low + 360 - 1e-9] * DEG)
+
+
+def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
+    """Turntable angles within the cell's limits; one angle, 0, where there is no turntable."""
+    if cell.turntable is None:
+        return np.zeros(1)
+    low, high = cell.turntable.limits / DEG
+    if limits_deg is not None:
+        low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
+    return grid((low, high), step_deg)
+
+
+def _kept(examiner: Examiner, choice: Choice, law: Law, constant: Law) -> tuple[Law, Float, tuple[str, ...]]:
+    """The law with its joint angles, or the constant one where these would leave their limits on the way."""
+    joints, cause, _ = examiner.along(choice.configuration, law.rotation, law.table)
+    if cause == FREE:
+        return law, joints, ()
+    return constant, choice.joints, ("the law along the path would turn a joint beyond its limits: it stays constant",)
+
+
+def _mean(made: Postures, points: PathPoints) -> float:
+    """Mean length of the displacement of the loaded points."""
+    return float(np.linalg.norm(made.displacement_mm[points.loaded], axis=1).mean())
+
+
+def _gate(gate: Gate | None, found: Found) -> Gate:
+    """The decision so far, with what was found."""
+    reason = f"postures found for {len(found.points.layer)} points, mean displacement {found.mean_mm:.4f} mm"
+    return Gate(True, reason) if gate is None else Gate(gate.passed, f"{gate.reason}; {reason}")

@@ -1,0 +1,66 @@
+"""`posture.json`: postures of every point, and the map that the choice was made on. Degrees, mm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.api import DEG, AnyArray, Float, Postures
+from workbench.plugins.stiffness.feasible import CAUSES
+from workbench.plugins.stiffness.search import PostureMap
+from workbench.plugins.stiffness.standing import Found
+from workbench.plugins.stiffness.writing import strict_json
+
+
+def posture_document(found: Found) -> bytes:
+    """`points` are the layers' in their order; `travels` those of the moves through the air, which come in between."""
+    made = found.postures
+    air = made.layer == 0
+    return strict_json(
+        {
+            "format": "posture",
+            "version": 1,
+            "mode": found.mode,
+            "mean_displacement_mm": found.mean_mm,
+            "constant": {
+                "cutter_rotation_deg": found.choice.rotation / DEG,
+                "turntable_deg": found.choice.table / DEG,
+                "mean_displacement_mm": found.constant_mm,
+                "cells_examined": found.choice.examined,
+            },
+            "pointwise_bound_mm": found.bound_mm,
+            "warnings": list(made.warnings),
+            "points": _rows(made, np.flatnonzero(~air)),
+            "travels": _rows(made, np.flatnonzero(air)),
+            "map": _map(found.map),
+        }
+    )
+
+
+def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:
+    columns = {
+        "layer": made.layer,
+        "cutter_rotation_deg": _rounded(made.cutter_rotation / DEG, 6),
+        "turntable_deg": _rounded(made.turntable / DEG, 6),
+        "joints_deg": _rounded(made.joints / DEG, 6),
+        "displacement_mm": _rounded(np.linalg.norm(made.displacement_mm, axis=1), 6),
+        "clearance_mm": _rounded(made.clearance_mm, 3),
+    }
+    values = [column[chosen].tolist() for column in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
+
+
+def _map(over: PostureMap) -> dict[str, Any]:
+    return {
+        "cutter_rotation_deg": _rounded(over.rotations / DEG, 6),
+        "turntable_deg": _rounded(over.tables / DEG, 6),
+        "mean_displacement_mm": _rounded(over.mean_mm, 6),
+        "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
+        "collision_pairs": [list(pair) for pair in over.pairs],
+        "collision_pair": [[None if i < 0 else i for i in row] for row in over.pair.tolist()],
+    }
+
+
+def _rounded(values: Float, digits: int) -> Float:
+    return np.asarray(np.round(values, digits) + 0.0)

@@ -1,0 +1,85 @@
+"""From a law to postures: joint angles, displacement, clearance and the turned targets of every point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import (
+    Cell,
+    Float,
+    Postures,
+    Toolpath,
+    forward_kinematics,
+    inverse,
+    jacobian_at,
+    joint_axes,
+    quaternion_from_rotation,
+)
+from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.feasible import Examiner
+from workbench.plugins.stiffness.law import Law
+from workbench.plugins.stiffness.path_points import PathPoints
+from workbench.plugins.stiffness.search import Choice, PostureMap
+from workbench.plugins.stiffness.values import JointStiffness
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """All that the posture optimiser found, for its file and its chapter."""
+
+    postures: Postures
+    points: PathPoints
+    choice: Choice  # the constant pair
+    map: PostureMap
+    mode: str
+    sampled: int  # loaded points that the map averages
+    bound_mm: float  # mean of each sampled point's least displacement over the grid, collision aside
+    constant_mm: float  # mean displacement of all loaded points with the constant pair
+
+    @property
+    def mean_mm(self) -> float:
+        """Mean displacement of all loaded points as chosen."""
+        return float(np.linalg.norm(self.postures.displacement_mm[self.points.loaded], axis=1).mean())
+
+
+def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, law: Law, joints: Float,
+             warnings: tuple[str, ...], *, clearance: bool = True) -> Postures:  # fmt: skip
+    """The postures of a law with joint angles (n, 6); `clearance`: whether distances are measured too."""
+    cell, points = examiner.cell, examiner.points
+    flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
+    targets = forward_kinematics(cell.chain, joints) @ flange_from_point
+    turned = points.turned(cell, law.table)
+    return Postures(
+        toolpath=toolpath, layer=points.layer, cutting=points.cutting, measured=points.measured,
+        position_mm=targets[:, :3, 3], quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
+        feed_mm_s=_feeds(points, targets[:, :3, 3]), cutter_rotation=law.rotation, turntable=law.table, joints=joints,
+        displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
+        clearance_mm=_clearances(examiner, joints, law.table) if clearance else np.full(len(joints), np.nan),
+        flange_from_point=flange_from_point, has_turntable=cell.turntable is not None, warnings=warnings,
+    )  # fmt: skip
+
+
+def _displacements(cell: Cell, k: Float, joints: Float, turned: Float, points: PathPoints) -> Float:
+    """J K^-1 J^T f (n, 3) of the loaded point, mm, base axes."""
+    at = (turned @ points.base_from_point)[:, :3, 3]
+    force = (turned[:, :3, :3] @ points.force_n[:, :, None])[:, :, 0]
+    jacobian = jacobian_at(*joint_axes(cell.chain, joints), at)[:, :3]
+    torque = np.einsum("nri,nr->ni", jacobian, force) / MM
+    return np.asarray(np.einsum("nri,ni->nr", jacobian, torque / k))
+
+
+def _clearances(examiner: Examiner, joints: Float, table: Float) -> Float:
+    """The smallest distance (n,) between bodies that must not touch, mm."""
+    found = (examiner.screen.model.clearance(q, angle) for q, angle in zip(joints, table.tolist(), strict=True))
+    return np.array([np.nan if one is None else one.distance_mm for one in found])
+
+
+def _feeds(points: PathPoints, position_mm: Float) -> Float:
+    """Feeds in the base that take as long from point to point as the path's own do on the workpiece."""
+    way = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)
+    planned = np.linalg.norm(np.diff(points.base_from_point[:, :3, 3], axis=0), axis=1)
+    same = np.isclose(way, planned, rtol=1e-9, atol=1e-9) | (planned < 1e-6) | (way < 1e-6)
+    ratio = np.where(same, 1.0, way / np.where(same, 1.0, planned))
+    return np.append(points.feed_mm_s[:1], points.feed_mm_s[1:] * ratio)

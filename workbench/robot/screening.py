@@ -1,0 +1,41 @@
+"""Collision of very many postures: proven apart by bounding volumes, and what these leave open decided by fcl."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.robot.bounds import SAFE_MM, bounding_volumes, clearance_bound_mm, near_pairs
+from workbench.robot.cell import Cell
+from workbench.robot.collision import CollisionModel, turntable_pose
+from workbench.robot.kinematics import motions
+from workbench.units import Float, Int
+
+FREE = -1
+
+
+class CollisionScreen:
+    """A cell's bodies, ready to be asked about many postures; the answers are `CollisionModel`'s."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build once, ask often."""
+        self.model = CollisionModel(cell)
+        self._cell, self._volumes = cell, bounding_volumes(cell)
+
+    def hits(self, joints: Float, turntable: Float) -> Int:
+        """Index into `pairs` of a pair that is nearer than the margin, or FREE (n,), at (n, 6) and (n,), rad."""
+        found = np.full(len(joints), FREE)
+        bound = clearance_bound_mm(self._cell, self._volumes, joints, turntable)
+        open_ = np.flatnonzero(~(bound > self._cell.margin_mm + SAFE_MM))
+        if not len(open_):
+            return found
+        near = near_pairs(self._cell, self._volumes, joints[open_], turntable[open_])
+        moved = motions(self._cell.chain, joints[open_])
+        angles, which = np.unique(turntable[open_], return_inverse=True)
+        tables = [turntable_pose(self._cell, angle) for angle in angles.tolist()]
+        for i, n in enumerate(open_.tolist()):
+            found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
+        return found
+
+    def pair(self, hit: int) -> tuple[str, str]:
+        """Names of the bodies of a hit."""
+        return self.model.names(*self.model.pairs[hit])

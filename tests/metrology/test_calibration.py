@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.calibration.part import measure_calibration, named, recorded
+from bench.metrology.calibration.part import measure_calibration, recorded
 from bench.metrology.calibration.result import CalibrationResult
-from bench.metrology.calibration.summary import CALIBRATION_CONDITIONS, Share, summarise_calibrations
+from bench.metrology.calibration.summary import CALIBRATION_CONDITIONS, Share, named, summarise_calibrations
 from bench.metrology.calibration.table import calibration_tables
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.peers.genetic import evolve

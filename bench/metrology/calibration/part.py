@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ UNKNOWN_RADIUS_MM = 5.0
 RADIUS_U_MM = 0.05
 CLEAR_MM = 0.5  # six sigma of a recorded pose: a centre nearer to the laser plane has no side
 WRONG = 10.0  # standard deviations over the field of view
-NAMED = re.compile(r"do not determine the (translation|rotation)|distinct postures.*undetermined")
 
 
 def measure_calibration(condition: str, seed: int, peers: tuple[str, ...] = ()) -> CalibrationResult:
@@ -47,11 +45,6 @@ def measure_calibration(condition: str, seed: int, peers: tuple[str, ...] = ()) 
     except Exception as error:
         result.crashed = repr(error)
     return result
-
-
-def named(refusal: str) -> bool:
-    """Whether a refusal says in words what is not determined."""
-    return bool(NAMED.search(refusal))
 
 
 def recorded(recipe: SphereRecipe) -> Float:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import beta, chi2
 
-from bench.metrology.calibration.part import named
 from bench.metrology.calibration.result import CalibrationResult
 from bench.metrology.quantity import percentile
 from workbench.synthetic.sphere_conditions import DEGENERATE, SOUND
@@ -21,6 +21,9 @@ COVER_GOAL = {"sphere_nine": (0.93, 0.97), "sphere_six": (0.93, 0.97), "sphere_s
               "sphere_equator": (0.90, 1.0), "sphere_gross": (0.90, 1.0)}  # fmt: skip
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
+
+
+NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures.*undetermined")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +129,11 @@ def summarise_calibrations(condition: str, results: list[CalibrationResult]) -> 
         others={name: _rms(r.others.get(name) for r in good) for name in names},
         solve_ms=percentile([1e3 * r.seconds["solve"] for r in good if "solve" in r.seconds], 50),
     )  # fmt: skip
+
+
+def named(refusal: str) -> bool:
+    """Whether a refusal says in words what is not determined."""
+    return bool(NAMED.search(refusal))
 
 
 def worst_calibrations(results: list[CalibrationResult], count: int) -> Iterator[str]:

@@ -267,6 +267,13 @@ class Postures:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PathDeflection:
+    """By how much the tool is displaced at the points of a path's layers, in each point's own frame."""
+
+    by_layer_mm: Mapping[int, Float]  # index of the layer -> (k, 3), in the order of its points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Moves:
     """A path as a robot's controller runs it: k straight or circular moves, each to its target.
 

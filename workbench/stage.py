@@ -39,7 +39,7 @@ Seed = Annotated[int, Role.SEED]
 Progress = Annotated[Callable[[float], None] | None, Role.PROGRESS]
 """`progress(fraction)` with 0 <= fraction <= 1, called by a long stage now and then; None: nobody looks."""
 
-RESERVED = ("stage", "id", "from")  # keys of a stage in a pipeline that are not parameters
+RESERVED = ("stage", "id", "from", "write")  # keys of a stage in a pipeline that are not parameters
 F = TypeVar("F", bound=Callable[..., Any])
 
 

@@ -28,6 +28,7 @@ MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
 STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave out</p>"),)
+LOOPS = ("closed_loop", "compensated_loop")  # they begin with a recipe
 GIVEN: dict[str, dict[str, Any]] = {}  # parameters of stages in no shipped pipeline that have no defaults
 
 
@@ -130,8 +131,8 @@ def plan_chains(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chain, Chain]
 def chains(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Chains:
     recipe = tmp_path_factory.mktemp("recipe") / "raw.json"
     recipe.write_text(json.dumps(RAW))
-    others = sorted({path.stem for path in PIPELINES.glob("*.json")} - {"inspect_bevel", "closed_loop"})
-    return Chains((chain, run_chain("closed_loop", recipe=recipe), *map(run_chain, others)))
+    others = sorted({path.stem for path in PIPELINES.glob("*.json")} - {"inspect_bevel", *LOOPS})
+    return Chains((chain, *(run_chain(name, recipe=recipe) for name in LOOPS), *map(run_chain, others)))
 
 
 @pytest.fixture(scope="session")

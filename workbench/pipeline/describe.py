@@ -15,6 +15,7 @@ UNITS = {
     "_mm_per_s": "mm/s",
     "_mm_s2": "mm/s²",
     "_mm_s": "mm/s",
+    "_deg_s2": "deg/s²",
     "_per_mm": "1/mm",
     "_mm2": "mm²",
     "_mm": "mm",

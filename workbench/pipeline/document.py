@@ -134,6 +134,7 @@ def _check_stage(entry: Any, where: str) -> None:
     _member(entry, where, "stage", str, None, ".")
     if not ID.fullmatch(_member(entry, where, "id", str, "x", ".")):
         raise PipelineError(f"{where}.id", f"expected letters, digits, '_', '-' and '.', got {entry['id']!r}")
+    _member(entry, where, "write", bool, True, ".")
     for source, given in _member(entry, where, "from", dict, {}, ".").items():
         if not all(isinstance(part, str) for part in (given if isinstance(given, list) else [given])):
             raise PipelineError(f"{where}.from.{source}", "expected the id of an earlier stage, or a list of ids")

@@ -188,7 +188,8 @@ def resolved(checked: Plan) -> dict[str, Any]:
     for step in checked.steps:
         sources = {name: ids[0] if len(ids) == 1 else list(ids) for name, ids in step.sources.items() if ids}
         parameters = {**to_jsonable_python(dict(step.parameters)), **step.given}
-        stages.append({"stage": step.stage.name, "id": step.id, **({"from": sources} if sources else {}), **parameters})
+        own = ({"from": sources} if sources else {}) | ({} if step.write else {"write": False})
+        stages.append({"stage": step.stage.name, "id": step.id, **own, **parameters})
     document = checked.document
     head = {"version": 1, "title": document.title, "seed": document.seed}
     return {**head, "inputs": dict(checked.inputs), "stages": stages}
@@ -207,7 +208,8 @@ def versions() -> dict[str, str]:
 
 def _files(checked: Plan, results: Results) -> dict[str, bytes]:
     """All result files of a run, `run.json` included."""
-    files = result_files(results)
+    written = (made for step in checked.steps if step.write for made in results.artefacts[step.id])
+    files = result_files(written)
     made_of = provenance(checked, results)
     files[RUN_FILE] = strict_json(
         {

@@ -70,6 +70,7 @@ def _stage_schema(stage: Stage, definitions: dict[str, Any]) -> dict[str, Any]:
         "stage": {"const": stage.name},
         "id": {**one_id, "description": "Name of this step, where a pipeline branches or repeats a stage."},
         "from": {"type": "object", "properties": sources, "additionalProperties": False},
+        "write": {"type": "boolean", "description": "false: what it makes becomes no result file."},
     }
     return {
         "description": summary(stage),

@@ -35,6 +35,7 @@ class Step:
     parameters: Mapping[str, Any]
     given: Mapping[str, Any]  # the parameters written in the document, inputs substituted
     files: tuple[InputRecord, ...]
+    write: bool = True  # False: what it makes is for later stages only, no result file
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _step(
     for key in entry.get("from", {}):
         if key not in sources:
             raise PipelineError(f"{where}.from.{key}", f"{stage.name} takes no '{key}'{nearest(key, sources)}")
-    return Step(step_id, stage, sources, parameters, given, tuple(files))
+    return Step(step_id, stage, sources, parameters, given, tuple(files), entry.get("write", True))
 
 
 def _place(value: Any, base_dir: Path, name: str, files: list[InputRecord]) -> Any:
@@ -186,8 +187,9 @@ def _check_result_files(steps: list[Step], document: PipelineDocument) -> None:
     makers: dict[str, str] = {}
     for i, step in enumerate(steps):
         taken = {maker for ids in step.sources.values() for maker in ids}
-        for file in filter(None, map(file_of, step.stage.produces)):
+        for file in filter(None, map(file_of, step.stage.produces)) if step.write else ():
             if makers.get(file, step.id) not in {step.id, *taken}:
                 where = f"{document.name}: stages[{i}]"
-                raise PipelineError(where, f"{step.id} and {makers[file]} would both write {file}: keep one of them")
+                raise PipelineError(where, f"{step.id} and {makers[file]} would both write {file}: keep one of "
+                                    'them, or say "write": false of the other')  # fmt: skip
             makers[file] = step.id

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Engagement, Layer, LayerEngagement, Toolpath
+from workbench.artefacts import Engagement, Layer, LayerEngagement, PathDeflection, Toolpath
 from workbench.errors import InputError
 from workbench.stage import InputFile, Seed, stage
 from workbench.synthetic.milling import Stock
@@ -29,6 +30,7 @@ Angle = Annotated[float, Field(ge=-180, le=180)]
 def mill(
     workpiece: Workpiece,
     toolpath: Toolpath,
+    bending: PathDeflection | None = None,
     *,
     tip_mm: Annotated[
         float | None,
@@ -67,6 +69,7 @@ def mill(
     Args:
         workpiece: the part as it is now.
         toolpath: the path.
+        bending: how far the robot gives way at each of its points, as a stage upstream predicts it.
         tip_mm: how far the cutter reaches beyond a frame's origin, along z; null: half the length of its flutes.
         offset_mm: constant error of the tool's position in the base: hand-eye, tool or work object.
         rotation_deg: constant error of its orientation, a rotation vector in the base, about the frame's origin.
@@ -78,20 +81,34 @@ def mill(
         seed: of the robot's error.
 
     Raises:
-        InputError: a path without layers, or an unusable file of deflections.
+        InputError: a path without layers, an unusable file of deflections, a bending of another path.
     """
     _refuse_empty(toolpath)
     mechanics = Mechanics(
         base_from_path=np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject,
         offset_mm=np.array(offset_mm), rotation=np.array(rotation_deg) * DEG, noise_mm=robot_noise_mm,
         noise_length_mm=robot_noise_length_mm, deflection_mm=np.array(deflection_mm),
-        deflections_mm={} if deflections is None else read_deflections(deflections, toolpath.layers),
+        deflections_mm=_deflections(toolpath, deflections, bending),
         seed=(seed, 0 if workpiece.cut is None else workpiece.cut.times),
     )  # fmt: skip
     stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
     tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
     engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, tip), toolpath)
     return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings)
+
+
+def _deflections(toolpath: Toolpath, file: Path | None, bending: PathDeflection | None) -> dict[int, Float]:
+    """By layer what a file and a stage upstream say together."""
+    found = {} if file is None else read_deflections(file, toolpath.layers)
+    if bending is None:
+        return found
+    for layer in toolpath.layers:
+        more = bending.by_layer_mm.get(layer.index)
+        if more is None or len(more) != len(layer.position_mm):
+            raise InputError("bending", f"expected that of this path; it has no layer {layer.index} of "
+                             f"{len(layer.position_mm)} points")  # fmt: skip
+        found[layer.index] = found.get(layer.index, 0.0) + more
+    return found
 
 
 def _refuse_empty(toolpath: Toolpath) -> None:

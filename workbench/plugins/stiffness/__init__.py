@@ -1,12 +1,27 @@
 """The robot's stiffness: its model, its identification, milling forces. Stages `stiffness.*`."""
 
+from workbench.plugins.stiffness.compare import compare
+from workbench.plugins.stiffness.compensate import compensate
 from workbench.plugins.stiffness.deflection import deflection
 from workbench.plugins.stiffness.force import force
 from workbench.plugins.stiffness.identify import identify
 from workbench.plugins.stiffness.maps import maps
 from workbench.plugins.stiffness.plan_loads import plan_loads
 from workbench.plugins.stiffness.posture import posture
+from workbench.plugins.stiffness.predict import predict
 from workbench.plugins.stiffness.read import read
 from workbench.plugins.stiffness.simulate_loads import simulate_loads
 
-__all__ = ["deflection", "force", "identify", "maps", "plan_loads", "posture", "read", "simulate_loads"]
+__all__ = [
+    "compare",
+    "compensate",
+    "deflection",
+    "force",
+    "identify",
+    "maps",
+    "plan_loads",
+    "posture",
+    "predict",
+    "read",
+    "simulate_loads",
+]

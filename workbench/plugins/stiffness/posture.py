@@ -11,11 +11,11 @@ from workbench.api import DEG, Cell, Chapter, Document, Float, Gate, InputError,
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.feasible import FREE, Examiner
 from workbench.plugins.stiffness.law import Law, Limits, improved_law
-from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
+from workbench.plugins.stiffness.path_points import Load, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.posture_document import posture_document
-from workbench.plugins.stiffness.search import Choice, search
-from workbench.plugins.stiffness.standing import Found, postures
+from workbench.plugins.stiffness.search import Choice, PostureMap, search
+from workbench.plugins.stiffness.standing import Case, Found, case_at, postures
 from workbench.plugins.stiffness.traversal import lowest, sample, traversal
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
@@ -93,7 +93,8 @@ def posture(
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
-    examiner, some = Examiner(cell, arm, points), points.only(sample(points, sampled_points))
+    at = sample(points, sampled_points)
+    examiner, some = Examiner(cell, arm, points), points.only(at)
     choice, over = search(examiner, traversal(arm, cell, k, some, rotations, tables), whole_map=whole_map)
     n = len(points.layer)
     constant = Law(np.full(n, choice.rotation), np.full(n, choice.table))
@@ -106,11 +107,10 @@ def posture(
         chosen, joints, more = _kept(examiner, choice, chosen, constant)
         warnings = warnings + more
     made = postures(examiner, stiffness, toolpath, chosen, joints, warnings)
-    alone = postures(examiner, stiffness, toolpath, constant, choice.joints, (), clearance=False)
     found = Found(
-        postures=made, points=points, choice=choice, map=over, mode=mode, sampled=len(some.loaded),
-        bound_mm=float(lowest(arm, cell, k, some, rotations, tables).min(axis=1).mean()),
-        constant_mm=_mean(alone, points),
+        postures=made, points=points, choice=choice, map=over, mode=mode,
+        bound_at=np.flatnonzero(np.isin(points.loaded, at)), cases=_cases(examiner, k, choice, over),
+        bound_mm=lowest(arm, cell, k, some, rotations, tables).min(axis=1),
     )  # fmt: skip
     return made, _gate(gate, found), Document("posture.json", posture_document(found)), posture_chapter(cell, found)
 
@@ -145,12 +145,20 @@ def _kept(examiner: Examiner, choice: Choice, law: Law, constant: Law) -> tuple[
     return constant, choice.joints, ("the law along the path would turn a joint beyond its limits: it stays constant",)
 
 
-def _mean(made: Postures, points: PathPoints) -> float:
-    """Mean length of the displacement of the loaded points."""
-    return float(np.linalg.norm(made.displacement_mm[points.loaded], axis=1).mean())
+def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:
+    """What the choice is compared with: how the path was planned, and the worst that could have been chosen."""
+    worst = np.unravel_index(np.nanargmax(over.mean_mm), over.mean_mm.shape)
+    places = {
+        "as planned": (0.0, examiner.points.planned if examiner.cell.turntable else 0.0),
+        "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
+        "best": (choice.rotation, choice.table),
+    }
+    return {name: case_at(examiner, k, *place) for name, place in places.items()}
 
 
 def _gate(gate: Gate | None, found: Found) -> Gate:
     """The decision so far, with what was found."""
-    reason = f"postures found for {len(found.points.layer)} points, mean displacement {found.mean_mm:.4f} mm"
+    reason = (
+        f"postures found for {len(found.points.layer)} points, mean displacement {found.displacement_mm.mean():.4f} mm"
+    )
     return Gate(True, reason) if gate is None else Gate(gate.passed, f"{gate.reason}; {reason}")

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.api import DEG, AnyArray, Float, Postures
 from workbench.plugins.stiffness.feasible import CAUSES
 from workbench.plugins.stiffness.search import PostureMap
-from workbench.plugins.stiffness.standing import Found
+from workbench.plugins.stiffness.standing import Case, Found
 from workbench.plugins.stiffness.writing import strict_json
 
 
@@ -22,20 +22,36 @@ def posture_document(found: Found) -> bytes:
             "format": "posture",
             "version": 1,
             "mode": found.mode,
-            "mean_displacement_mm": found.mean_mm,
+            "mean_displacement_mm": float(found.displacement_mm.mean()),
             "constant": {
                 "cutter_rotation_deg": found.choice.rotation / DEG,
                 "turntable_deg": found.choice.table / DEG,
-                "mean_displacement_mm": found.constant_mm,
+                "mean_displacement_mm": _mean(found.cases["best"]),
                 "cells_examined": found.choice.examined,
             },
-            "pointwise_bound_mm": found.bound_mm,
+            "compared": {name: None if case is None else _case(case) for name, case in found.cases.items()},
+            "pointwise_bound_mm": float(found.bound_mm.mean()),
+            "gap_to_bound": found.gap,
             "warnings": list(made.warnings),
             "points": _rows(made, np.flatnonzero(~air)),
             "travels": _rows(made, np.flatnonzero(air)),
             "map": _map(found.map),
         }
     )
+
+
+def _mean(case: Case | None) -> float | None:
+    return None if case is None else float(case.displacement_mm.mean())
+
+
+def _case(case: Case) -> dict[str, Any]:
+    return {
+        "cutter_rotation_deg": case.rotation / DEG,
+        "turntable_deg": case.table / DEG,
+        "mean_displacement_mm": _mean(case),
+        "cause": CAUSES[case.cause],
+        "pair": case.pair,
+    }
 
 
 def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:

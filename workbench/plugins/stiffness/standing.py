@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from workbench.api import (
     Cell,
     Float,
+    Int,
     Postures,
     Toolpath,
     forward_kinematics,
@@ -18,11 +20,24 @@ from workbench.api import (
     quaternion_from_rotation,
 )
 from workbench.plugins.stiffness.elastic import MM
-from workbench.plugins.stiffness.feasible import Examiner
+from workbench.plugins.stiffness.feasible import COLLISION, FREE, Configuration, Examiner
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.search import Choice, PostureMap
+from workbench.plugins.stiffness.traversal import BRANCHES
 from workbench.plugins.stiffness.values import JointStiffness
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A constant pair of angles that the choice is compared with."""
+
+    rotation: float
+    table: float
+    joints: Float  # (n, 6)
+    displacement_mm: Float  # (l,) of the loaded points
+    cause: int  # index into `feasible.CAUSES`: free or in collision
+    pair: tuple[str, str] | None  # that collides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,14 +49,34 @@ class Found:
     choice: Choice  # the constant pair
     map: PostureMap
     mode: str
-    sampled: int  # loaded points that the map averages
-    bound_mm: float  # mean of each sampled point's least displacement over the grid, collision aside
-    constant_mm: float  # mean displacement of all loaded points with the constant pair
+    bound_mm: Float  # (s,) least displacement over the grid of each sampled loaded point, collision aside
+    bound_at: Int  # (s,) which of the loaded points they are
+    cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
 
     @property
-    def mean_mm(self) -> float:
-        """Mean displacement of all loaded points as chosen."""
-        return float(np.linalg.norm(self.postures.displacement_mm[self.points.loaded], axis=1).mean())
+    def displacement_mm(self) -> Float:
+        """Length of the displacement (l,) of the loaded points as chosen."""
+        return np.asarray(np.linalg.norm(self.postures.displacement_mm[self.points.loaded], axis=1))
+
+    @property
+    def gap(self) -> float:
+        """How far the law is above the point-wise bound, as a share of it."""
+        return float(self.displacement_mm[self.bound_at].mean() / self.bound_mm.mean() - 1)
+
+
+def case_at(examiner: Examiner, k: Float, rotation: float, table: float) -> Case | None:
+    """The best configuration for a constant pair of angles; one in collision only where none is free."""
+    points, n = examiner.points, len(examiner.points.layer)
+    angles = np.full(n, rotation), np.full(n, table)
+    found = []
+    for branch, flip in np.ndindex(len(BRANCHES), 2):
+        joints, cause, hit = examiner.along(Configuration(branch, flip), *angles)
+        if cause in (FREE, COLLISION):
+            moved = _displacements(examiner.cell, k, joints, points.turned(examiner.cell, angles[1]), points)
+            length = np.linalg.norm(moved[points.loaded], axis=1)
+            pair = examiner.screen.pair(hit) if cause == COLLISION else None
+            found.append(Case(rotation, table, joints, length, cause, pair))
+    return min(found, key=lambda case: (case.cause, case.displacement_mm.mean()), default=None)
 
 
 def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, law: Law, joints: Float,

@@ -1,0 +1,42 @@
+"""`stiffness.compensate`: a path that allows for the robot's giving way."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import InputError, Layer, PathDeflection, Toolpath, rotation_from_quaternion, stage
+
+
+@stage("stiffness.compensate")
+def compensate(
+    toolpath: Toolpath,
+    predicted: PathDeflection,
+    *,
+    share: Annotated[float, Field(ge=0, le=2, description="factor of the prediction that is allowed for")] = 1.0,
+) -> Toolpath:
+    """Move every point of a path against its predicted deflection, so that the loaded cutter comes where it should.
+
+    Positions only; the force on the moved path is taken as the same. Lead-ins and leads-out stay.
+
+    Args:
+        toolpath: the path, as planned.
+        predicted: how far the robot gives way at its points, in their frames.
+        share: of the prediction that is allowed for.
+
+    Raises:
+        InputError: the prediction is of another path.
+    """
+    return dataclasses.replace(toolpath, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers))
+
+
+def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:
+    moved = predicted.by_layer_mm.get(layer.index)
+    if moved is None or len(moved) != len(layer.position_mm):
+        raise InputError("prediction", f"expected that of this path; it has no layer {layer.index} of "
+                         f"{len(layer.position_mm)} points")  # fmt: skip
+    back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * moved)
+    return dataclasses.replace(layer, position_mm=layer.position_mm - back)

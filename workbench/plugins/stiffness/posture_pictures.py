@@ -1,0 +1,114 @@
+"""Pictures of the posture optimiser: its map as contours and surface (Fig. 17a, b), and what comes along the path."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from workbench.api import DEG, AnyArray
+from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
+from workbench.plugins.stiffness.standing import Found
+
+SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by cause
+
+
+def map_picture(found: Found) -> bytes:
+    """Contours of the mean displacement; what is infeasible in the colour of its cause; the choice on top (SVG)."""
+    from matplotlib import rc_context
+    from matplotlib.colors import ListedColormap
+    from matplotlib.figure import Figure
+
+    over = found.map
+    x, y = over.rotations / DEG, over.tables / DEG
+    with rc_context({"svg.hashsalt": "posture", "svg.fonttype": "none", "font.size": 8}):
+        figure = Figure(figsize=(8, 5), layout="constrained")
+        axes = figure.subplots()
+        if len(y) > 1:
+            box = (x[0], x[-1], y[0], y[-1])
+            causes = np.ma.masked_equal(over.cause.T, 0)
+            colours = ListedColormap([SHADES[c] for c in range(1, 5)])
+            axes.imshow(causes, cmap=colours, vmin=1, vmax=4, extent=box, origin="lower", aspect="auto", alpha=0.55,
+                        interpolation="nearest")  # fmt: skip
+            drawn = axes.contourf(x, y, over.mean_mm.T, levels=16, cmap="viridis")
+            figure.colorbar(drawn, ax=axes, label="mean displacement, mm")
+            axes.set_ylabel("turntable, deg")
+        else:
+            axes.plot(x, over.mean_mm[:, 0])
+            axes.set_ylabel("mean displacement, mm")
+        for c, colour in SHADES.items():
+            if (over.cause == c).any():
+                axes.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
+        _mark(axes, found)
+        axes.set_xlabel("cutter rotation, deg")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=8, frameon=False, fontsize=7)
+        return _saved(figure, "svg")
+
+
+def _mark(axes: Any, found: Found) -> None:
+    """The chosen law, and the constant pairs that it is compared with."""
+    made, flat = found.postures, len(found.map.tables) == 1
+    loaded = found.points.loaded
+    height = found.displacement_mm if flat else made.turntable[loaded] / DEG
+    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color="white", ms=3, label="law along the path")
+    for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
+        if case is not None:
+            at = case.displacement_mm.mean() if flat else case.table / DEG
+            axes.plot(case.rotation / DEG, at, mark, mfc="white", mec="black", ms=9, label=name)
+
+
+def surface_picture(found: Found) -> bytes:
+    """The map as a surface (PNG): Fig. 17b."""
+    from matplotlib.figure import Figure
+
+    over = found.map
+    step = max(1, max(over.mean_mm.shape) // 90)
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d")
+    z = over.mean_mm[::step, ::step].T
+    grid = np.meshgrid(over.rotations[::step] / DEG, over.tables[::step] / DEG)
+    low, high = np.nanmin(z), np.nanmax(z)
+    axes.plot_surface(
+        *grid, z, cmap="viridis", vmin=low, vmax=high, rstride=1, cstride=1, linewidth=0, antialiased=False
+    )
+    axes.set_xlabel("cutter rotation, deg")
+    axes.set_ylabel("turntable, deg")
+    axes.set_zlabel("mean displacement, mm")
+    return _saved(figure, "png")
+
+
+def along_picture(found: Found) -> bytes:
+    """Displacement of the loaded points, and the law, in the order of motion (SVG)."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context({"svg.hashsalt": "posture", "svg.fonttype": "none", "font.size": 8}):
+        figure = Figure(figsize=(8, 4.6), layout="constrained")
+        top, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        for name, case in found.cases.items():
+            if case is not None and not (name == "best" and found.mode == "constant"):
+                top.plot(case.displacement_mm, lw=1, label=name)
+        top.plot(found.displacement_mm, "k", lw=1.4, label="as chosen")
+        top.plot(found.bound_at, found.bound_mm, "k:", lw=1, label="best of every single point")
+        top.set_ylabel("displacement, mm")
+        top.set_ylim(bottom=0)
+        top.legend(ncols=5, frameon=False, fontsize=7, loc="upper left")
+        made, loaded = found.postures, found.points.loaded
+        for angle, name in ((made.cutter_rotation, "cutter rotation"), (made.turntable, "turntable")):
+            below.plot(_from_start(angle[loaded]), lw=1, label=name)
+        below.set_ylabel("from its start, deg")
+        below.set_xlabel("points that cut, in the order of motion")
+        below.legend(ncols=2, frameon=False, fontsize=7, loc="center left", bbox_to_anchor=(0.0, 1.08))
+        return _saved(figure, "svg")
+
+
+def _from_start(angle: AnyArray) -> AnyArray:
+    return np.asarray((np.unwrap(angle) - angle[0]) / DEG)
+
+
+def _saved(figure: Any, kind: str) -> bytes:
+    drawing = io.BytesIO()
+    metadata = {"Software": None} if kind == "png" else {"Date": None, "Creator": None}
+    figure.savefig(drawing, format=kind, metadata=metadata, **({"dpi": 110} if kind == "png" else {}))
+    return drawing.getvalue()

@@ -1,0 +1,91 @@
+"""`stiffness.predict`: how far the robot gives way at every point of a path."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    Cell,
+    Document,
+    Float,
+    InputError,
+    PathDeflection,
+    Postures,
+    Toolpath,
+    forward_kinematics,
+    jacobian_at,
+    joint_axes,
+    pose_from,
+    stage,
+)
+from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.path_points import Load, turn_about_z
+from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+
+
+@stage("stiffness.predict")
+def predict(
+    cell: Cell,
+    stiffness: JointStiffness,
+    toolpath: Toolpath,
+    force: MillingForce,
+    postures: Postures,
+    *,
+    load: Annotated[Load, Field(description="the force of a revolution that counts: its mean or its peak")] = "mean",
+) -> tuple[PathDeflection, Document]:
+    """Predict how far the cutter gives way at every point of a path: J K^-1 J^T f, eq. (22) put right.
+
+    In each point's own frame: x into the material, y along the feed, z from shank to tip. The small turn of the tool is
+    left out. Also as `deflections.csv`, which `twin.mill` reads.
+
+    Args:
+        cell: the robot.
+        stiffness: of its joints.
+        toolpath: the path, as planned.
+        force: on the cutter along it.
+        postures: how the robot stands along it.
+        load: mean or peak force.
+
+    Raises:
+        InputError: postures or force are of another path.
+    """
+    if postures.toolpath is not toolpath:
+        raise InputError("postures", "expected those of this path, found another path's")
+    acts = {layer.index: getattr(layer, f"{load}_n") for layer in force.layers}
+    found = {}
+    for layer in toolpath.layers:
+        here = postures.layer == layer.index
+        if len(acts.get(layer.index, ())) != here.sum():
+            raise InputError("milling force", "expected that of this path, point by point")
+        point = base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2)[here]
+        found[layer.index] = _given_way(cell, stiffness.nm_per_rad, postures.joints[here], point, acts[layer.index])
+    return PathDeflection(found), Document("deflections.csv", _table(found))
+
+
+def base_from_point(cell: Cell, postures: Postures, radius_mm: float) -> Float:
+    """Frames (n, 4, 4) of the path's points where the turntable carries them: the tool's, turned back."""
+    tool = forward_kinematics(cell.chain, postures.joints) @ postures.flange_from_point
+    out, back = (pose_from(np.eye(3), np.array([sign * radius_mm, 0.0, 0.0])) for sign in (-1, 1))
+    return np.asarray(tool @ out @ turn_about_z(-postures.cutter_rotation) @ back)
+
+
+def _given_way(cell: Cell, k: Float, joints: Float, point: Float, force_n: Float) -> Float:
+    """Displacement (n, 3) in the points' frames (n, 4, 4) under forces (n, 3) in these frames."""
+    rotation = point[:, :3, :3]
+    jacobian = np.swapaxes(rotation, 1, 2) @ jacobian_at(*joint_axes(cell.chain, joints), point[:, :3, 3])[:, :3]
+    torque = np.einsum("nri,nr->ni", jacobian, force_n) / MM
+    return np.asarray(np.einsum("nri,ni->nr", jacobian, torque / k))
+
+
+def _table(found: dict[int, Float]) -> bytes:
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(["layer", "point", "dx_mm", "dy_mm", "dz_mm"])
+    for index, moved in found.items():
+        rows.writerows([index, i, *(f"{x:.6f}" for x in row)] for i, row in enumerate((moved + 0.0).tolist()))
+    return text.getvalue().encode("ascii")

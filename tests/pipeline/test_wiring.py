@@ -50,6 +50,21 @@ def test_a_stage_that_refines_a_result_has_the_last_word(demo_document: Doc, tmp
         load(demo_document, tmp_path).plan()
 
 
+def test_a_stage_that_writes_nothing_stands_in_nobodys_way(demo_document: Doc, tmp_path: Path) -> None:
+    demo_document["stages"][3:] = [
+        {"stage": "demo.refine", "id": "aside", "write": False},
+        {"stage": "demo.refine", "id": "kept", "root_mm": 1.3, "from": {"inspection": "demo.inspect"}},
+        {"stage": "demo.refine", "id": "unseen", "root_mm": 1.4, "write": False},
+    ]
+    load(demo_document, tmp_path).run(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "inspection.json").read_text())["reason"] == "refined to 1.3"
+    resolved = json.loads((tmp_path / "out" / "run.json").read_text())["pipeline"]["stages"]
+    assert [stage.get("write", True) for stage in resolved[3:]] == [False, True, False]
+    demo_document["stages"][3]["write"] = "no"
+    with pytest.raises(PipelineError, match=r"stages\[3\]\.write: expected true or false"):
+        load(demo_document, tmp_path).plan()
+
+
 def test_inputs_and_settings_replace_values(demo_document: Doc, tmp_path: Path) -> None:
     pipeline = load(demo_document, tmp_path)
     assert pipeline.run(inputs={"angle_deg": 30})["demo.turn"].source == "part-1/0>30x1"

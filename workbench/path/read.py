@@ -122,7 +122,8 @@ def _column(values: list[Any], shape: tuple[int, ...], where: str, name: str) ->
         column = np.empty(0)
     if column.shape != (len(values), *shape) or not np.isfinite(column).all():
         bad = next((i for i, value in enumerate(values) if not _fits(value, shape)), 0)
-        raise InputError(f"{where}[{bad}].{name}", "expected a finite number" + f"s, {shape[0]} of them" * bool(shape))
+        expected = f"{shape[0]} finite numbers" if shape else "a finite number"
+        raise InputError(f"{where}[{bad}].{name}", f"expected {expected}")
     return column
 
 

@@ -128,7 +128,7 @@ class Rapid:
     def start(self) -> Iterable[str]:
         """From wherever the robot stands, to the first target, in its posture where one is given."""
         if self.job.moves.start_joints_deg is not None:
-            return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}"]
+            return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}", f"    MoveL p1,{self.ends[0]}"]
         return [f"    MoveJ p1,{self.ends[0]}"]
 
     def _start_posture(self) -> Iterator[str]:

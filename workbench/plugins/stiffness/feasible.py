@@ -60,10 +60,13 @@ class Examiner:
                     continue
                 joints = Configuration(which, flip).joints(self.arm, flange[todo].reshape(-1, 4, 4))
                 joints, inside = followed(self.cell.chain, joints.reshape(len(todo), len(at), 6))
+                swings = _swings(joints, np.diff(at) == 1) & inside
+                inside &= ~swings
                 hits = np.full(len(todo), -1)
                 hits[inside] = self._hits(joints[inside], table[todo[inside]])
                 found = np.where(inside, np.where(hits >= 0, COLLISION, FREE), LIMIT)
-                better = (found == FREE) | (found == COLLISION)
+                found[swings] = SINGULAR
+                better = (found == FREE) | (found == COLLISION) | ((found == SINGULAR) & (cause[todo] == LIMIT))
                 cause[todo[better]], hit[todo[better]], flips[todo[better]] = found[better], hits[better], flip
         hit[cause == FREE] = -1
         return Verdicts(cause, hit, flips)
@@ -74,7 +77,7 @@ class Examiner:
         joints, inside = followed(self.cell.chain, configuration.joints(self.arm, flange)[None])
         if not inside[0]:
             return joints[0], LIMIT, -1
-        if np.abs(np.diff(joints[0], axis=0)).max() > MOST_STEP:
+        if _swings(joints, np.ones(len(rotation) - 1, bool))[0]:
             return joints[0], SINGULAR, -1
         hits = self.screen.hits(joints[0], table)
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
@@ -86,6 +89,12 @@ class Examiner:
             open_ = np.flatnonzero(found < 0)
             found[open_] = self.screen.hits(joints[open_, at], table[open_])
         return found
+
+
+def _swings(joints: Float, neighbours: Bool) -> Bool:
+    """Whether a joint moves too far between neighbouring points, on each path (c, p, 6)."""
+    steps = np.abs(np.diff(joints, axis=1)).max(axis=2, initial=0.0)
+    return np.asarray((steps[:, neighbours] > MOST_STEP).any(axis=1))
 
 
 def order(count: int) -> list[int]:

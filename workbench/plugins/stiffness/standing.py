@@ -92,8 +92,19 @@ def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, 
         feed_mm_s=_feeds(points, targets[:, :3, 3]), cutter_rotation=law.rotation, turntable=law.table, joints=joints,
         displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
         clearance_mm=_clearances(examiner, joints, law.table) if clearance else np.full(len(joints), np.nan),
-        flange_from_point=flange_from_point, has_turntable=cell.turntable is not None, warnings=warnings,
+        flange_from_point=flange_from_point, has_turntable=cell.turntable is not None,
+        warnings=warnings + _too_fast(cell, joints, points),
     )  # fmt: skip
+
+
+def _too_fast(cell: Cell, joints: Float, points: PathPoints) -> tuple[str, ...]:
+    """Joints that cannot follow the path's own feed: the controller will slow down there."""
+    speed = np.abs(np.diff(joints, axis=0)) / points.time_steps_s[1:, None]
+    return tuple(
+        f"joint {j} would need {share:.1f} times its largest speed at the path's feed"
+        for j, share in enumerate((speed.max(axis=0) / cell.chain.speeds).tolist(), 1)
+        if share > 1
+    )
 
 
 def _displacements(cell: Cell, k: Float, joints: Float, turned: Float, points: PathPoints) -> Float:

@@ -1,0 +1,215 @@
+"""The posture optimiser against plain loops over the robot's own kinematics, limits and collision."""
+
+import dataclasses
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Gate, Layer, Toolpath, Travel
+from workbench.errors import InputError
+from workbench.geometry.poses import inverse, rotation_from_vector
+from workbench.path import read
+from workbench.plugins.stiffness import force, posture
+from workbench.plugins.stiffness.elastic import give_way
+from workbench.plugins.stiffness.path_points import path_points, turn_about_z
+from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics, turntable_pose, within_limits
+from workbench.robot.shapes import ON_BASE, Shape
+from workbench.units import Float
+
+from .conftest import ROOT, K
+
+PATH = ROOT / "data" / "synthetic" / "paths" / "raw_arc.json"
+COARSE: dict[str, Any] = {"step_deg": 30.0, "sampled_points": 100, "reach_mm": 15.0}
+
+
+def thinned(path: Toolpath, every: int) -> Toolpath:
+    """The last layer alone, one point in so many; no travels."""
+    last = path.layers[-1]
+    columns = [f.name for f in dataclasses.fields(Layer) if f.name not in ("index", "height_mm")]
+    layer = dataclasses.replace(last, **{name: getattr(last, name)[::every] for name in columns})
+    return dataclasses.replace(path, layers=(layer,), travels=())
+
+
+@pytest.fixture(scope="module")
+def path() -> Toolpath:
+    return thinned(read(toolpath=PATH), 15)
+
+
+@pytest.fixture(scope="module")
+def acts(path: Toolpath) -> MillingForce:
+    return force(path)[0]
+
+
+@pytest.fixture(scope="module")
+def cluttered(cell: Cell) -> Cell:
+    """Boxes where the forearm would like to be."""
+    turn = np.eye(4)
+    boxes = []
+    for i, at in enumerate(((1300, -700, 1500), (900, 600, 1500), (1700, 300, 1250))):
+        pose = turn.copy()
+        pose[:3, 3] = at
+        boxes.append(Shape(f"box {i}", ON_BASE, "box", (250.0, 300.0, 500.0), pose))
+    return dataclasses.replace(cell, shapes=(*cell.shapes, *boxes))
+
+
+def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: float) -> tuple[float, Float]:
+    """The least mean displacement and the feasible cells (t, a), by inverse kinematics, limits and fcl."""
+    points = path_points(path, acts, load="mean", reach_mm=15.0, planned=0.0)
+    model, angles = CollisionModel(cell), np.radians(np.arange(-180, 180, step_deg))
+    best = np.full((len(angles), len(angles)), np.inf)
+    for (t, rotation), (a, table) in itertools.product(enumerate(angles), enumerate(angles)):
+        moved = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
+        point = moved @ points.base_from_point
+        cutter = point @ points.point_from_tip @ turn_about_z(np.array(rotation))
+        joints = within_limits(cell.chain, inverse_kinematics(cell.chain, cutter @ inverse(cell.flange_from_cutter)))
+        for branch in range(8):
+            q = np.unwrap(joints[:, branch], axis=0)
+            if not np.isfinite(q).all() or not np.isfinite(within_limits(cell.chain, q)).all():
+                continue
+            if np.abs(np.diff(q, axis=0)).max() > np.radians(15) or any(model.collision(one, table) for one in q):
+                continue
+            loads = np.hstack([points.force_n @ moved[:3, :3].T, np.zeros((len(q), 3))])
+            flange = forward_kinematics(cell.chain, q)
+            local = (inverse(flange) @ point)[:, :3, 3]
+            length = [np.linalg.norm(give_way(cell.chain, K, one, at, load, order=1, with_kc=False)[0][:3])
+                      for one, at, load in zip(q, local, loads, strict=True)]  # fmt: skip
+            best[t, a] = min(best[t, a], np.mean(np.array(length)[points.loaded]))
+    return float(best.min()), best
+
+
+@pytest.mark.parametrize("where", ["cell", "cluttered"])
+def test_choice_and_map_are_those_of_plain_loops(
+    where: str, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, request: pytest.FixtureRequest
+) -> None:
+    here: Cell = request.getfixturevalue(where)
+    made, _, document, _ = posture(here, stiffness, path, acts, **COARSE)
+    least, each = best_by_loops(here, path, acts, 30.0)
+    length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]
+    assert np.isclose(length.mean(), least, rtol=1e-9)
+    over = json.loads(document.content)["map"]
+    found = np.array([[np.inf if x is None else x for x in row] for row in over["mean_displacement_mm"]])
+    assert (np.isfinite(found) == np.isfinite(each)).all()
+    feasible = np.isfinite(each)
+    assert np.allclose(found[feasible], each[feasible], rtol=0, atol=1e-6)
+    causes = np.array([[x or "" for x in row] for row in over["cause"]])
+    assert ((causes == "") == feasible).all()
+    assert set(causes.reshape(-1)) <= {"", "unreachable", "limit", "singular", "collision"}
+    pairs = np.array([[x is not None for x in row] for row in over["collision_pair"]])
+    assert (pairs == (causes == "collision")).all()
+    bodies = {name for pair in over["collision_pairs"] for name in pair}
+    assert any(name.startswith("box") for name in bodies) == (where == "cluttered")
+    assert 0 < feasible.sum() < feasible.size
+
+
+def test_postures_stand_at_the_path(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:
+    """The cutter's axis goes where the path wants it, wherever cutter and turntable stand; clear of everything."""
+    made = posture(cell, stiffness, path, acts, **COARSE)[0]
+    layer, model = path.layers[-1], CollisionModel(cell)
+    for i, (q, table) in enumerate(zip(made.joints, made.turntable, strict=True)):
+        moved = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
+        tip = (inverse(moved) @ forward_kinematics(cell.chain, q) @ cell.flange_from_cutter)[:3]
+        planned = rotation_from_quaternion_wxyz(layer.quaternion_wxyz[i])
+        assert np.allclose(tip[:, 2], planned[:, 2], atol=1e-9)
+        assert np.allclose(tip[:, 3], layer.position_mm[i] - 5.0 * planned[:, 0] + 15.0 * planned[:, 2], atol=1e-6)
+        near = model.clearance(q, table)
+        assert near is not None
+        assert np.isclose(near.distance_mm, made.clearance_mm[i])
+        assert near.distance_mm > 0
+    assert (np.abs(np.diff(made.joints, axis=0)) < 0.3).all()
+    low, high = cell.chain.limits.T
+    assert ((made.joints >= low - 1e-9) & (made.joints <= high + 1e-9)).all()
+
+
+def rotation_from_quaternion_wxyz(q: Float) -> Float:
+    """By the rotation vector, not by the formula that the code uses."""
+    angle = 2 * np.arctan2(np.linalg.norm(q[1:]), q[0])
+    return rotation_from_vector(q[1:] / np.linalg.norm(q[1:]) * angle)
+
+
+@pytest.mark.parametrize("turntable_moves", [False, True])
+def test_law_along_the_path_is_never_worse(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, turntable_moves: bool
+) -> None:
+    common = {
+        **COARSE,
+        "step_deg": 0.5,
+        "whole_map": False,
+        "cutter_rotation_deg": (60, 110),
+        "turntable_deg": (-90, -60),
+    }
+    constant, _, _, _ = posture(cell, stiffness, path, acts, **common)
+    law, _, document, _ = posture(cell, stiffness, path, acts, mode="along_path", turntable_moves=turntable_moves,
+                                  **common)  # fmt: skip
+    before, after = (np.linalg.norm(one.displacement_mm, axis=1)[one.cutting] for one in (constant, law))
+    assert after.mean() < before.mean() - 1e-6  # points 15 mm apart leave room for a better law
+    told = json.loads(document.content)
+    assert 0 <= told["gap_to_bound"] < before.mean() / told["pointwise_bound_mm"] - 1
+    assert (np.ptp(law.turntable) > 0) == turntable_moves
+    model = CollisionModel(cell)
+    assert not any(model.collision(q, a) for q, a in zip(law.joints, law.turntable, strict=True))
+
+
+def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:
+    shapes = tuple(shape for shape in cell.shapes if shape.body != "turntable")
+    alone = dataclasses.replace(cell, turntable=None, shapes=shapes)
+    made, _, document, chapter = posture(alone, stiffness, path, acts, **COARSE)
+    assert not made.has_turntable
+    assert (made.turntable == 0).all()
+    assert json.loads(document.content)["map"]["turntable_deg"] == [0.0]
+    assert "<img" in chapter.html
+
+
+def test_travels_are_looked_at_every_5_mm(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
+    layer = path.layers[0]
+    start = layer.position_mm[:1] + np.array([0.0, 0.0, 52.0])
+    travel = Travel(start, layer.quaternion_wxyz[:1], np.array([20.0]))
+    longer = dataclasses.replace(path, travels=(travel,))
+    made = posture(cell, stiffness, longer, force(longer)[0], **COARSE)[0]
+    air = made.layer == 0
+    assert air.sum() == 11
+    assert np.linalg.norm(np.diff(made.position_mm[:12], axis=0), axis=1).max() <= 5.0 + 1e-9
+
+
+def test_a_rejected_path_stays_rejected(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    assert not posture(cell, stiffness, path, acts, Gate(False, "too steep"), **COARSE)[1].passed
+    assert posture(cell, stiffness, path, acts, **COARSE)[1].passed
+
+
+def far_away(path: Toolpath) -> Toolpath:
+    moved = dataclasses.replace(path.layers[0], position_mm=path.layers[0].position_mm + np.array([9000.0, 0, 0]))
+    return dataclasses.replace(path, layers=(moved,))
+
+
+def test_a_path_out_of_reach_is_refused(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
+    with pytest.raises(InputError, match="unreachable 100%"):
+        posture(cell, stiffness, far_away(path), force(far_away(path))[0], **COARSE)
+
+
+def test_a_path_in_the_turntable_is_refused(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
+    layer = path.layers[0]
+    sunk = dataclasses.replace(layer, position_mm=layer.position_mm * [1, 1, 0] + [450.0, 250.0, 440.0])
+    low = dataclasses.replace(path, layers=(sunk,))
+    with pytest.raises(InputError, match="'turntable'"):
+        posture(cell, stiffness, low, force(low)[0], **COARSE)
+
+
+def test_force_of_another_path_is_refused(
+    cell: Cell, acts: MillingForce, path: Toolpath, stiffness: JointStiffness
+) -> None:
+    other = thinned(read(toolpath=PATH), 10)
+    with pytest.raises(InputError, match="that of this path"):
+        posture(cell, stiffness, other, acts, **COARSE)
+    idle = dataclasses.replace(acts.layers[0], mean_in_path_n=acts.layers[0].mean_in_path_n * 0)
+    with pytest.raises(InputError, match="found none"):
+        posture(cell, stiffness, path, MillingForce((idle,), ""), **COARSE)
+
+
+def test_shipped_path_is_small() -> None:
+    assert Path(PATH).stat().st_size < 3e5

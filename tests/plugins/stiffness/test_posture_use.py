@@ -1,0 +1,177 @@
+"""What postures are for: a program that the robot can run as it stands, and a path that allows for deflection."""
+
+import csv
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Gate, Postures, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
+from workbench.path import read, simplify
+from workbench.plugins.stiffness import compensate, force, posture, predict
+from workbench.plugins.stiffness.elastic import balance
+from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+from workbench.program import krl, rapid
+from workbench.program.rapid_parser import parse_rapid
+from workbench.program.rapid_program import RapidProgram, RobTarget
+from workbench.robot import Cell, forward_kinematics, turntable_pose
+from workbench.twin.deflections import read_deflections
+from workbench.units import Float
+
+from .test_posture import PATH, thinned
+
+FREE = Gate(True, "")
+
+
+@pytest.fixture(scope="module")
+def path() -> Toolpath:
+    """The last two layers with their travels, one point in three."""
+    whole = read(toolpath=PATH)
+    layers = tuple(thinned(dataclasses.replace(whole, layers=(layer,)), 3).layers[0] for layer in whole.layers[-2:])
+    return dataclasses.replace(whole, layers=layers, travels=whole.travels[-3:])
+
+
+@pytest.fixture(scope="module")
+def acts(path: Toolpath) -> MillingForce:
+    return force(path)[0]
+
+
+@pytest.fixture(scope="module", params=["constant", "along_path"])
+def made(request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: MillingForce,
+         stiffness: JointStiffness) -> Postures:  # fmt: skip
+    moving = request.param == "along_path"
+    return posture(cell, stiffness, path, acts, mode=request.param, turntable_moves=moving, whole_map=False,
+                   cutter_rotation_deg=(70, 100), turntable_deg=(-85, -65))[0]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def program(made: Postures, path: Toolpath) -> RapidProgram:
+    document = rapid(simplify(path, made), FREE)
+    assert document is not None
+    return parse_rapid(document.content.decode())
+
+
+def frame(position: tuple[float, ...], quaternion: tuple[float, ...]) -> Float:
+    return pose_from(rotation_from_quaternion(np.array(quaternion)), np.array(position))
+
+
+def test_program_begins_in_the_first_posture(program: RapidProgram, made: Postures, cell: Cell) -> None:
+    """Its joint angles put its tool where its first target is, and the turntable is told."""
+    first, second = program.moves[:2]
+    assert first.instruction == "MoveAbsJ"
+    start = first.target
+    assert not isinstance(start, RobTarget)
+    assert isinstance(second.target, RobTarget)
+    assert np.allclose(np.radians(start.joints_deg), made.joints[0], atol=1e-6)
+    tool = frame(*next(iter(program.tools.values())).frame)
+    at = forward_kinematics(cell.chain, np.radians(start.joints_deg)) @ tool
+    assert np.allclose(at, frame(second.target.position_mm, second.target.quaternion_wxyz), atol=5e-3)
+    assert np.isclose(start.external_axes[0], np.degrees(made.turntable[0]), atol=1e-4)
+
+
+def test_targets_put_the_cutter_where_the_path_wants_it(
+    program: RapidProgram, made: Postures, path: Toolpath, cell: Cell
+) -> None:
+    """Turned back with the turntable, every target's cutter axis is that of a point of the path."""
+    points = np.vstack([
+        np.hstack([part.position_mm - 5 * turn[:, :, 0], turn[:, :, 2]])
+        for part in (*path.layers, *path.travels)
+        for turn in [rotation_from_quaternion(part.quaternion_wxyz)]
+    ])  # fmt: skip
+    tool = frame(*next(iter(program.tools.values())).frame)
+    tip = inverse(tool) @ cell.flange_from_cutter
+    kept = 0
+    for move in program.moves[1:]:
+        assert isinstance(move.target, RobTarget)
+        table = np.radians(move.target.external_axes[0])
+        back = turntable_pose(cell, 0.0) @ inverse(turntable_pose(cell, table))
+        at = back @ frame(move.target.position_mm, move.target.quaternion_wxyz) @ tip
+        middle = at[:3, 3] - path.cutter.flute_length_mm / 2 * at[:3, 2]
+        away = np.abs(points - np.append(middle, at[:3, 2])) / [1, 1, 1, 1e-3, 1e-3, 1e-3]
+        kept += bool(away.max(axis=1).min() < 5e-3)
+    targets = len(program.moves) - 1
+    assert kept > 0.6 * targets  # the rest lies between the path's points of a travel
+    if np.ptp(made.turntable) > 0:
+        assert all(move.instruction == "MoveL" for move in program.moves[1:] if _turns(program, move))
+
+
+def _turns(program: RapidProgram, move: object) -> bool:
+    i = program.moves.index(move)  # type: ignore[arg-type]
+    a, b = program.moves[i - 1].target.external_axes[0], program.moves[i].target.external_axes[0]
+    return a != b
+
+
+def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell: Cell) -> None:
+    """Time between targets in the base is the path's own, whatever the turntable does."""
+    here = made.layer == path.layers[-1].index
+    way = np.linalg.norm(np.diff(made.position_mm[here], axis=0), axis=1)
+    layer = path.layers[-1]
+    planned = np.linalg.norm(np.diff(layer.position_mm, axis=0), axis=1)
+    moved = np.linalg.norm(np.diff(made.cutter_rotation[here][:, None], axis=0), axis=1) == 0
+    seconds = way / made.feed_mm_s[here][1:]
+    assert moved.sum() > 30
+    assert np.allclose(seconds, planned / layer.feed_mm_s[1:], rtol=1e-6)
+
+
+def test_krl_refuses_postures(made: Postures, path: Toolpath) -> None:
+    with pytest.raises(InputError, match="without postures"):
+        krl(simplify(path, made), FREE)
+
+
+def test_postures_of_another_path_are_refused(made: Postures, path: Toolpath, cell: Cell, acts: MillingForce,
+                                              stiffness: JointStiffness) -> None:  # fmt: skip
+    other = dataclasses.replace(path)
+    with pytest.raises(InputError, match="another path"):
+        simplify(other, made)
+    with pytest.raises(InputError, match="another path"):
+        predict(cell, stiffness, other, acts, made)
+
+
+def test_prediction_is_the_balance_of_springs(
+    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    """Springs and load in balance, solved by Newton, at some points; the linear prediction errs by their curvature."""
+    found = predict(cell, stiffness, path, acts, made)[0]
+    layer, forces = path.layers[-1], acts.layers[-1]
+    here = np.flatnonzero(made.layer == layer.index)
+    for i in (10, 25, 40):
+        q, table = made.joints[here[i]], made.turntable[here[i]]
+        turned = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
+        point = turned @ frame(tuple(layer.position_mm[i]), tuple(layer.quaternion_wxyz[i]))
+        local = (inverse(forward_kinematics(cell.chain, q)) @ point)[:3, 3]
+        wrench = np.append(point[:3, :3] @ forces.mean_n[i], np.zeros(3))
+        moved = balance(cell.chain, stiffness.nm_per_rad, q, local, wrench)[0][:3]
+        assert np.linalg.norm(moved) > 0.05
+        assert np.allclose(found.by_layer_mm[layer.index][i], point[:3, :3].T @ moved, rtol=0, atol=2e-4)
+
+
+def test_compensated_path_gives_way_to_the_planned_one(
+    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    found, document = predict(cell, stiffness, path, acts, made)
+    moved = compensate(path, found)
+    for layer, other in zip(path.layers, moved.layers, strict=True):
+        turn = rotation_from_quaternion(layer.quaternion_wxyz)
+        back = other.position_mm + (turn @ found.by_layer_mm[layer.index][:, :, None])[:, :, 0]
+        assert np.allclose(back, layer.position_mm, atol=1e-9)
+        gave = np.linalg.norm(other.position_mm - layer.position_mm, axis=1)
+        assert (gave[~layer.cutting] == 0).all()
+        assert gave[layer.cutting].min() > 0.01
+    rows = list(csv.reader(io.StringIO(document.content.decode())))
+    assert rows[0] == ["layer", "point", "dx_mm", "dy_mm", "dz_mm"]
+    assert len(rows) == 1 + sum(len(layer.cutting) for layer in path.layers)
+
+
+def test_twin_reads_the_predictions_file(
+    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness, tmp_path: object
+) -> None:
+    from pathlib import Path
+
+    found, document = predict(cell, stiffness, path, acts, made)
+    file = Path(str(tmp_path)) / document.name
+    file.write_bytes(document.content)
+    for index, moved in read_deflections(file, path.layers).items():
+        assert np.allclose(moved, found.by_layer_mm[index], atol=1e-6)

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.speed import rows
+from bench.speed import postures_rows, rows
 from bench.speed.recordings import simulated
 from bench.speed.table import document, line
 from bench.speed.timing import Row
@@ -33,6 +33,7 @@ def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]
     yield from rows.routes(paths, times, also_largest)
     yield from rows.planning()
     yield from rows.calibrating()
+    yield from postures_rows.postures()
 
 
 def main() -> None:

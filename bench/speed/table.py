@@ -45,6 +45,12 @@ Calibration (`bench/speed/calibration.py`): ten sets of nine postures of a simul
 both sides, processor times on one core. The genetic algorithms minimise the paper's equations (6) and (8), put right,
 in two steps within 20 deg and 50 mm about the design's pose. They do not find the signs of h: they are given those that
 ours has found. scipy's is the maintained library's; the vectorised one evaluates a generation in one call of numpy.
+
+Postures (`bench/speed/postures.py`): the shipped path of a raw arc, the shipped cell; the cluttered one has 40 boxes of
+300 mm around the robot. The optimum is searched on the grid of 1 deg x 1 deg, from nothing: traversal, bodies for
+collision, best-first search, all 1,016 points of the chosen cell against all pairs of bodies. The loops
+(`bench/peers/clik.py`) solve one posture at a time and form J K^-1 J^T f with pinocchio's Jacobian; CLIK starts from
+one posture in the middle of the joints' ranges. Processor times on one core.
 """
 
 

@@ -24,8 +24,8 @@ def posture_document(found: Found) -> bytes:
             "mode": found.mode,
             "mean_displacement_mm": float(found.displacement_mm.mean()),
             "constant": {
-                "cutter_rotation_deg": found.choice.rotation / DEG,
-                "turntable_deg": found.choice.table / DEG,
+                "cutter_rotation_deg": round(found.choice.rotation / DEG, 6),
+                "turntable_deg": round(found.choice.table / DEG, 6),
                 "mean_displacement_mm": _mean(found.cases["best"]),
                 "cells_examined": found.choice.examined,
             },
@@ -46,8 +46,8 @@ def _mean(case: Case | None) -> float | None:
 
 def _case(case: Case) -> dict[str, Any]:
     return {
-        "cutter_rotation_deg": case.rotation / DEG,
-        "turntable_deg": case.table / DEG,
+        "cutter_rotation_deg": round(case.rotation / DEG, 6),
+        "turntable_deg": round(case.table / DEG, 6),
         "mean_displacement_mm": _mean(case),
         "cause": CAUSES[case.cause],
         "pair": case.pair,

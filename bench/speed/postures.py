@@ -1,0 +1,138 @@
+"""The posture optimiser beside loops over pinocchio. `python -m bench.speed.postures` prints JSON.
+
+It runs in a process of its own, on one core, on the shipped path and cell; times are the process's own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.peers.clik import OneByOne
+from bench.speed.timing import REPEATS
+from workbench.path import read
+from workbench.plugins.stiffness import force
+from workbench.plugins.stiffness.arm import Arm, fast_arm
+from workbench.plugins.stiffness.feasible import Examiner
+from workbench.plugins.stiffness.path_points import PathPoints, path_points
+from workbench.plugins.stiffness.search import search
+from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses, sample, traversal
+from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
+from workbench.robot import Cell, bounding_volumes, clearance_bound_mm, inverse_kinematics, read_cell
+from workbench.robot.shapes import ON_BASE, Shape
+from workbench.units import Float
+
+PATH, CELL = Path("data/synthetic/paths/raw_arc.json"), Path("data/robot/cell.json")
+K = np.array(TABLE_2_NM_PER_RAD)
+GRID = np.radians(np.arange(-180, 180.0))
+POINTS, BOXES, LOOPED, BOUNDED = 60, 40, 100, 200_000
+
+
+def cluttered(cell: Cell) -> Cell:
+    """Forty boxes around the robot, at random places (seed 1) within its reach but not over the turntable."""
+    rng = np.random.default_rng(1)
+    boxes: list[Shape] = []
+    while len(boxes) < BOXES:
+        pose = np.eye(4)
+        pose[:3, 3] = rng.uniform((-1500, -2000, 200), (2200, 2000, 2400))
+        if np.hypot(*(pose[:2, 3] - (2000, 0))) > 900 and np.hypot(*pose[:2, 3]) > 900:
+            boxes.append(Shape(f"box {len(boxes)}", ON_BASE, "box", (300.0, 300.0, 300.0), pose))
+    return dataclasses.replace(cell, shapes=(*cell.shapes, *boxes))
+
+
+def optimum(cell: Cell, arm: Arm, points: PathPoints, loaded: PathPoints) -> int:
+    """Traversal and best-first search, bodies built anew: the proven optimum; how many cells were examined."""
+    choice, _ = search(Examiner(cell, arm, points), traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
+    return choice.examined
+
+
+def timed(action: Callable[[], Any], repeats: int = REPEATS) -> float:
+    """Median seconds of processor time; one round that is not counted comes first."""
+    taken = []
+    for _ in range(repeats + 1):
+        start = time.process_time()
+        action()
+        taken.append(time.process_time() - start)
+    return statistics.median(taken[1:])
+
+
+def one_by_one(cell: Cell, points: PathPoints) -> dict[str, float]:
+    """Seconds a posture of the loops, at random cells of the grid that the robot reaches, and how they end."""
+    rng, peer = np.random.default_rng(2), OneByOne(CELL.parent / "irb6700_150_320.urdf", cell.chain, K)
+    at = points.loaded[rng.integers(len(points.loaded), size=LOOPED)]
+    rotation, table = rng.choice(GRID, LOOPED), rng.choice(GRID, LOOPED)
+    poses = flange_poses(cell, points, at, rotation, table)
+    turned = points.turned(cell, table)
+    load = (turned @ points.base_from_point[at])[:, :3, 3]
+    tip = np.einsum("nji,nj->ni", poses[:, :3, :3], load - poses[:, :3, 3])
+    act = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
+    start = np.radians([0.0, 10.0, 10.0, 10.0, 60.0, 10.0])
+    converged = []
+
+    def clik() -> None:
+        for i in range(LOOPED):
+            q = peer.clik(poses[i], start)
+            converged.append(q is not None)
+            if q is not None:
+                peer.displacement_mm(q, tip[i], act[i])
+
+    def closed() -> None:
+        for i in range(LOOPED):
+            q = peer.closed_form(poses[i], 0)
+            if np.isfinite(q[0]):
+                peer.displacement_mm(q, tip[i], act[i])
+
+    return {"clik_s": timed(clik, 1) / LOOPED, "closed_s": timed(closed, 3) / LOOPED,
+            "converged": float(np.mean(converged))}  # fmt: skip
+
+
+def measure() -> dict[str, Any]:
+    """All times in s."""
+    cell, path = read_cell(CELL), read(toolpath=PATH)
+    arm = fast_arm(cell.chain)
+    points = path_points(path, force(path)[0], load="mean", reach_mm=path.cutter.flute_length_mm / 2, planned=0.0)
+    sampled = points.only(sample(points, POINTS))
+    loaded = sampled.only(sampled.loaded)
+    full = cluttered(cell)
+    joints = _postures(cell, points)
+    volumes = bounding_volumes(cell)
+    return {
+        "points": len(loaded.layer),
+        "branches": len(BRANCHES),
+        "traversal_s": timed(lambda: traversal(arm, cell, K, loaded, GRID, GRID)),
+        "open_s": timed(lambda: optimum(cell, arm, points, sampled), 3),
+        "open_cells": optimum(cell, arm, points, sampled),
+        "cluttered_s": timed(lambda: optimum(full, arm, points, sampled), 3),
+        "cluttered_cells": optimum(full, arm, points, sampled),
+        "bound_s": timed(lambda: clearance_bound_mm(cell, volumes, *joints)) / len(joints[0]),
+        **one_by_one(cell, points),
+    }
+
+
+def _postures(cell: Cell, points: PathPoints) -> tuple[Float, Float]:
+    """Joint angles and turntable angles at random cells of the grid that the robot reaches."""
+    rng = np.random.default_rng(3)
+    table = rng.choice(GRID, BOUNDED)
+    poses = flange_poses(cell, points, rng.choice(points.loaded, BOUNDED), rng.choice(GRID, BOUNDED), table)
+    joints = inverse_kinematics(cell.chain, poses)[:, 0]
+    there = np.isfinite(joints[:, 0])
+    return joints[there], table[there]
+
+
+def main() -> None:
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    json.dump(measure(), sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Rows of the table about the posture optimiser."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+from bench.speed.timing import Row, seconds
+
+
+def postures() -> Iterator[Row]:
+    """Traversal, proven optimum and single postures, beside loops over pinocchio, in a process on one core."""
+    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", "bench.speed.postures"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
+    yield from traversed(json.loads(done.stdout))
+
+
+def traversed(found: dict[str, Any]) -> Iterator[Row]:
+    """Rows of what `bench.speed.postures` has measured."""
+    count = 360 * 360 * found["points"] * found["branches"]
+    each_s = found["traversal_s"] / count
+    size = f"360 x 360 angles x {found['points']} points, all {found['branches']} branches of the arm"
+    yield Row(f"traversal of {size}, no collision", seconds(found["traversal_s"]), "", found["traversal_s"], "{:.2f} s",
+              goal=0.5, at_most=True)  # fmt: skip
+    yield Row("postures of it a second: kinematics, limits, displacement", f"{1e-6 / each_s:.3g} M", "", 1e-6 / each_s,
+              "{:.0f} M", goal=20)  # fmt: skip
+    yield Row("a posture; closed-form inverse one at a time and pinocchio", f"{each_s * 1e9:.3g} ns",
+              seconds(found["closed_s"]), found["closed_s"] / each_s, "{:,.0f} x faster", goal=500)  # fmt: skip
+    yield Row(f"a posture; pinocchio's CLIK ({found['converged']:.0%} converged)", f"{each_s * 1e9:.3g} ns",
+              seconds(found["clik_s"]), found["clik_s"] / each_s, "{:,.0f} x faster", goal=5000)  # fmt: skip
+    for name, goal in (("open", 3), ("cluttered", 10)):
+        cells = found[f"{name}_cells"]
+        yield Row(f"the optimum with exact collision checks, proven, {name} cell ({cells:,} cells examined)",
+                  seconds(found[f"{name}_s"]), "", found[f"{name}_s"], "{:.2f} s", goal, at_most=True)  # fmt: skip
+    yield Row("postures a second with a certified clearance", f"{1e-6 / found['bound_s']:.3g} M", "",
+              1e-6 / found["bound_s"], "{:.2f} M", goal=0.5)  # fmt: skip

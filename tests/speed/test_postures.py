@@ -1,0 +1,44 @@
+"""The loops over pinocchio, which the benchmark stands beside, give the displacements that the kernels give."""
+
+import numpy as np
+
+from bench.peers.clik import OneByOne
+from bench.speed.postures import CELL, K, cluttered
+from bench.speed.postures_rows import traversed
+from workbench.plugins.stiffness.arm import displacements, fast_arm
+from workbench.robot import CollisionModel, forward_kinematics, read_cell
+
+
+def test_both_sides_give_the_same() -> None:
+    cell = read_cell(CELL)
+    peer, rng = OneByOne(CELL.parent / "irb6700_150_320.urdf", cell.chain, K), np.random.default_rng(0)
+    q = np.radians([-20.0, 15.0, 20.0, 30.0, 50.0, -40.0]) + rng.normal(0, 0.1, (10, 6))
+    poses, force = forward_kinematics(cell.chain, q), rng.normal(0, 100, (10, 3))
+    point = cell.flange_from_cutter[:3, 3]
+    tip = poses[:, :3, :3] @ point + poses[:, :3, 3]
+    found, said = displacements(fast_arm(cell.chain), K, poses, tip, force)
+    assert (said == 0).all()
+    start = np.radians([0.0, 10.0, 10.0, 10.0, 60.0, 10.0])
+    for i in range(10):
+        closed = peer.closed_form(poses[i], 0)
+        assert np.isclose(peer.displacement_mm(closed, point, force[i]), found[i], rtol=1e-9)
+        solved = peer.clik(poses[i], start)
+        assert solved is not None
+        away = forward_kinematics(cell.chain, solved) - poses[i]  # CLIK may end in another branch
+        assert np.abs(away[:3, 3]).max() < 0.2
+        assert np.abs(away[:3, :3]).max() < 2e-4
+
+
+def test_clutter_is_clutter() -> None:
+    cell = read_cell(CELL)
+    assert len(CollisionModel(cluttered(cell)).pairs) > len(CollisionModel(cell).pairs) + 200
+
+
+def test_rows_compare_with_their_goals() -> None:
+    found = {"points": 60, "branches": 4, "traversal_s": 0.31104, "open_s": 0.3, "open_cells": 64, "cluttered_s": 11.0,
+             "cluttered_cells": 960, "bound_s": 1e-6, "clik_s": 1.6e-3, "closed_s": 1.5e-4,
+             "converged": 1.0}  # fmt: skip
+    rows = list(traversed(found))
+    assert [row.met for row in rows] == [True, True, True, True, True, False, True]
+    assert np.isclose(rows[1].factor, 100)
+    assert np.isclose(rows[2].factor, 15_000)

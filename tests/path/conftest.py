@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from workbench.artefacts import Cloud, Edge
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE, Cloud, Edge
 from workbench.cloud import denoise
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
-from workbench.units import Float
+from workbench.units import AnyArray, Float
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,30 @@ def true_edge(truth: Truth, cloud: Cloud) -> tuple[Edge, float]:
     upper = position + np.interp(at, s, truth.thickness_mm)[:, None] * m
     position[~here], upper[~here] = np.nan, np.nan
     edge = Edge(
-        kind="raw", faces={}, labels=np.zeros(cloud.keep.shape, np.uint8), pass_index=cloud.pass_index,
+        kind="raw", faces={}, labels=_labels(truth, cloud), pass_index=cloud.pass_index,
         frame_arc_length_mm=_crossings(truth, cloud) - low, frame_tangent=np.full((len(cloud.keep), 3), np.nan),
         frames=None, tangent_u=0.0, arc_length_mm=at - low, position_mm=position, tangent=t, normal=n, across=m,
         seen=here, burr_stations=np.empty(0, np.int64), upper_position_mm=upper, upper_inward=-n,
     )  # fmt: skip
     return edge, float(low)
+
+
+def _labels(truth: Truth, cloud: Cloud) -> AnyArray:
+    """Faces of the plate, by the distance of each point from the true ones."""
+    profile = np.stack([cloud.x_mm, 0 * cloud.x_mm, cloud.z_mm], axis=-1).astype(float)
+    pose = cloud.base_from_profiler
+    points = np.einsum("nij,nmj->nmi", pose[:, :3, :3], profile) + pose[:, None, :3, 3]
+    known = cloud.keep & np.isfinite(points).all(axis=2)
+    nearest = cKDTree(truth.position_mm).query(points[known])[1]
+    off = points[known] - truth.position_mm[nearest]
+    n, m = ((off * getattr(truth, name)[nearest]).sum(axis=1) for name in ("normal", "across"))
+    thick = truth.thickness_mm[nearest]
+    on_end, inside = (np.abs(n) < 0.4) & (m > -0.4) & (m < thick + 0.4), n < 0.4
+    faces = np.select([on_end, inside & (np.abs(m - thick) < 0.4), inside & (np.abs(m) < 0.4)],
+                      [ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE], UNLABELLED)  # fmt: skip
+    labels = np.zeros(cloud.keep.shape, np.uint8)
+    labels[known] = faces
+    return labels
 
 
 def _crossings(truth: Truth, cloud: Cloud) -> Float:

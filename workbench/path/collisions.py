@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
+from workbench.artefacts import UNLABELLED, Cloud, Edge, Layer, Toolpath, Travel
 from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
 from workbench.path.course import stocked_course
 from workbench.path.obstacles import find_foreign, sections_of
@@ -32,6 +32,7 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
         if layer.index not in taken:
             yield f"layer {layer.index} takes nothing away that was measured"
     foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
+    stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
     stands[foreign.frame, foreign.column] = ALWAYS
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
     allowed = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge)

@@ -42,6 +42,7 @@ class PathPoints:
     measured: Bool  # (n,)
     point_from_tip: Float  # (4, 4) the cutter's tip: a radius off along x, its reach along z
     planned: float  # where the turntable stood, rad
+    source: str  # of the path, for messages
 
     @property
     def loaded(self) -> Int:
@@ -99,7 +100,7 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
         cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
-        planned=planned,
+        planned=planned, source=toolpath.source or "milling path",
     )  # fmt: skip
     if not len(found.loaded):
         raise InputError("milling force", "expected points where the cutter is loaded, found none")

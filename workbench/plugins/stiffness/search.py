@@ -64,7 +64,7 @@ def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Cho
         start, size = start + size, min(2 * size, LARGEST_CHUNK)
     found = state.map(examiner)
     if choice is None:
-        raise InputError("milling path", _why_not(found))
+        raise InputError(examiner.points.source, _why_not(found))
     return choice, found
 
 

@@ -51,7 +51,7 @@ def _mark(axes: Any, found: Found) -> None:
     made, flat = found.postures, len(found.map.tables) == 1
     loaded = found.points.loaded
     height = found.displacement_mm if flat else made.turntable[loaded] / DEG
-    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color="white", ms=3, label="law along the path")
+    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color="#ff006e", ms=4, label="chosen, point by point")
     for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
         if case is not None:
             at = case.displacement_mm.mean() if flat else case.table / DEG

@@ -28,6 +28,7 @@ BIN_MM = 2.0
 CARRIED_MM = 7.0  # between the knots of a spline that carries any of these on
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 CHOICE_MM = 400.0  # the shape is chosen on this much of the edge
+FINER_LEAST = 20  # bins, half of which finer knots may take
 SMOOTH_MM = 0.004  # bins of a smooth face scatter about its course by less
 WHITE = 0.3  # greatest correlation of neighbouring bins that passes for noise
 PRICE = 3.0  # of a coefficient, in the unit of twice the log-likelihood
@@ -171,14 +172,15 @@ def _choice(at: Float, values: Float, weight: Float, shapes: tuple[Shape, ...], 
 def _finer(at: Float, values: Float, weight: Float, shape: Shape) -> Shape:
     """The same shape, or one with nearer knots if with these nothing but white noise is left: a face without waves."""
     best, noise, free = shape, 0.0, float(at.size)
+    closest = values - _fit(at, values, weight, _knots(at, FINER[-1]))(at)
+    if free < 2.0 * FINER_LEAST or float(np.median(np.linalg.norm(closest, axis=1))) > SMOOTH_MM:
+        return shape
     for finer in (shape, *(other for other in (*SHAPES[-2:], *FINER) if other[1] < shape[1])):
         knots = _knots(at, finer)
         size = knots.size - 1 - finer[0]
         if size > free / 2.0:
             break
         left = values - _fit(at, values, weight, knots)(at)
-        if finer is shape and float(np.median(np.linalg.norm(left, axis=1))) > SMOOTH_MM:
-            break
         together = float((left[1:] * left[:-1]).sum()) / float((left**2).sum() + 1e-30)
         score = free * math.log(float((weight[:, None] * left**2).sum()) + 1e-12) + PRICE * size
         if finer is shape or (score < noise and abs(together) < WHITE):

@@ -19,8 +19,8 @@ MODULE_OF = {
     "pin": "pinocchio",
     "python-fcl": "fcl",
 }
-COMPANIONS = {"markupsafe", "pydantic_core", "vtkmodules"}  # parts of jinja2, pydantic and pyvista
-LATER = {"pin", "python-fcl", "scikit-image", "open3d"}  # for stages that are still to come
+COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
+LATER = {"scikit-image"}  # for stages that are still to come
 HEAVY = {"fcl", "h5py", "matplotlib", "numba", "numpy", "open3d", "pinocchio", "pydantic", "pyvista", "scipy"} | {
     "skimage",
     "vtkmodules",

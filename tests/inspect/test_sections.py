@@ -132,3 +132,11 @@ def test_the_edges_own_warnings_are_handed_on(edge: Maker) -> None:
 def test_a_raw_edge_cannot_be_inspected(edge: Maker) -> None:
     with pytest.raises(InputError, match="milled"):
         sections(replace(edge(11), kind="raw"))
+
+
+def test_what_is_no_bevel_is_not_measured(edge: Maker) -> None:
+    """Faces that were taken for others give sizes that no bevel has: they are not judged."""
+    for wrong in ({"root": lambda s: -2.0 + 0 * s}, {"bevel": lambda s: 1.6 + 0 * s}):
+        made = sections(edge(3, **wrong))
+        assert made.verdict == "undecided"
+        assert all(section.root_mm is None and section.bevel_deg is None for section in made.sections)

@@ -18,6 +18,8 @@ from workbench.units import DEG, Bool, Float
 
 Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
+MOST_BEVEL = 85.0 * DEG  # a root size or an angle beyond these limits is no measure of a bevel
+
 
 @stage("inspect.sections")
 def sections(
@@ -91,7 +93,8 @@ def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAng
     angles = bevel_angles(edge, at_mm, half_width_mm)
     roots = root_sizes(edge, at_mm, angles)
     seen = covered(edge.frame_arc_length_mm, edge.pass_index, at_mm)
-    return angles, roots, seen & np.isfinite(angles.bevel) & np.isfinite(roots.root_mm)
+    sound = (roots.root_mm > 0.0) & (angles.bevel > 0.0) & (angles.bevel < MOST_BEVEL)  # NaN is not
+    return angles, roots, seen & sound
 
 
 def _profile(edge: Edge, angles: BevelAngles, roots: RootSizes, seen: Bool, stations: slice) -> EdgeProfile:

@@ -17,6 +17,7 @@ from workbench.geometry.settling import settled
 from workbench.units import Bool, Float
 
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
+FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root size: frames that say more have lost the faces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +44,25 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     s[seen] = curve.project(corners[seen], s[seen])
     for _ in range(2):
         frames, lower_edge = _measure(cloud, tracked, curve, s)
-        good = np.isfinite(lower_edge[:, 0])
+        good = _sound(cloud, lower_edge, frames.lower_arc_length_mm, corners)
         curve = fit_curve(lower_edge[good], frames.lower_arc_length_mm[good], curve.stiffness)
         s[good] = curve.project(lower_edge[good], frames.lower_arc_length_mm[good])
         s[~good] = np.nan
     frames, lower_edge = _measure(cloud, tracked, curve, s)
     return _from_zero(frames, curve)
+
+
+def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
+    """Frames (N,) whose lower edge lies about as far from the corner of their faces as elsewhere.
+
+    Raises InputError where too few are left: what was followed is no root face next to a bevel.
+    """
+    away = np.linalg.norm(lower_edge - corners, axis=1)
+    good = np.isfinite(away) & np.isfinite(s)
+    if good.any():
+        good &= away < max(FAR_MM, FAR_TIMES * float(np.median(away[good])))
+    check_advance(cloud, corners[good])
+    return np.asarray(good)
 
 
 def check_advance(cloud: Cloud, corners: Float) -> None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any, Literal
 
 import numpy as np
 
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 Verdict = Literal["pass", "fail", "undecided"]
@@ -239,6 +241,29 @@ class Toolpath:
     source: str = ""
     refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
     warnings: tuple[str, ...] = ()
+
+    @property
+    def in_order(self) -> tuple[Travel | Layer, ...]:
+        """Travels and layers in the order in which they are run."""
+        return tuple(part for pair in zip_longest(self.travels, self.layers) for part in pair if part is not None)
+
+    @property
+    def time_s(self) -> float:
+        """Time of the whole path at its feeds, travels included."""
+        position, feed = (
+            np.concatenate([getattr(p, name) for p in self.in_order]) for name in ("position_mm", "feed_mm_s")
+        )
+        return travel_time_s(position, feed)
+
+    @property
+    def time_at_v_slow_s(self) -> float:
+        """The same at constant v_slow: what the paper's equation (26) is compared with."""
+        return float(step_lengths_mm(np.concatenate([p.position_mm for p in self.in_order])).sum()) / self.v_slow_mm_s
+
+    def in_base(self, position_mm: Float) -> Float:
+        """Positions (k, 3) of the path, in the base."""
+        pose = self.base_from_workobject
+        return position_mm if pose is None else position_mm @ pose[:3, :3].T + pose[:3, 3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import feed, layers
-from workbench.path.feed import feed_of_distance, slow_time_s, travel_time_s
+from workbench.path.feed import feed_of_distance
 from workbench.path.remaining import remaining_stock, stock_distances
 from workbench.units import DEG, Float
 
@@ -97,8 +97,8 @@ def test_feed_is_slow_in_the_material_and_respects_the_acceleration(
     for layer in path.layers:
         np.testing.assert_array_equal(layer.feed_mm_s[layer.cutting], 1.0)
     time = (step / v[1:]).sum()
-    assert travel_time_s(path) == pytest.approx(time)
-    assert slow_time_s(path) == pytest.approx(step.sum())
+    assert path.time_s == pytest.approx(time)
+    assert path.time_at_v_slow_s == pytest.approx(step.sum())
     assert time < (0.6 if acceleration > 10 else 0.75) * step.sum()
     free = stock_distances(remaining_stock(path, scan.cloud, scan.edge), path, path.layers[2], 2)
     assert (path.layers[2].feed_mm_s <= feed_of_distance(free, 5.0, 1.0, 20.0) + 1e-9).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.report.planned import in_base, planned_bevel, planned_u, thickness_mm, whole_run
+from workbench.report.planned import planned_bevel, planned_u, thickness_mm, whole_run
 
 
 @pytest.mark.parametrize("radius_mm", [None, 300.0])
@@ -49,7 +49,7 @@ def test_the_work_objects_frame_does_not_matter(planned):
         travels=tuple(map(seen_from_work, p.toolpath.travels)),
         base_from_workobject=pose,
     )
-    np.testing.assert_allclose(in_base(moved, moved.layers[0].position_mm), p.toolpath.layers[0].position_mm, atol=1e-9)
+    np.testing.assert_allclose(moved.in_base(moved.layers[0].position_mm), p.toolpath.layers[0].position_mm, atol=1e-9)
     np.testing.assert_allclose(whole_run(moved).position_mm, whole_run(p.toolpath).position_mm, atol=1e-9)
     here, there = planned_bevel(p.toolpath, p.edge), planned_bevel(moved, p.edge)
     np.testing.assert_allclose(there.root_mm, here.root_mm, atol=1e-9)

@@ -8,14 +8,13 @@ import numpy as np
 
 from workbench.artefacts import Layer, Toolpath
 from workbench.geometry.times import step_lengths_mm
-from workbench.path.remaining import moves_in_order
 
 SHARE = 1e-6  # rounding
 
 
 def feed_faults(toolpath: Toolpath, v_fast_mm_s: float | None, acceleration_mm_s2: float) -> Iterator[str]:
     """What is wrong with the feeds, in words."""
-    moves = [points for points, _ in moves_in_order(toolpath)]
+    moves = toolpath.in_order
     position = np.concatenate([points.position_mm for points in moves])
     feed = np.concatenate([points.feed_mm_s for points in moves])
     slow, fast = toolpath.v_slow_mm_s, np.inf if v_fast_mm_s is None else v_fast_mm_s

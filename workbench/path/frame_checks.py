@@ -10,7 +10,6 @@ from workbench.artefacts import Edge, Layer, Toolpath
 from workbench.geometry.tool_frames import bevel_normal, cutter_axis
 from workbench.path.course import lower_course
 from workbench.path.poses import Poses, poses_of
-from workbench.path.remaining import moves_in_order
 from workbench.path.section import bevel_of
 from workbench.units import DEG, Float
 
@@ -21,7 +20,7 @@ UNIT = 1e-6
 
 def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
     """What is wrong with the frames, in words."""
-    for points, _ in moves_in_order(toolpath):
+    for points in toolpath.in_order:
         norm = np.abs(np.linalg.norm(points.quaternion_wxyz, axis=1) - 1.0)
         sane = np.isfinite(points.position_mm).all() and (norm < UNIT).all()
         if not sane or (np.sum(points.quaternion_wxyz[1:] * points.quaternion_wxyz[:-1], axis=1) < 0).any():

@@ -81,11 +81,8 @@ def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Tr
 
 def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
     """Every travel and layer in the order in which they run, and how many layers are done by then."""
-    moves: list[tuple[Layer | Travel, int]] = []
-    for done, travel in enumerate(toolpath.travels):
-        moves.append((travel, done))
-        moves.extend([(toolpath.layers[done], done)] if done < len(toolpath.layers) else [])
-    return moves
+    layers = [isinstance(part, Layer) for part in toolpath.in_order]
+    return [(part, sum(layers[:k])) for k, part in enumerate(toolpath.in_order)]
 
 
 def from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:

@@ -78,8 +78,7 @@ def rework(
         air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
         try:
             path = _path(edge, cloud, toolpath, table, bevel, excess, wanted, air)
-            path = feed(path, cloud, edge, v_slow_mm_s=toolpath.v_slow_mm_s, v_fast_mm_s=v_fast_mm_s,
-                        acceleration_mm_s2=acceleration_mm_s2)  # fmt: skip
+            path = feed(path, cloud, edge, v_fast_mm_s=v_fast_mm_s, acceleration_mm_s2=acceleration_mm_s2)
             gate = check(path, edge, cloud, v_fast_mm_s=v_fast_mm_s, acceleration_mm_s2=acceleration_mm_s2)
             path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
         except InputError as refused:  # the rest of the answer holds

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import zip_longest
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -127,9 +126,7 @@ def _postured(toolpath: Toolpath, postures: Postures) -> Points:
 
 def _points(toolpath: Toolpath) -> Points:
     """The path's points in the order of motion."""
-    parts = []
-    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
-        parts += [_part(part) for part in (travel, layer) if part is not None]
+    parts = [_part(part) for part in toolpath.in_order]
     if not parts:
         raise InputError("toolpath", "expected at least one layer, found none")
     return Points(*map(np.concatenate, zip(*parts, strict=True)))

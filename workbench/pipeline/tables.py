@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import zip_longest
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from workbench.artefacts import Gate, Inspection, Moves, Rework, Section, Toolpath
 from workbench.errors import one_line
-from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.pipeline.describe import makes, parameter_texts, prose, source_text, summary
 from workbench.pipeline.run import Results
 from workbench.stage import Stage
@@ -48,13 +45,10 @@ def print_results(results: Results) -> None:
 
 def path_summary(path: Toolpath) -> str:
     """The path in a line: layers, length of the edge, time and what equation (26) saves; what it leaves out."""
-    order = [part for pair in zip_longest(path.travels, path.layers) for part in pair if part is not None]
-    position = np.concatenate([part.position_mm for part in order])
-    time_s = travel_time_s(position, np.concatenate([part.feed_mm_s for part in order]))
-    saved = 1.0 - time_s * path.v_slow_mm_s / float(step_lengths_mm(position).sum())
+    saved = 1.0 - path.time_s / path.time_at_v_slow_s
     points = sum(len(layer.feed_mm_s) for layer in path.layers)
     left = f"; not milled: {'; '.join(path.refused)}" if path.refused else ""
-    time = f"{time_s / 60.0:.1f} min ({100.0 * saved:.0f} % less than at {path.v_slow_mm_s:g} mm/s throughout)"
+    time = f"{path.time_s / 60.0:.1f} min ({100.0 * saved:.0f} % less than at {path.v_slow_mm_s:g} mm/s throughout)"
     return f"path: {len(path.layers)} layers, {points} points on {path.edge_length_mm:.1f} mm of edge, {time}{left}"
 
 

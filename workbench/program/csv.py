@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import zip_longest
 
 import numpy as np
 
@@ -24,9 +23,8 @@ def csv(toolpath: Toolpath, gate: Gate) -> Document | None:
     if not gate.passed:
         return None
     rows = [HEADER]
-    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
-        for part in (travel, layer):
-            rows += _rows(part) if part is not None else []
+    for part in toolpath.in_order:
+        rows += _rows(part)
     return Document("toolpath.csv", "\r\n".join([*rows, ""]).encode("ascii"))
 
 

@@ -12,7 +12,7 @@ from workbench.artefacts import EdgeProfile, Inspection, Section, Toolpath
 from workbench.report.along import gaps
 from workbench.report.colours import INK, LIMIT, MEASURED, VERDICTS
 from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
-from workbench.report.planned import frames_in_base, in_base
+from workbench.report.planned import frames_in_base
 from workbench.report.values import COVERAGE
 from workbench.units import DEG, Bool, Float
 
@@ -31,7 +31,7 @@ class Compared:
 def compared(inspection: Inspection, toolpath: Toolpath) -> list[Compared]:
     """Each inspected section with what the path's final layer makes in it."""
     final = toolpath.layers[-1]
-    position = in_base(toolpath, final.position_mm)
+    position = toolpath.in_base(final.position_mm)
     axis = frames_in_base(toolpath, final)[:, :, 2]
     both = final.cutting[1:] & final.cutting[:-1]
     found = []

@@ -15,11 +15,6 @@ from workbench.report.values import COVERAGE, decimals, span
 Row = tuple[str, str]
 
 
-def constant_time_s(toolpath: Toolpath, run: Run) -> float:
-    """Time of the whole path at the cutting feed throughout."""
-    return float(run.length_mm.sum()) / toolpath.v_slow_mm_s
-
-
 def thickness(edge: Edge) -> str:
     """Height of the end face along the edge."""
     return span(thickness_mm(edge), 2, " mm")
@@ -43,7 +38,7 @@ def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, st
 def plan_rows(toolpath: Toolpath, run: Run) -> Iterator[Row]:
     """The path in numbers."""
     cutter, cut = toolpath.cutter, run.cutting_step
-    length, time, at_slow = float(run.length_mm.sum()), float(run.time_s.sum()), constant_time_s(toolpath, run)
+    length, time, at_slow = float(run.length_mm.sum()), float(run.time_s.sum()), toolpath.time_at_v_slow_s
     heights = [layer.height_mm for layer in toolpath.layers]
     final = toolpath.layers[-1]
     steps = np.diff(final.arc_length_mm[final.measured & (final.arc_length_mm >= 0.0)])

@@ -9,7 +9,6 @@ from workbench.errors import one_line
 from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
 from workbench.report.inspection_text import faces_seen
 from workbench.report.plan_tables import (
-    constant_time_s,
     duration,
     layer_rows,
     move_rows,
@@ -67,6 +66,6 @@ def plan_summary(toolpath: Toolpath, run: Run, gate: Gate | None) -> str:
     """The plan in one line."""
     if gate is not None and not gate.passed:
         return one_line(f"not released: {gate.reason}")
-    count, saved = len(toolpath.layers), 1.0 - run.time_s.sum() / constant_time_s(toolpath, run)
+    count, saved = len(toolpath.layers), 1.0 - run.time_s.sum() / toolpath.time_at_v_slow_s
     less = f", {100.0 * saved:.0f} % less than at {toolpath.v_slow_mm_s:g} mm/s throughout" if saved > 0.005 else ""
     return f"{count} layer{'s' if count > 1 else ''} in {duration(float(run.time_s.sum()))}{less}"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
 
 import numpy as np
 
-from workbench.artefacts import Edge, Layer, Toolpath, Travel
+from workbench.artefacts import Edge, Layer, Toolpath
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, step_times_s
 from workbench.report.develop import axes_at, developed
@@ -50,8 +48,8 @@ class PlannedBevel:
 
 def whole_run(toolpath: Toolpath) -> Run:
     """Travels and layers in turn."""
-    parts = list(_in_turn(toolpath))
-    position = in_base(toolpath, np.concatenate([part.position_mm for part in parts]))
+    parts = toolpath.in_order
+    position = toolpath.in_base(np.concatenate([part.position_mm for part in parts]))
     feed = np.concatenate([part.feed_mm_s for part in parts])
     cutting = [p.cutting if isinstance(p, Layer) else np.zeros(len(p.feed_mm_s), dtype=bool) for p in parts]
     layer = [np.full(len(p.feed_mm_s), p.index if isinstance(p, Layer) else 0) for p in parts]
@@ -59,12 +57,6 @@ def whole_run(toolpath: Toolpath) -> Run:
         position, feed, np.concatenate(cutting), np.concatenate(layer),
         step_lengths_mm(position), step_times_s(position, feed),
     )  # fmt: skip
-
-
-def in_base(toolpath: Toolpath, position_mm: Float) -> Float:
-    """Positions (k, 3) of the path, in the base."""
-    pose = toolpath.base_from_workobject
-    return position_mm if pose is None else position_mm @ pose[:3, :3].T + pose[:3, 3]
 
 
 def frames_in_base(toolpath: Toolpath, layer: Layer) -> Float:
@@ -77,7 +69,7 @@ def planned_bevel(toolpath: Toolpath, edge: Edge) -> PlannedBevel:
     """Where the final layer's plane meets the measured end face, and at what angle."""
     final = toolpath.layers[-1]
     cut = final.cutting
-    s, u, v = developed(in_base(toolpath, final.position_mm[cut]), final.arc_length_mm[cut], edge).T
+    s, u, v = developed(toolpath.in_base(final.position_mm[cut]), final.arc_length_mm[cut], edge).T
     axis = frames_in_base(toolpath, final)[cut][:, :, 2]
     out, up = (np.einsum("ij,ij->i", axis, axes_at(s, edge, each)) for each in (edge.normal, edge.across))
     return PlannedBevel(s, v - u * up / out, np.arctan2(np.abs(out), np.abs(up)) / DEG)
@@ -112,8 +104,3 @@ def thickness_mm(edge: Edge) -> Float:
         return np.full(len(edge.arc_length_mm), np.nan)
     rise = edge.upper_position_mm - edge.position_mm
     return np.asarray(np.einsum("ij,ij->i", rise, edge.across))
-
-
-def _in_turn(toolpath: Toolpath) -> Iterator[Layer | Travel]:
-    for travel, layer in zip_longest(toolpath.travels, toolpath.layers):
-        yield from (part for part in (travel, layer) if part is not None)

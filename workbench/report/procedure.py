@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Toolpath
 from workbench.report.colours import FACES, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
-from workbench.report.planned import frames_in_base, in_base
+from workbench.report.planned import frames_in_base
 from workbench.report.sample import Points, around, face_ends
 from workbench.report.scene import View, joined, towards
 from workbench.units import AnyArray, Float, Int
@@ -100,7 +100,7 @@ def _with_tool_frames(view: View, edge: Edge, toolpath: Toolpath, stretch: Shown
     final = toolpath.layers[-1]
     s = final.arc_length_mm
     keys = np.flatnonzero((s >= stretch.from_mm) & (s <= stretch.to_mm) & final.cutting)
-    place = in_base(toolpath, final.position_mm)[keys] - origin
+    place = toolpath.in_base(final.position_mm)[keys] - origin
     some = slice(None, None, max(1, math.ceil(len(keys) / TOOL_FRAMES)))
     tools = frames_in_base(toolpath, final)[keys][some].transpose(0, 2, 1)
     lines = [np.array([p, p + TOOL_AXIS_MM * a]) for p, frame in zip(place[some], tools, strict=True) for a in frame]

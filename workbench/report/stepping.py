@@ -17,7 +17,7 @@ from workbench.report.colours import FACES, GREY, INK, PALE
 from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
 from workbench.report.figures import styled, svg
-from workbench.report.planned import frames_in_base, in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
+from workbench.report.planned import frames_in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
 from workbench.report.ramp import layer_colours
 from workbench.report.sample import around, frame_arc_length_mm
 from workbench.report.values import decimals, measured
@@ -97,7 +97,7 @@ def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | No
     k = int(np.argmin(np.abs(layer.arc_length_mm - at_mm)))
     if not layer.cutting[k]:
         return None
-    s, u, v = developed(in_base(toolpath, layer.position_mm[k : k + 1]), layer.arc_length_mm[k : k + 1], edge)[0]
+    s, u, v = developed(toolpath.in_base(layer.position_mm[k : k + 1]), layer.arc_length_mm[k : k + 1], edge)[0]
     axis = frames_in_base(toolpath, layer)[k][:, 2]  # from shank to tip: down to the lower side
     here = np.array([s])
     along = np.array([axis @ axes_at(here, edge, each)[0] for each in (edge.normal, edge.across)])

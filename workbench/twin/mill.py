@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Engagement, Layer, LayerEngagement, PathDeflection, Toolpath
+from workbench.artefacts import Engagement, LayerEngagement, PathDeflection, Toolpath
 from workbench.errors import InputError
 from workbench.stage import InputFile, Seed, stage
 from workbench.synthetic.milling import Stock
@@ -122,7 +122,7 @@ def _mill(machine: Machine, toolpath: Toolpath) -> tuple[tuple[LayerEngagement, 
     engaged: list[LayerEngagement] = []
     warnings: list[str] = []
     for layer in toolpath.layers:
-        at_points = stock.u_of(_in_base(toolpath, layer))
+        at_points = stock.u_of(toolpath.in_base(layer.position_mm))
         watch = Watch(layer, at_points, stock.u, radius, toolpath.depth_of_cut_mm)
         for travel in itertools.islice(travels, 1):
             warnings += watch.travel(f"travel to layer {layer.index}", machine.travel(travel))
@@ -134,9 +134,3 @@ def _mill(machine: Machine, toolpath: Toolpath) -> tuple[tuple[LayerEngagement, 
     for travel in travels:
         warnings += watch.travel("travel after the last layer", machine.travel(travel))
     return tuple(engaged), tuple(warnings)
-
-
-def _in_base(toolpath: Toolpath, layer: Layer) -> Float:
-    """The layer's positions (k, 3) in the base, as planned."""
-    pose = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
-    return np.asarray(layer.position_mm @ pose[:3, :3].T + pose[:3, 3])

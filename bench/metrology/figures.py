@@ -13,6 +13,15 @@ from bench.metrology.quantity import COVERAGE, coverage_interval, percentile
 LEAST_PARTS = 10  # with fewer, resampling parts says nothing about the interval
 
 
+def told(causes: Iterable[tuple[str, str, str | None, Any]]) -> list[str]:
+    """A line for every part of which something is to be said: condition, what, why, its result."""
+    lines = [
+        f"- {condition}, seed {r.seed}: {word}: {cause} ({100 * r.seen_share:.0f} % of the edge in view)"
+        for condition, word, cause, r in causes
+    ]
+    return [*lines, ""] if lines else []
+
+
 @dataclass(frozen=True, slots=True)
 class Spread:
     """One value a part over the parts. NaN: no part has it."""

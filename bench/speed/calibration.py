@@ -6,10 +6,7 @@ as well, which `solve` has to find; `with_signs` is ours where they are given.
 
 from __future__ import annotations
 
-import json
-import os
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,7 +19,7 @@ from scipy.optimize import differential_evolution
 from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
-from bench.speed.timing import REPEATS
+from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.plugins import calibration
 from workbench.plugins.calibration import bundle, signs
@@ -127,11 +124,5 @@ def file_to_answer() -> float:
     return statistics.median(taken)
 
 
-def main() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    json.dump(measure(), sys.stdout)
-
-
 if __name__ == "__main__":
-    main()
+    print_on_one_core(measure)

@@ -6,17 +6,14 @@ that core (what a wall clock shows where nothing else runs), so that other work 
 
 from __future__ import annotations
 
-import json
-import os
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 from bench.speed.distances import layer_problems, open3d_distances, tree_distances
 from bench.speed.raw_edges import long_raw_edge
-from bench.speed.timing import REPEATS, in_turn
+from bench.speed.timing import REPEATS, in_turn, print_on_one_core
 from workbench.artefacts import Cloud, Edge, Gate, Toolpath
 from workbench.path import check, feed, layers, simplify
 from workbench.path.remaining import remaining_stock, stock_distances
@@ -81,11 +78,5 @@ def count(toolpath: Toolpath) -> int:
     return sum(len(layer.feed_mm_s) for layer in toolpath.layers)
 
 
-def main() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    json.dump(measure(), sys.stdout)
-
-
 if __name__ == "__main__":
-    main()
+    print_on_one_core(measure)

@@ -6,10 +6,7 @@ It runs in a process of its own, on one core, on the shipped path and cell; time
 from __future__ import annotations
 
 import dataclasses
-import json
-import os
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers.clik import OneByOne
-from bench.speed.timing import REPEATS
+from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import Arm, fast_arm
@@ -128,11 +125,5 @@ def _postures(cell: Cell, points: PathPoints) -> tuple[Float, Float]:
     return joints[there], table[there]
 
 
-def main() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    json.dump(measure(), sys.stdout)
-
-
 if __name__ == "__main__":
-    main()
+    print_on_one_core(measure)

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import os
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 REPEATS = 5
+
+
+def print_on_one_core(measure: Callable[[], Any]) -> None:
+    """What `measure` gives, as JSON on standard output, from a process that keeps to one core."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    json.dump(measure(), sys.stdout)
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,20 @@ import numpy as np
 from workbench.geometry.faces import FaceLines
 from workbench.geometry.sections import SectionLines
 from workbench.geometry.smoothing import local_polynomial, robust_weights
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 SMOOTHING_MM = 10.0  # half width of the local regressions that give drift along the edge
+
+
+def runs_forward(points_mm: Float, t: Float, pass_index: Int, seen: Bool) -> Bool:
+    """Does time run along t (N, 3), pass by pass (N,)? points_mm (N, 3): on the edge, in order of time."""
+    forward = np.zeros(len(points_mm), bool)
+    for p in np.unique(pass_index):
+        mine = np.flatnonzero((pass_index == p) & seen)
+        if mine.size >= 2:
+            motion = np.diff(points_mm[mine], axis=0)
+            forward[mine] = np.median((motion * t[mine[:-1]]).sum(axis=1)) > 0
+    return forward
 
 
 def smooth_along(s: Float, value: Float, weight: Float, pass_index: Int) -> tuple[Float, Float]:

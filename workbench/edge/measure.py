@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud, EdgeFrames
-from workbench.edge.directions import pass_tilt, smooth_along, smooth_slope, with_true_noise, wrapped
+from workbench.edge.directions import pass_tilt, runs_forward, smooth_along, smooth_slope, with_true_noise, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.root_size import missing_share, root_size, smooth_size
 from workbench.errors import InputError
@@ -85,13 +85,7 @@ def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Bool]:
     up_root = -tracked.side[:, None] * (ex + kr[:, None] * ez)
     up_bevel = -tracked.side[:, None] * (ex + kb[:, None] * ez)
     t = np.cross(up_bevel, up_root)  # t = m x n
-    forward = np.zeros(len(x), bool)
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero((cloud.pass_index == p) & tracked.seen)
-        if mine.size >= 2:
-            motion = np.diff(corners[mine], axis=0)
-            forward[mine] = np.median((motion * t[mine[:-1]]).sum(axis=1)) > 0
-    return corners, forward
+    return corners, runs_forward(corners, t, cloud.pass_index, tracked.seen)
 
 
 def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tuple[EdgeFrames, Float]:

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.directions import pass_tilt, smooth_slope, wrapped
+from workbench.edge.directions import pass_tilt, runs_forward, smooth_slope, wrapped
 from workbench.edge.measure import check_advance
 from workbench.edge.raw_ends import EndCourse, end_course, frame_shift, place_ends, range_noise
 from workbench.edge.raw_faces import RawFaces, middle_of, outward_of
 from workbench.geometry.courses import fit_course_curve
 from workbench.geometry.curves import Curve, arrange, fit_curve
 from workbench.geometry.sections import SectionLines, section_lines
-from workbench.units import Bool, Float
+from workbench.units import Float
 
 ROUNDS = 3
 BLOCKS_MM = (5.0, 10.0, 20.0)  # of edge whose frames' directions count as one
@@ -52,8 +52,10 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
     middle = middle_of(cloud, found.faces[ROOT_FACE])
     seen = found.seen & np.isfinite(middle).all(axis=1)
     check_advance(cloud, middle[seen])
+    t = np.cross(_upwards(cloud, found), outward_of(cloud, found))
+    forward = runs_forward(middle, t, cloud.pass_index, found.seen)
     s = np.full(seen.size, np.nan)
-    s[seen] = arrange(middle[seen], cloud.pass_index[seen], _forward(cloud, found, middle)[seen])
+    s[seen] = arrange(middle[seen], cloud.pass_index[seen], forward[seen])
     tangent_u = fit_curve(middle[seen], s[seen]).tangent_u
     travelled = middle[np.nanargmax(s)] - middle[np.nanargmin(s)]
     curve = fit_course_curve(middle[seen], s[seen], _across(cloud, found, travelled))
@@ -85,18 +87,6 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
         np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
         face.s, float(np.nanmedian(face.place @ m)), tangent_u,
     )  # fmt: skip
-
-
-def _forward(cloud: Cloud, found: RawFaces, middle: Float) -> Bool:
-    """Does time run along t = m x n, pass by pass (N,)?"""
-    t = np.cross(_upwards(cloud, found), outward_of(cloud, found))
-    forward = np.zeros(len(middle), bool)
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero((cloud.pass_index == p) & found.seen)
-        if mine.size >= 2:
-            motion = np.diff(middle[mine], axis=0)
-            forward[mine] = np.median((motion * t[mine[:-1]]).sum(axis=1)) > 0
-    return forward
 
 
 def _upwards(cloud: Cloud, found: RawFaces) -> Float:

@@ -16,6 +16,19 @@ STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
 @njit(cache=True, error_model="numpy")
+def _place(at: AnyArray, placed: AnyArray, middle: AnyArray, motion: AnyArray, link: AnyArray, is_box: AnyArray,
+           ends: AnyArray, pose: AnyArray) -> None:  # fmt: skip
+    """Every volume where its link carries it: ends of capsules, poses of boxes, the middles of both."""
+    for s in range(len(link)):
+        if is_box[s]:
+            _compose(placed, s, motion, link[s], pose, s)
+            for r in range(3):
+                middle[s, r] = placed[s, r, 3]
+        else:
+            _carry(at, middle, s, motion, link[s], ends)
+
+
+@njit(cache=True, error_model="numpy")
 def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
                  is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
                  pairs: AnyArray) -> AnyArray:  # fmt: skip
@@ -26,13 +39,7 @@ def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
     at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        for s in range(len(link)):
-            if is_box[s]:
-                _compose(placed, s, motion, link[s], pose, s)
-                for r in range(3):
-                    middle[s, r] = placed[s, r, 3]
-            else:
-                _carry(at, middle, s, motion, link[s], ends)
+        _place(at, placed, middle, motion, link, is_box, ends, pose)
         found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs)
     return found
 
@@ -48,13 +55,7 @@ def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyAr
     at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        for s in range(len(link)):
-            if is_box[s]:
-                _compose(placed, s, motion, link[s], pose, s)
-                for r in range(3):
-                    middle[s, r] = placed[s, r, 3]
-            else:
-                _carry(at, middle, s, motion, link[s], ends)
+        _place(at, placed, middle, motion, link, is_box, ends, pose)
         for i in range(len(pairs)):
             found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1]) <= least
     return found

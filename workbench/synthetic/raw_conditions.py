@@ -31,16 +31,14 @@ def _set_passes(document: Document, *passes: Document) -> None:
     document["passes"] = [scan | motion for scan in passes]
 
 
-def arc(rng: Generator, document: Document) -> None:
-    """Radius 300 to 3,000 mm, convex or concave."""
-    straight(rng, document)
-    milled.arc(rng, document)
+def raw(condition: Condition) -> Condition:
+    """A raw plate under a condition of milled parts."""
 
+    def change(rng: Generator, document: Document) -> None:
+        straight(rng, document)
+        condition(rng, document)
 
-def wavy(rng: Generator, document: Document) -> None:
-    """Amplitude 1.5 to 3 mm."""
-    straight(rng, document)
-    milled.wavy(rng, document)
+    return change
 
 
 def drift(rng: Generator, document: Document) -> None:
@@ -50,24 +48,6 @@ def drift(rng: Generator, document: Document) -> None:
     change = float(rng.choice([-1, 1])) * 0.05 * mean
     course = draw_course(rng, mean, 0.0, 0.05)
     document["part"]["thickness_mm"] = course | {"start": mean - change / 2, "end": mean + change / 2}
-
-
-def outliers(rng: Generator, document: Document) -> None:
-    """5 % outliers."""
-    straight(rng, document)
-    milled.outliers(rng, document)
-
-
-def missing(rng: Generator, document: Document) -> None:
-    """20 % of the returns missing."""
-    straight(rng, document)
-    milled.missing(rng, document)
-
-
-def clamps(rng: Generator, document: Document) -> None:
-    """One to three clamps."""
-    straight(rng, document)
-    milled.clamps(rng, document)
 
 
 def rough(rng: Generator, document: Document) -> None:
@@ -125,12 +105,12 @@ def robot(rng: Generator, document: Document) -> None:
 
 RAW_CONDITIONS: dict[str, Condition] = {
     "raw_straight": straight,
-    "raw_arc": arc,
-    "raw_wavy": wavy,
+    "raw_arc": raw(milled.arc),
+    "raw_wavy": raw(milled.wavy),
     "raw_drift": drift,
-    "raw_outliers_5": outliers,
-    "raw_missing_20": missing,
-    "raw_clamps": clamps,
+    "raw_outliers_5": raw(milled.outliers),
+    "raw_missing_20": raw(milled.missing),
+    "raw_clamps": raw(milled.clamps),
     "raw_rough": rough,
     "raw_burrs": burrs,
     "raw_below": below,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bench.metrology.figures import told
 from bench.metrology.loop.summary import BEVEL_GOAL_DEG, ROOT_GOAL_MM, LoopSummary
 from bench.metrology.planning.table import covered, three
 from bench.metrology.table import markdown
@@ -26,7 +27,7 @@ def loop_tables(summaries: list[LoopSummary], command: str) -> str:
             "",
             *uncertainty(summaries),
             "",
-            *told(summaries),
+            *causes(summaries),
             "Not met: " + ("; ".join(short) if short else "nothing") + ".",
         ]
     )
@@ -78,15 +79,14 @@ def uncertainty(summaries: list[LoopSummary]) -> list[str]:
     return markdown(head, rows)
 
 
-def told(summaries: list[LoopSummary]) -> list[str]:
+def causes(summaries: list[LoopSummary]) -> list[str]:
     """Every part that was refused or crashed, or of which the mill warned, with the cause."""
-    lines = [
-        f"- {s.condition}, seed {r.seed}: {word}: {cause} ({100 * r.seen_share:.0f} % of the edge in view)"
+    return told(
+        (s.condition, word, cause, r)
         for s in summaries
         for word, cause, r in (
             *(("refused", r.refused, r) for r in s.refused),
             *(("**crashed**", r.crashed, r) for r in s.crashed),
             *(("the mill warns", "; ".join(r.warnings["perfect"]), r) for r in s.warned),
         )
-    ]
-    return [*lines, ""] if lines else []
+    )

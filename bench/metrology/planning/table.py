@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.metrology.figures import Cover, Spread
+from bench.metrology.figures import Cover, Spread, told
 from bench.metrology.planning.summary import COVERED_GOAL, SPACING_GOAL, PlanSummary
 from bench.metrology.table import markdown
 
@@ -26,7 +26,7 @@ def plan_tables(summaries: list[PlanSummary], command: str) -> str:
             "",
             *counts(summaries),
             "",
-            *told(summaries),
+            *causes(summaries),
             "Not met: " + ("; ".join(short) if short else "nothing") + ".",
         ]
     )
@@ -89,15 +89,14 @@ def counts(summaries: list[PlanSummary]) -> list[str]:
     return markdown(head, rows)
 
 
-def told(summaries: list[PlanSummary]) -> list[str]:
+def causes(summaries: list[PlanSummary]) -> list[str]:
     """Every part that was refused, crashed or rejected, with the cause."""
-    lines = [
-        f"- {s.condition}, seed {r.seed}: {word}: {cause} ({100 * r.seen_share:.0f} % of the edge in view)"
+    return told(
+        (s.condition, word, cause, r)
         for s in summaries
         for word, cause, r in (
             *(("refused", r.refused, r) for r in s.refused),
             *(("**crashed**", r.crashed, r) for r in s.crashed),
             *(("rejected", r.rejected, r) for r in s.rejected),
         )
-    ]
-    return [*lines, ""] if lines else []
+    )

@@ -140,3 +140,4 @@ def test_what_is_no_bevel_is_not_measured(edge: Maker) -> None:
         made = sections(edge(3, **wrong))
         assert made.verdict == "undecided"
         assert all(section.root_mm is None and section.bevel_deg is None for section in made.sections)
+        assert any("that no bevel has" in warning for warning in made.warnings)

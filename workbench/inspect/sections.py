@@ -57,7 +57,9 @@ def sections(
     """
     required = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
     at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])
-    angles, roots, seen = measure_at(edge, np.concatenate([at, edge.arc_length_mm]), half_width_mm)
+    places = np.concatenate([at, edge.arc_length_mm])
+    angles, roots, seen = measure_at(edge, places, half_width_mm)
+    seen, absurd = seen & is_bevel(angles, roots), seen & ~is_bevel(angles, roots)
     inspected = tuple(
         _section(edge, i, float(at[i]), angles, roots, bool(seen[i]), half_width_mm, required, guard_factor)
         for i in range(sections)
@@ -65,7 +67,8 @@ def sections(
     verdict = worst(s.verdict for s in inspected)
     profile = _profile(edge, angles, roots, seen, slice(sections, None))
     return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge",
-                      (*edge.warnings, *_warnings(profile, angles, required, guard_factor, verdict)))  # fmt: skip
+                      (*edge.warnings, *_no_bevel(places[absurd]),
+                       *_warnings(profile, angles, required, guard_factor, verdict)))  # fmt: skip
 
 
 def _warnings(profile: EdgeProfile, angles: BevelAngles, required: Requirements, guard_factor: float,
@@ -93,8 +96,20 @@ def measure_at(edge: Edge, at_mm: Float, half_width_mm: float) -> tuple[BevelAng
     angles = bevel_angles(edge, at_mm, half_width_mm)
     roots = root_sizes(edge, at_mm, angles)
     seen = covered(edge.frame_arc_length_mm, edge.pass_index, at_mm)
-    sound = (roots.root_mm > 0.0) & (angles.bevel > 0.0) & (angles.bevel < MOST_BEVEL)  # NaN is not
-    return angles, roots, seen & sound
+    return angles, roots, seen & np.isfinite(angles.bevel) & np.isfinite(roots.root_mm)
+
+
+def is_bevel(angles: BevelAngles, roots: RootSizes) -> Bool:
+    """Whether the values (m,) are such as a bevel can have: else other faces were taken for it."""
+    return np.asarray((roots.root_mm > 0.0) & (angles.bevel > 0.0) & (angles.bevel < MOST_BEVEL))
+
+
+def _no_bevel(at_mm: Float) -> list[str]:
+    """Places (m,) where what was followed is no bevel: told, and not measured."""
+    if not at_mm.size:
+        return []
+    return [f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root size or "
+            "an angle that no bevel has: not measured there"]  # fmt: skip
 
 
 def _profile(edge: Edge, angles: BevelAngles, roots: RootSizes, seen: Bool, stations: slice) -> EdgeProfile:

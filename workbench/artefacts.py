@@ -129,6 +129,7 @@ class Edge:
     upper_inward: Float | None = None  # (n, 3) raw edge: unit, along the upper surface, into the plate
     position_u_mm: Float | None = None  # (n, 2) standard uncertainty of `position_mm` along `normal` and `across`
     normal_u: float = 0.0  # standard uncertainty of the direction of `normal` about the tangent, rad
+    hand_eye_u_mm: Float | None = None  # (n, 2) as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
     warnings: tuple[str, ...] = ()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge
+from workbench.edge.hand_eye_u import place_u_mm, turn_u
 from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
@@ -76,14 +77,21 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     frame_tangent = np.full((here.size, 3), np.nan)
     frame_tangent[here] = measured.curve.tangent(measured.s[here])
     inward = -n if math.isnan(measured.lean) else math.cos(measured.lean) * m + math.sin(measured.lean) * n
+    position, seen_frames = origin + low[:, None] * m, np.flatnonzero(here)
+    shared, turn = None, 0.0
+    if cloud.hand_eye_covariance is not None and cloud.flange_from_profiler is not None:
+        frame = seen_frames[np.argmin(np.abs((measured.s[seen_frames])[None, :] - at[:, None]), axis=1)]
+        shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
+        turn = float(np.median(turn_u(cloud, frame, t)))
     return Edge(
         kind="raw", faces=found.faces, labels=found.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=measured.s - start, frame_tangent=frame_tangent, frames=None,
         tangent_u=math.hypot(measured.tangent_u, math.sqrt(2.0) * robot_noise_mm / length), arc_length_mm=at - start,
-        position_mm=origin + low[:, None] * m, tangent=t, normal=n, across=m, seen=seen,
+        position_mm=position, tangent=t, normal=n, across=m, seen=seen,
         burr_stations=raw_burr_stations(found, measured, at),
         upper_position_mm=origin + high[:, None] * m, upper_inward=inward,
-        position_u_mm=np.stack([_stand_out_u(measured, at), low_u], axis=1), normal_u=measured.tilt_u,
+        position_u_mm=np.stack([_stand_out_u(measured, at), low_u], axis=1),
+        normal_u=math.hypot(measured.tilt_u, turn), hand_eye_u_mm=shared,
     )  # fmt: skip
 
 

@@ -46,6 +46,7 @@ def plan_html(
         layers=list(layer_rows(toolpath, run)),
         refused=list(refused(edge, toolpath, gate)),
         from_scan=edge.position_u_mm is not None,
+        calibrated=edge.hand_eye_u_mm is not None,
         pictures={name: data_address(content) for name, content in {**pictures.png, **charts}.items()},
         problem=pictures.problem,
         stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",

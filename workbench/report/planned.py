@@ -87,14 +87,15 @@ def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
 
 
 def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]:
-    """Standard uncertainty of the planned root size, mm, and bevel angle, deg, as far as the scan is to blame.
+    """Standard uncertainty of the planned root size, mm, and bevel angle, deg: of the scan and its hand-eye pose.
 
     The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
     None where the edge does not state its own.
     """
     if edge.position_u_mm is None:
         return None, None
-    u_out, u_across = np.nanmedian(edge.position_u_mm, axis=0)
+    shared = 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm
+    u_out, u_across = np.nanmedian(np.hypot(edge.position_u_mm, shared), axis=0)
     return float(np.hypot(u_across, u_out / np.tan(bevel_deg * DEG))), float(edge.normal_u / DEG)
 
 

@@ -1,0 +1,1 @@
+"""Many parts: one run a part, and the page of the fleet."""

@@ -1,0 +1,1 @@
+"""Scans beside scans, meshes and plans; measurements beside measurements."""

@@ -1,0 +1,1 @@
+"""Clouds, sections and measurements as files that other programs read."""

@@ -1,0 +1,53 @@
+"""What kind of file a source is: one reader a kind, asked in turn."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Protocol, cast
+
+from workbench.errors import InputError
+from workbench.importing.mapping import Mapping
+from workbench.importing.neutral import Imported
+
+HEAD_BYTES = 65_536
+KINDS = ("bags", "gocator", "gopxl", "keyence", "scancontrol", "tables", "poses")  # modules of workbench.importing
+
+
+class Reader(Protocol):
+    """A module that reads one kind of source."""
+
+    NAME: str  # for people: "scanCONTROL profiles"
+
+    def recognises(self, path: Path, head: bytes, mapping: Mapping) -> bool:
+        """Whether the source is of this kind: by its name, its first bytes (none of a directory) or the mapping."""
+
+    def read(self, path: Path, mapping: Mapping) -> Imported:
+        """Its contents; InputError with the place and what was expected."""
+
+
+def read_source(path: Path, mapping: Mapping) -> Imported:
+    """Read one source by the only kind that recognises it.
+
+    Raises:
+        InputError: no such file, none or several kinds recognise it, or it cannot be read.
+    """
+    head = _head(path)
+    readers = [cast(Reader, importlib.import_module(f"workbench.importing.{name}")) for name in KINDS]
+    found = [reader for reader in readers if reader.recognises(path, head, mapping)]
+    if len(found) != 1:
+        names = ", ".join(reader.NAME for reader in (found or readers))
+        what = f"may be {names}: name it by 'files' in the mapping" if found else f"is none of: {names}"
+        raise InputError(str(path), f"{what} (docs/importing.md)")
+    return found[0].read(path, mapping)
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of a file; nothing of a directory (rosbag2)."""
+    from workbench.scan.hdf5 import regular_file
+
+    if path.is_dir():
+        return b""
+    regular_file(path)
+    with open(path, "rb") as file:
+        return file.read(HEAD_BYTES)

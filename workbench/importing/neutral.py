@@ -1,0 +1,45 @@
+"""What every importer produces, whatever the file: profile frames, poses, and what was understood of them.
+
+N frames of M columns, K poses. Lengths in mm, times in s; profiler frame and base as in docs/conventions.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.units import AnyArray, Float, Float32, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProfileFrames:
+    """Profiles out of one source, in the profiler frame."""
+
+    source: str  # the file's name as given, for messages
+    x_mm: Float32  # (N, M) lateral; NaN = no return
+    z_mm: Float32  # (N, M) range; NaN = no return
+    time_s: Float | None = None  # (N,) exposure times on the profiler's clock; None: the file has none
+    travel_mm: Float | None = None  # (N,) way gone along the scan: an encoder's or a surface's y
+    intensity: AnyArray | None = None  # (N, M) uint16
+    pass_index: Int | None = None  # (N,) where the file itself tells passes apart
+    sensor: str | None = None  # as the file names it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseStream:
+    """Flange poses out of one source, in the robot base."""
+
+    source: str
+    position_mm: Float  # (K, 3)
+    quaternion_wxyz: Float  # (K, 4), unit length
+    time_s: Float | None = None  # (K,) on the robot's clock; None: the file has none
+    pass_index: Int | None = None  # (K,) where the file itself tells passes apart
+    robot: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """What one source held. `notes` are lines for the user: kind of file, columns, units, what was left out."""
+
+    profiles: ProfileFrames | None = None
+    poses: PoseStream | None = None
+    notes: tuple[str, ...] = ()

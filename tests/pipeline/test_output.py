@@ -1,5 +1,6 @@
 """The output directory: one whole set of results or none, strangers' files untouched, failures clear."""
 
+import contextlib
 import json
 import os
 from pathlib import Path
@@ -23,8 +24,9 @@ def tree(directory: Path) -> dict[str, bytes]:
 
 def test_new_directory_appears_whole_with_its_parents(tmp_path: Path) -> None:
     out = OutputDirectory(tmp_path / "a" / "b")
-    out.check()
-    assert list(tmp_path.iterdir()) == []  # checking leaves nothing behind
+    with out.reserved():
+        pass
+    assert list(tmp_path.iterdir()) == []  # reserving leaves nothing behind
     assert [path.name for path in out.publish(NEW)] == list(NEW)
     assert tree(tmp_path) == {f"a/b/{name}": content for name, content in NEW.items()}
     assert os.listdir(tmp_path / "a") == ["b"]
@@ -89,11 +91,96 @@ def test_directory_in_the_place_of_a_result(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["inspection.json"]
 
 
-@pytest.mark.parametrize("place", ["file", "file/below", "dangling", "/proc/nowhere", "nul\0", "x" * 300])
+@pytest.mark.parametrize("place", ["file", "file/below", "dangling", "/proc/nowhere", "nul\0", "x" * 300, "x" * 250])
 def test_unusable_place_is_found_before_the_work(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "dangling").symlink_to(tmp_path / "gone")
     before = sorted(os.listdir(tmp_path))
-    with pytest.raises(OutputError):
-        OutputDirectory(tmp_path / place).check()
+    with pytest.raises(OutputError), OutputDirectory(tmp_path / place).reserved():
+        pass
     assert sorted(os.listdir(tmp_path)) == before
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_two_runs_into_one_directory(tmp_path: Path, exists: bool) -> None:
+    out = tmp_path / "out"
+    if exists:
+        OutputDirectory(out).publish(OLD)
+    with OutputDirectory(out).reserved():
+        with pytest.raises(OutputError, match="another run is writing there"), OutputDirectory(out).reserved():
+            pass
+        with OutputDirectory(tmp_path / "other").reserved():
+            pass
+        OutputDirectory(out).publish(NEW)
+    with OutputDirectory(out).reserved():
+        pass
+    assert tree(tmp_path) == {f"out/{name}": content for name, content in NEW.items()}
+
+
+def test_results_of_a_running_run_are_not_superseded(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path)
+    out.publish(OLD)
+    with out.reserved(), pytest.raises(OutputError, match="another run"):
+        OutputDirectory(tmp_path).supersede()
+    assert tree(tmp_path) == OLD
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL: nothing is tidied up after it."""
+
+
+@pytest.mark.parametrize("after", range(7))
+def test_killed_between_any_two_renames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """Three old files go out, two new ones come in: whatever the moment, the next run finds one whole set."""
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+    left = [after]
+
+    def rename(a: Path, b: Path) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise Killed
+        original(a, b)
+
+    original = os.rename
+    with monkeypatch.context() as patch:
+        patch.setattr("workbench.pipeline.exchange.os.rename", rename)
+        patch.setattr("workbench.pipeline.output.shutil.rmtree", lambda *_, **__: None)
+        with pytest.raises(Killed) if after < 5 else contextlib.nullcontext():
+            out.publish(NEW)
+    whole = (tmp_path / "out" / "run.json").exists()
+    assert not whole or tree(tmp_path / "out").items() >= (OLD if after == 0 else NEW).items()
+    with OutputDirectory(tmp_path / "out").reserved():
+        pass
+    assert tree(tmp_path) == {f"out/{name}": content for name, content in NEW.items()}
+
+
+@pytest.mark.parametrize("after", range(5))
+def test_a_rename_that_fails_puts_all_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+    left = [after]
+
+    def rename(a: Path, b: Path) -> None:
+        left[0] -= 1
+        if left[0] == -1:
+            raise OSError(5, "Input/output error")
+        original(a, b)
+
+    original = os.rename
+    monkeypatch.setattr("workbench.pipeline.exchange.os.rename", rename)
+    with pytest.raises(OutputError, match="Input/output error"):
+        out.publish(NEW)
+    assert tree(tmp_path) == {f"out/{name}": content for name, content in OLD.items()}
+
+
+def test_a_set_that_was_never_complete_is_cleared_away(tmp_path: Path) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+    for place in (tmp_path, tmp_path / "out"):
+        (place / ".out.partial-x").mkdir()
+        (place / ".out.partial-x" / "inspection.json").write_bytes(b"half")
+    (tmp_path / "out" / ".out.partial-x" / ".moving").write_text('{"old": [')
+    with out.reserved():
+        pass
+    assert tree(tmp_path) == {f"out/{name}": content for name, content in OLD.items()}

@@ -2,7 +2,7 @@
 
 Files are written into a hidden directory beside their final places and renamed when all are complete, `run.json` last
 (a set without it is not one). A directory that did not exist appears with one rename. Files that are not results stay
-untouched. When a run fails, the results that an earlier run left are moved to `superseded/`.
+untouched. When a run fails, the results that an earlier run left are moved to `superseded/`. One run at a time.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ import signal
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from workbench.errors import OutputError
+from workbench.pipeline.exchange import clear_killed_runs, exchange, staged_prefix
+from workbench.pipeline.lock import BusyError, locked
 from workbench.pipeline.results import RUN_FILE, is_plain_name
 
 # What the contract calls a result, whoever wrote it: a reader takes these for the last run's.
@@ -42,10 +44,17 @@ class OutputDirectory:
             raise OutputError("''", "expected the name of a directory ('.' for this one)")
         self.path = Path(path)
 
-    def check(self) -> None:
-        """Before long work: is it a directory that takes files, or a place where one can be made?"""
-        with self._errors(), tempfile.TemporaryFile(dir=self._place()) as probe:
-            probe.write(bytes(PROBE_BYTES))
+    @contextmanager
+    def reserved(self) -> Iterator[None]:
+        """For the length of a run: does it take files, or can it be made? Nobody else writes there meanwhile."""
+        with self._errors():
+            place = self._place()
+            with tempfile.TemporaryFile(dir=place) as probe:
+                probe.write(bytes(PROBE_BYTES))
+        with self._held(place):
+            with self._errors(), _signals_wait():
+                clear_killed_runs(self.path)
+            yield
 
     def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
         """Write `files` (run.json among them) as the directory's one set of results."""
@@ -53,7 +62,7 @@ class OutputDirectory:
             if not self.path.is_dir():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             place = self.path if self.path.is_dir() else self.path.parent
-            staged = Path(tempfile.mkdtemp(prefix=f".{self.path.name}.partial-", dir=place))
+            staged = Path(tempfile.mkdtemp(prefix=staged_prefix(self.path), dir=place))
             try:
                 for name, content in files.items():
                     (staged / name).write_bytes(content)
@@ -65,7 +74,10 @@ class OutputDirectory:
 
     def supersede(self) -> Path | None:
         """Move an earlier run's results aside, into `superseded/N/`; None if there are none."""
-        with self._errors(), _signals_wait():
+        if not self.path.is_dir():
+            return None
+        with self._held(self.path), self._errors(), _signals_wait():
+            clear_killed_runs(self.path)
             old = self._results()
             if not old:
                 return None
@@ -76,6 +88,19 @@ class OutputDirectory:
             for name in old:
                 os.rename(self.path / name, aside / name)
             return aside
+
+    @contextmanager
+    def _held(self, place: Path) -> Iterator[None]:
+        """The lock: inside the directory, or beside its place where it does not exist yet."""
+        lock = place / (".lock" if place == self.path else f".{self.path.name}.lock")
+        with ExitStack() as held:
+            try:
+                with self._errors():
+                    held.enter_context(locked(lock))
+            except BusyError:
+                why = "another run is writing there; wait for it, or choose another --out"
+                raise OutputError(str(self.path), why) from None
+            yield
 
     def _place(self) -> Path:
         """The nearest directory that exists, from the output directory upwards; a file on the way is refused."""
@@ -97,10 +122,7 @@ class OutputDirectory:
         for name in names:
             if (self.path / name).is_dir():
                 raise OutputError(str(self.path / name), "is a directory in the place of a result")
-        for name in self._results():  # run.json goes first and comes last
-            os.rename(self.path / name, staged / f"{name}.old")
-        for name in names:
-            os.rename(staged / name, self.path / name)
+        exchange(staged, self.path, self._results(), names)
 
     def _results(self) -> list[str]:
         """Names of the results that stand there: the contract's, and those that its run.json lists."""

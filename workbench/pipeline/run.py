@@ -105,11 +105,11 @@ class Pipeline:
         WorkbenchError for anything unusable outside the program.
         """
         checked = self.plan(inputs, settings)
-        target = OutputDirectory(out) if out is not None else None
-        if target:
-            target.check()
-        results = run_plan(checked, reporter or Reporter())
-        if target:
+        if out is None:
+            return run_plan(checked, reporter or Reporter())
+        target = OutputDirectory(out)
+        with target.reserved():
+            results = run_plan(checked, reporter or Reporter())
             results.files = target.publish(_files(checked, results))
         return results
 

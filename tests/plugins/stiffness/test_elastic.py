@@ -79,6 +79,26 @@ def test_orders_against_the_balance_at_2000_n(cell: Cell, table_a1: Float, sprin
     assert 2e-3 < relative(linear[:, :3], truth[:, :3]).max() < 6e-3
 
 
+def test_orders_over_random_postures_and_wrenches(cell: Cell) -> None:
+    """2,000 N and up to 200 Nm at 1,000 postures: the third order to 1e-8; the second errs by the load's square."""
+    rng, n = np.random.default_rng(5), 1000
+    low, high = np.clip(cell.chain.limits, -np.pi, np.pi).T
+    q, moment = rng.uniform(low, high, (n, 6)), rng.normal(size=(n, 3))
+    moment *= (200 * rng.random(n) / np.linalg.norm(moment, axis=1))[:, None]
+    w, tip = np.hstack([wrenches(6, n)[:, :3], moment]), cell.flange_from_cutter[:3, 3]
+    left = {}
+    for share in (1.0, 0.5):
+        truth = np.array([balance(cell.chain, K, a, tip, share * b)[0] for a, b in zip(q, w, strict=True)])
+        for order in (2, 3):
+            found, _ = give_way(cell.chain, K, q, tip, share * w, order=order)
+            left[order, share] = np.array([relative(found[:, p], truth[:, p]) for p in (slice(0, 3), slice(3, 6))])
+    assert left[3, 1.0].max() < 1e-8
+    assert 5e-6 < np.median(left[2, 1.0]) < 1e-5
+    assert 1e-5 < np.quantile(left[2, 1.0], 0.95) < 3e-5
+    for order, power in ((2, 4), (3, 16)):
+        assert np.isclose(np.median(left[order, 1.0]) / np.median(left[order, 0.5]), power, rtol=0.02)
+
+
 def test_balance_is_the_balance(cell: Cell, table_a1: Float, springs: Springs) -> None:
     rng = np.random.default_rng(2)
     for q in table_a1:
@@ -130,14 +150,14 @@ def test_stage_methods_and_axes(cell: Cell) -> None:
     load = np.array([900.0, 500.0, -400.0])
     found = {
         m: deflection(cell, read(), joints_deg=joints, force_n=tuple(load), method=m)[0]
-        for m in ("balance", "second_order", "linear_kc", "linear")
+        for m in ("balance", "third_order", "second_order", "linear_kc", "linear")
     }
     off = [
         np.linalg.norm(found[m].displacement_mm - found["balance"].displacement_mm)
-        for m in ("second_order", "linear_kc", "linear")
+        for m in ("third_order", "second_order", "linear_kc", "linear")
     ]
-    assert off[0] < off[1] / 10
-    assert off[1] < off[2]
+    assert off[0] < off[1] / 100 < off[2] / 1000
+    assert off[2] < off[3]
     rotation = (forward_kinematics(cell.chain, np.radians(joints)) @ cell.flange_from_cutter)[:3, :3]
     turned = deflection(cell, read(), joints_deg=joints, force_n=tuple(rotation.T @ load), axes="cutter")[0]
     assert np.allclose(turned.displacement_mm, found["balance"].displacement_mm, rtol=1e-12)

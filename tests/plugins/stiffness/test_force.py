@@ -20,14 +20,15 @@ def one(radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients 
     return milling_force(c, CUTTER, np.array([feed]), np.array([radial]), np.array([axial]), **more)[0]
 
 
+@pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("helix_deg", [0.0, 30.0])
-def test_mean_of_a_slot(helix_deg: float) -> None:
+def test_mean_of_a_slot(helix_deg: float, name: str) -> None:
     """Altintas' averages: N a/4 K c + N a/pi K_e across, N a/pi K c + N a/2 K_e along; the helix changes no mean."""
-    n, a, c = CUTTER.flutes, 2.0, 0.05
-    found = one(CUTTER.diameter_mm, a, c, helix=np.radians(helix_deg), steps=3600).mean(axis=0)
-    tangential = n * a / 4 * C.ktc_n_mm2 * c + n * a / np.pi * C.kte_n_mm
-    radial = n * a / 4 * C.krc_n_mm2 * c + n * a / np.pi * C.kre_n_mm
-    axial = n * a / np.pi * C.kac_n_mm2 * c + n * a / 2 * C.kae_n_mm
+    of, n, a, c = PUBLISHED[name], CUTTER.flutes, 2.0, 0.05
+    found = one(CUTTER.diameter_mm, a, c, of, helix=np.radians(helix_deg), steps=3600).mean(axis=0)
+    tangential = n * a / 4 * of.ktc_n_mm2 * c + n * a / np.pi * of.kte_n_mm
+    radial = n * a / 4 * of.krc_n_mm2 * c + n * a / np.pi * of.kre_n_mm
+    axial = n * a / np.pi * of.kac_n_mm2 * c + n * a / 2 * of.kae_n_mm
     assert np.allclose(found, [tangential, -radial, axial], rtol=1e-3)
 
 

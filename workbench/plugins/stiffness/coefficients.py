@@ -23,11 +23,14 @@ class CuttingCoefficients:
     source: str = "given"
 
 
+# Rows of one alloy show how far apart published coefficients are: the cutter's geometry is in them.
 # The review prints the edge coefficients' unit as N mm; per length of edge it is N/mm. Rows without axial values: 0.
 PUBLISHED = {
     "al6061_t6": CuttingCoefficients(243.77, 113.5, 0.0, 7.53, 7.83, 0.0, f"{REVIEW} [160] (carbide, dry)"),
     "al6082_t6": CuttingCoefficients(631.0, 99.0, 273.0, 13.0, 10.0, 2.8, f"{REVIEW} [189] (carbide, dry)"),
     "al7075_t6": CuttingCoefficients(767.01, 168.8, 222.0, 27.7, 26.6, 0.7, f"{REVIEW} [190] (carbide, dry)"),
+    "al7075_t6_ref160": CuttingCoefficients(600.46, 180.96, 0.0, 17.9, 20.42, 0.0, f"{REVIEW} [160] (carbide, dry)"),
+    "al7075_ref47": CuttingCoefficients(1319.41, 788.83, 48.75, 19.65, 26.77, 2.05, f"{REVIEW} [47] (carbide, dry)"),
     "al7075_hss": CuttingCoefficients(
         951.365, 262.597, 323.33, 11.115, 11.314, 1.105, f"{REVIEW} [156] (high-speed steel, dry)"
     ),

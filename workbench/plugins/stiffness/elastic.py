@@ -44,7 +44,9 @@ def give_way(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wre
     """Displacement (..., 6) of a flange point, mm and rotation vector in rad, and joint deflection (..., 6) in rad.
 
     Order 1 is J dq, eq. (22) put right as J K^-1 J^T F, with K_c in K where asked for. Order 2 adds
-    1/2 dq^T (dJ/dq) dq: K - K_c is a tangent, and the way from the unloaded robot is curved.
+    1/2 dq^T (dJ/dq) dq: K - K_c is a tangent, and the way from the unloaded robot is curved. Complete to second order
+    of the load, so its error grows with the load's square. Order 3 takes a second step of Newton's method with the same
+    tangent, and the way as it is: with K_c complete to fourth order.
 
     Args:
         chain: the robot.
@@ -52,22 +54,22 @@ def give_way(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wre
         joints: (..., 6) rad, unloaded.
         point_mm: (3,) the loaded point, in the flange frame.
         wrench: (..., 6) acts on the robot at that point, base axes.
-        order: 1 or 2.
+        order: 1, 2 or 3.
         with_kc: whether the load's own stiffness K_c counts.
     """
-    axes, points = joint_axes(chain, joints)
-    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
-    derivative = jacobian_derivative(axes, jacobian)
-    load = torques(jacobian, wrench)
+    jacobian, derivative = _jacobian(chain, joints, point_mm)
+    load, tangent = torques(jacobian, wrench), np.diag(stiffness)
     if with_kc:
-        tangent = np.diag(stiffness) - geometric_stiffness(derivative, wrench)
-        dq = np.linalg.solve(tangent, load[..., None])[..., 0]
-    else:
-        dq = load / stiffness
+        tangent = tangent - geometric_stiffness(derivative, wrench)
+    dq = np.asarray(np.linalg.solve(tangent, load[..., None])[..., 0])
+    if order == 3:
+        left = torques(_jacobian(chain, joints + dq, point_mm)[0], wrench) - stiffness * dq if with_kc else 0 * dq
+        dq = np.asarray(dq + np.linalg.solve(tangent, left[..., None])[..., 0])
+        return _way(chain, joints, dq, point_mm), dq
     moved = (jacobian @ dq[..., None])[..., 0]
     if order == 2:
         moved = moved + 0.5 * np.einsum("...rij,...i,...j->...r", derivative, dq, dq)
-    return np.asarray(moved), np.asarray(dq)
+    return np.asarray(moved), dq
 
 
 def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> tuple[Float, Float]:
@@ -78,16 +80,28 @@ def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wren
     """
     dq: Float = np.zeros(6)
     for _ in range(50):
-        axes, points = joint_axes(chain, joints + dq)
-        jacobian = jacobian_at(axes, points, tip_of(chain, joints + dq, point_mm))
-        tangent = np.diag(stiffness) - geometric_stiffness(jacobian_derivative(axes, jacobian), wrench)
+        jacobian, derivative = _jacobian(chain, joints + dq, point_mm)
+        tangent = np.diag(stiffness) - geometric_stiffness(derivative, wrench)
         step = np.linalg.solve(tangent, torques(jacobian, wrench) - stiffness * dq)
         dq = np.asarray(dq + step)
         if np.abs(step).max() < 1e-14:
-            before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
-            way = (after @ [*point_mm, 1.0] - before @ [*point_mm, 1.0])[:3]
-            return np.concatenate([way, vector_from_rotation(after[:3, :3] @ before[:3, :3].T)]), dq
+            return _way(chain, joints, dq, point_mm), dq
     raise ValueError("no balance")
+
+
+def _jacobian(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Float]:
+    """Jacobian (..., 6, 6) of a flange point and its derivative by the joints (..., 6, 6, 6)."""
+    axes, points = joint_axes(chain, joints)
+    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
+    return jacobian, jacobian_derivative(axes, jacobian)
+
+
+def _way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
+    """Displacement (..., 6) of a flange point when the joints turn by dq, however far."""
+    before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
+    way = ((after - before) @ [*point_mm, 1.0])[..., :3]
+    turned = vector_from_rotation(after[..., :3, :3] @ np.swapaxes(before[..., :3, :3], -1, -2))
+    return np.concatenate([way, turned], axis=-1)
 
 
 def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> Float:

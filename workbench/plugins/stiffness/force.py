@@ -34,7 +34,8 @@ def force(
     engagement: Engagement | None = None,
     *,
     material: Annotated[
-        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_hss"], Field(description="published coefficients")
+        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"],
+        Field(description="published coefficients"),
     ] = "al7075_t6",
     coefficients: Annotated[
         Six | None, Field(description="instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six)")

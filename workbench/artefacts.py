@@ -75,6 +75,15 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PointSet:
+    """A cloud without a grid, as other people's scanners and programs write it: n points in the base, in no order."""
+
+    points_mm: Float  # (n, 3) finite
+    source: str = ""  # the file's name as given, for messages
+    part_id: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class EdgeFrames:
     """What each of the N frames says about a milled edge, in the section plane; NaN where it does not see the edge.
 

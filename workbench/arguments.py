@@ -65,6 +65,8 @@ def build_parser() -> Parser:
     simulate = command("simulate", "make a synthetic recording; its truth goes beside it, into FILE.truth.json")
     simulate.add_argument("recipe", metavar="RECIPE.json")
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
+    samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
+    samples.add_argument("directory", metavar="DIR")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""The command line: `workbench run | validate | stages | schema | simulate`.
+"""The command line: `workbench run | validate | stages | schema | simulate | samples`.
 
 Exit status: 0 it ran to the end; 1 it ran to the end and a gate rejected the part; 2 the input, the pipeline or the
 arguments are unusable: one `error:` line on standard error. Only what the help needs is imported here.
@@ -97,12 +97,24 @@ def simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def samples(options: argparse.Namespace) -> int:
+    """Copy the shipped pipelines and data."""
+    from pathlib import Path
+
+    from workbench.samples import copy_samples
+
+    for made in copy_samples(Path(options.directory)):
+        printed(print, made)
+    return 0
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
     "validate": validate,
     "stages": stages,
     "schema": schema,
     "simulate": simulate,
+    "samples": samples,
 }
 
 

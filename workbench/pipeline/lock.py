@@ -1,4 +1,4 @@
-"""One writer at a time: an advisory lock on a file, which ends with the process that holds it, however that ends."""
+"""One writer at a time: an advisory lock, which ends with the process that holds it, however that ends."""
 
 from __future__ import annotations
 
@@ -15,22 +15,28 @@ class BusyError(Exception):
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold the lock file `path`, made for it and removed after it; raises BusyError at once if it is held, OSError.
+    """Hold the lock on a directory, or on the file `path`, made for it and removed after it.
 
-    Where the file system knows no locks (ENOLCK, ENOTSUP of some network shares), nothing guards: better than no run.
+    Where the file system knows no locks (some network shares) nothing guards: better than no run.
+
+    Raises:
+        BusyError: it is held, also by this process.
+        OSError: the file cannot be made.
     """
     descriptor = _open_and_lock(path)
     try:
         yield
     finally:
-        with suppress(OSError):
-            os.unlink(path)
+        if not path.is_dir():
+            with suppress(OSError):
+                os.unlink(path)
         os.close(descriptor)
 
 
 def _open_and_lock(path: Path) -> int:
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        flags = os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+        descriptor = os.open(path, flags, 0o666)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

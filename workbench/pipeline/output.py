@@ -91,8 +91,8 @@ class OutputDirectory:
 
     @contextmanager
     def _held(self, place: Path) -> Iterator[None]:
-        """The lock: inside the directory, or beside its place where it does not exist yet."""
-        lock = place / (".lock" if place == self.path else f".{self.path.name}.lock")
+        """The lock: on the directory, or beside its place where it does not exist yet."""
+        lock = place if place == self.path else place / f".{self.path.name}.lock"
         with ExitStack() as held:
             try:
                 with self._errors():

@@ -110,7 +110,7 @@ class Pipeline:
         target = OutputDirectory(out)
         with target.reserved():
             results = run_plan(checked, reporter or Reporter())
-            results.files = target.publish(_files(checked, results))
+            results.files = target.publish(run_files(checked, results))
         return results
 
 
@@ -206,7 +206,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _files(checked: Plan, results: Results) -> dict[str, bytes]:
+def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
     """All result files of a run, `run.json` included."""
     written = (made for step in checked.steps if step.write for made in results.artefacts[step.id])
     files = result_files(written)

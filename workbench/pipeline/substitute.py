@@ -21,8 +21,23 @@ class FromCaller(str):
     """
 
 
+class Copied(FromCaller):
+    """A file known by its URL, of which a copy lies on this machine: results name the URL, stages read the copy."""
+
+    copy: Path
+
+    @classmethod
+    def of(cls, url: str, copy: Path) -> Copied:
+        """The file `url`, to be read from `copy`."""
+        made = cls(url)
+        made.copy = copy
+        return made
+
+
 def from_caller(value: Any) -> Any:
     """`value` with every string in it marked as the caller's."""
+    if isinstance(value, FromCaller):
+        return value
     if isinstance(value, Path | str):
         return FromCaller(value)
     if isinstance(value, list | tuple):

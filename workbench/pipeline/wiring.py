@@ -12,7 +12,7 @@ from workbench.errors import InputError, PipelineError, nearest
 from workbench.pipeline.document import PipelineDocument
 from workbench.pipeline.registry import find
 from workbench.pipeline.results import file_of
-from workbench.pipeline.substitute import FromCaller, from_caller, references, substitute
+from workbench.pipeline.substitute import Copied, FromCaller, from_caller, references, substitute
 from workbench.stage import RESERVED, Role, Source, Stage
 
 
@@ -133,7 +133,10 @@ def _place(value: Any, base_dir: Path, name: str, files: list[InputRecord]) -> A
         return [_place(part, base_dir, name, files) for part in value]
     if not isinstance(value, str):
         return value
-    path = Path(value) if isinstance(value, FromCaller) else base_dir / value
+    if isinstance(value, Copied):
+        path = value.copy
+    else:
+        path = Path(value) if isinstance(value, FromCaller) else base_dir / value
     files.append(InputRecord(name, str(value), path))
     return str(path)
 

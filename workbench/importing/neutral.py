@@ -43,3 +43,4 @@ class Imported:
     profiles: ProfileFrames | None = None
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
+    flange_from_profiler: Float | None = None  # (4, 4) where the source itself carries it

@@ -1,0 +1,111 @@
+"""Text files of numbers: decoding, lines, and rows that name their line when they are wrong."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.scan.hdf5 import regular_file
+from workbench.units import Float
+
+MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text
+BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
+
+
+def read_lines_as_bytes(path: Path) -> bytes:
+    """The file's text as UTF-8 with plain line ends.
+
+    Raises:
+        InputError: no such file, larger than MAX_BYTES, empty, or not text.
+    """
+    size = regular_file(path).st_size
+    if size > MAX_BYTES:
+        raise InputError(str(path), f"expected a text file of at most {MAX_BYTES / 1e9:g} GB, found {size / 1e9:.1f}")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
+    content = as_utf8(content, str(path))
+    if not content.strip():
+        raise InputError(str(path), "is empty")
+    if (zero := content.find(b"\0")) >= 0:
+        raise InputError(f"{path}: byte {zero}", "expected text, found a zero byte")
+    return content
+
+
+def as_utf8(content: bytes, where: str) -> bytes:
+    """UTF-8 without a mark, plain line ends. Bytes that are no UTF-8 are taken as Windows Western (units like µm)."""
+    for mark, encoding in BOMS.items():
+        if content.startswith(mark):
+            try:
+                content = content.decode(encoding).encode()
+            except UnicodeError as error:
+                place = f"{where}: byte {getattr(error, 'start', 0)}"
+                raise InputError(place, f"expected text in {encoding.upper()} as its mark says") from None
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return content
+
+
+def decoded(content: bytes) -> str:
+    """Text of UTF-8 bytes, or of Windows Western where they are none."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, stripped; a blank delimiter stands for any white space."""
+    parts = line.split() if delimiter == " " else line.split(delimiter)
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def numbers(row: Sequence[str], where: str, decimal: str = ".") -> Float:
+    """The cells of a row as numbers; an empty cell is NaN.
+
+    Raises:
+        InputError: at `where`, with the cell's place and what stands there.
+    """
+    texts = [text or "nan" for text in row]
+    if decimal == ",":
+        if any("." in text for text in texts):
+            place = next(i for i, text in enumerate(texts) if "." in text)
+            raise InputError(f"{where}, cell {place + 1}", f"expected a decimal comma, found {_shown(texts[place])}")
+        texts = [text.replace(",", ".") for text in texts]
+    try:
+        if any("_" in text for text in texts):
+            raise ValueError
+        values = np.array(texts).astype(float)
+    except ValueError:
+        place = next(i for i, text in enumerate(texts) if not is_number(text))
+        raise InputError(f"{where}, cell {place + 1}", f"expected a number, found {_shown(row[place])}") from None
+    if np.isinf(values).any():
+        place = int(np.flatnonzero(np.isinf(values))[0])
+        raise InputError(f"{where}, cell {place + 1}", f"expected a finite number, found {_shown(row[place])}")
+    return values
+
+
+def is_number(text: str) -> bool:
+    """Whether `text` is a number with a decimal point, or NaN."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def numbered(content: bytes) -> Iterator[tuple[int, str]]:
+    """The lines that are not blank, with their numbers from 1."""
+    for number, line in enumerate(decoded(content).split("\n"), 1):
+        if line.strip():
+            yield number, line
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 30 else text[:27] + "...")

@@ -11,7 +11,8 @@ import workbench
 from workbench import Pipeline, api, artefacts
 from workbench.artefacts import Inspection
 from workbench.errors import PipelineError
-from workbench.pipeline.results import inspection_document, strict_json
+from workbench.pipeline.results import inspection_document
+from workbench.strict_json import strict_json
 
 ROOT = Path(__file__).parents[1]
 RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
-
-import numpy as np
 
 from workbench.artefacts import Document, Engagement, Inspection, Layer, Rework, Section, Toolpath
 from workbench.errors import PipelineError
+from workbench.strict_json import strict_json
 
 RUN_FILE = "run.json"
 
@@ -122,28 +119,3 @@ def result_files(artefacts: Iterable[Any]) -> dict[str, bytes]:
 def is_plain_name(name: Any) -> bool:
     """Whether `name` can only be a visible file inside the output directory."""
     return isinstance(name, str) and name.isprintable() and not ({"/", "\\"} & {*name}) and name[:1] not in ("", ".")
-
-
-def strict_json(document: Mapping[str, Any]) -> bytes:
-    """A JSON object, one member a line, one entry a line in a list of objects; NaN becomes null."""
-    members = (f"{json.dumps(key)}: {_lines(plain(value))}" for key, value in document.items())
-    return ("{\n  " + ",\n  ".join(members) + "\n}\n").encode()
-
-
-def _lines(value: Any) -> str:
-    if isinstance(value, list) and value and all(isinstance(part, dict) for part in value):
-        return "[\n    " + ",\n    ".join(json.dumps(part, allow_nan=False) for part in value) + "\n  ]"
-    return json.dumps(value, allow_nan=False)
-
-
-def plain(value: Any) -> Any:
-    """`value` as JSON knows it: arrays as lists, what is not finite as null, anything else as text."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    return value if value is None or isinstance(value, str | int) else str(value)

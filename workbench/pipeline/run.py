@@ -21,9 +21,10 @@ from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
-from workbench.pipeline.results import RUN_FILE, result_files, strict_json
+from workbench.pipeline.results import RUN_FILE, result_files
 from workbench.pipeline.wiring import Plan, Step, plan
 from workbench.stage import Role, Source
+from workbench.strict_json import strict_json
 
 A = TypeVar("A")
 VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")

@@ -8,7 +8,6 @@ from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_
 from workbench.robot.cell import Cell, LoadingSetup, Turntable
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
-from workbench.robot.files import read_json
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     forward_kinematics,
@@ -21,6 +20,7 @@ from workbench.robot.kinematics import (
 from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
+from workbench.strict_json import read_json
 
 __all__ = [
     "AngleConvention",

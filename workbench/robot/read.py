@@ -13,11 +13,11 @@ from workbench.parameters import check_parameters
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
 from workbench.robot.cell_file import CellPart, LoadingPart, Pose, ShapePart, ToolPart, TurntablePart, matrix_of
 from workbench.robot.chain import Chain
-from workbench.robot.files import read_json
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.wrist import spherical_wrist
 from workbench.stage import InputFile, stage
+from workbench.strict_json import read_json
 from workbench.units import DEG, Float
 
 

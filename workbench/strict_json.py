@@ -1,10 +1,14 @@
-"""Small JSON files, read strictly: no duplicate keys, no NaN, an object on top."""
+"""JSON files, read and written strictly: no key twice, no NaN, an object on top."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
+
+import numpy as np
 
 from workbench.errors import InputError
 
@@ -41,3 +45,28 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(str(path), "expected a JSON object")
     return document
+
+
+def strict_json(document: Mapping[str, Any]) -> bytes:
+    """A JSON object, one member a line, one entry a line in a list of objects; NaN becomes null."""
+    members = (f"{json.dumps(key)}: {_lines(plain(value))}" for key, value in document.items())
+    return ("{\n  " + ",\n  ".join(members) + "\n}\n").encode()
+
+
+def _lines(value: Any) -> str:
+    if isinstance(value, list) and value and all(isinstance(part, dict) for part in value):
+        return "[\n    " + ",\n    ".join(json.dumps(part, allow_nan=False) for part in value) + "\n  ]"
+    return json.dumps(value, allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON knows it: arrays as lists, what is not finite as null, anything else as text."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value if value is None or isinstance(value, str | int) else str(value)

@@ -2,8 +2,43 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
+from pydantic import Field
+
 from workbench.importing.part import Part
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+NoReturn = Literal["nan", "zero", "inf"]
 
 
 class BagPart(Part):
-    """Object `bag` of a mapping file."""
+    """Object `bag` of a mapping file (MCAP, rosbag2, rosbag1); optional where the bag leaves no doubt."""
+
+    profiles: list[str] | None = Field(
+        default=None, min_length=1, description="topics of the profiles; several: one scanning pass each, in this order"
+    )
+    poses: str | None = Field(default=None, description="topic of the poses; 'tf': /tf and /tf_static together")
+    time: Literal["header", "message"] = Field(
+        default="header", description="the header's stamp, or when the message was recorded"
+    )
+    length_unit: Literal["m", "mm"] = Field(default="m", description="of profiles; REP 103 says m")
+    pose_length_unit: Literal["m", "mm"] = Field(default="m", description="of poses; REP 103 says m")
+    lateral: Axis | None = Field(default=None, description="axis that is x of the profiler; PointCloud2 x, LaserScan y")
+    range: Axis | None = Field(default=None, description="axis that is z of the profiler; PointCloud2 z, LaserScan x")
+    no_return: list[NoReturn] | None = Field(
+        default=None, description="points that mean no return, besides NaN: all coordinates 0, an infinite one"
+    )
+    uneven: Literal["refuse", "pad"] = Field(
+        default="refuse", description="profiles of different length: refused, or filled up with missing points"
+    )
+    row_period_s: float | None = Field(
+        default=None, gt=0, description="time from row to row of a cloud of several rows; its time is the first row's"
+    )
+    pass_gap_s: float | None = Field(default=None, gt=0, description="a longer time without profile begins a new pass")
+    base_frame: str | None = Field(default=None, description="the robot's base, in /tf or the URDF")
+    flange_frame: str | None = Field(default=None, description="the mounting flange, in /tf or the URDF")
+    profiler_frame: str | None = Field(
+        default=None, description="the profiles' frame, fixed to the flange in /tf: the hand-eye pose"
+    )
+    urdf: str | None = Field(default=None, description="the robot's URDF for JointState, relative to the mapping file")

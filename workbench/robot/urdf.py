@@ -30,11 +30,7 @@ def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tu
         InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh.
     """
     document = _parsed(path)
-    with _quiet():
-        try:
-            model = pin.buildModelFromXML(ElementTree.tostring(document, encoding="unicode"))
-        except ValueError:
-            raise InputError(str(path), "expected a URDF that pinocchio can build a robot from") from None
+    model = _built(document, path)
     _check_joints(model, path)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -53,6 +49,19 @@ def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tu
         speeds=np.array(model.velocityLimit),
     )  # fmt: skip
     return chain, tuple(_shapes(document, model, data, to_base, path))
+
+
+def kinematic_model(path: Path) -> pin.Model:
+    """pin's model of any robot; shapes and meshes are not looked at. Raises InputError for what is not a URDF."""
+    return _built(_parsed(path), path)
+
+
+def _built(document: ElementTree.Element, path: Path) -> pin.Model:
+    with _quiet():
+        try:
+            return pin.buildModelFromXML(ElementTree.tostring(document, encoding="unicode"))
+        except ValueError:
+            raise InputError(str(path), "expected a URDF that pinocchio can build a robot from") from None
 
 
 def _parsed(path: Path) -> ElementTree.Element:

@@ -1,0 +1,62 @@
+"""Bags of ROS: MCAP, rosbag2 and rosbag1 with profiles, poses, or both.
+
+The method: open the bag, choose its topics, read profiles and poses message by message, tell passes apart. What the
+bag leaves open is asked for by its name in the mapping (`workbench.importing.bags_mapping`), never guessed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from workbench.errors import InputError
+from workbench.importing.bags_mapping import BagPart
+from workbench.importing.bags_passes import passes_by_gaps, poses_by_pass
+from workbench.importing.bags_poses import hand_eye_from_frames, pose_source, read_poses
+from workbench.importing.bags_profiles import profile_topics, read_profiles
+from workbench.importing.bags_reader import Bag, opened
+from workbench.importing.mapping import Mapping
+from workbench.importing.neutral import Imported
+
+NAME = "bag (MCAP, rosbag2, rosbag1)"
+SUFFIXES = (".mcap", ".bag", ".db3")
+MAGIC = (b"\x89MCAP0", b"#ROSBAG V")
+
+
+def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
+    """Whether the source is a bag: by its suffix or first bytes, or a directory with a rosbag2's metadata."""
+    return path.suffix in SUFFIXES or head.startswith(MAGIC) or (path / "metadata.yaml").is_file()
+
+
+def read(path: Path, mapping: Mapping) -> Imported:
+    """Profiles, poses and, where frames say it, the hand-eye pose of one bag.
+
+    Raises:
+        InputError: a damaged bag, a message that cannot be used, or a question that only the mapping can answer.
+    """
+    if not path.is_dir() and path.suffix not in SUFFIXES:
+        raise InputError(str(path), f"expected a bag to be named {', '.join(SUFFIXES)}")
+    part = mapping.bag or BagPart()
+    with opened(path) as bag:
+        return _read(bag, part, mapping)
+
+
+def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
+    topics, source = profile_topics(bag, part), pose_source(bag, part)
+    if not topics and source is None:
+        there = ", ".join(f"{topic} ({name})" for topic, name in sorted(bag.types.items())[:12])
+        raise InputError(str(bag.path), f"expected topics of profiles or poses, found {there}")
+    poses, notes = read_poses(bag, source, part, mapping.base_dir) if source else (None, [])
+    if not topics:
+        return Imported(poses=poses, notes=tuple(notes))
+    found = read_profiles(bag, topics, part)
+    profiles = replace(found.profiles, pass_index=passes_by_gaps(found.profiles, part.pass_gap_s))
+    notes = [*found.notes, f"times: of the {part.time}", *notes]
+    hand_eye = None
+    if part.profiler_frame is not None:
+        hand_eye = hand_eye_from_frames(bag, part, found.ros_from_profiler)
+        notes.append(f"hand-eye: '{part.profiler_frame}' on '{part.flange_frame}' in /tf")
+    if poses is not None:
+        offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
+        poses = poses_by_pass(poses, profiles, offset_s)
+    return Imported(profiles, poses, tuple(notes), hand_eye)

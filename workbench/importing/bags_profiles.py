@@ -1,0 +1,129 @@
+"""Profiles out of a bag's PointCloud2 or LaserScan messages, in the profiler frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.importing.bags_grid import Grid
+from workbench.importing.bags_mapping import BagPart
+from workbench.importing.bags_points import Points, cloud_points, scan_points
+from workbench.importing.bags_reader import CLOUD, SCAN, Bag, Message, chosen_topic, listed
+from workbench.importing.bags_times import stamp_s
+from workbench.importing.neutral import ProfileFrames
+from workbench.units import Float
+
+AXES = {CLOUD: ("x", "z"), SCAN: ("y", "x")}  # lateral and range, unless the mapping names them
+LENGTH_MM = {"m": 1e3, "mm": 1.0}
+FLAT_MM = 0.01  # how far a profile's points may lie off the laser plane
+
+
+@dataclass(slots=True)
+class Found:
+    """What the messages turned out to be."""
+
+    profiles: ProfileFrames
+    ros_from_profiler: Float  # (3, 3) axes of the profiler in the frame of the messages
+    frame_id: str
+    notes: list[str] = field(default_factory=list)
+
+
+def profile_topics(bag: Bag, part: BagPart) -> list[str]:
+    """The topics of the profiles: the mapping's, or the only one that there is; none where the bag has none.
+
+    Raises:
+        InputError: an unknown topic, several candidates, topics of different types.
+    """
+    if part.profiles is None:
+        found = bag.topics(CLOUD, SCAN)
+        if len(found) > 1:
+            raise InputError(
+                str(bag.path), f"expected $.bag.profiles in the mapping to choose from {listed(bag, found)}"
+            )
+        return found
+    topics = [chosen_topic(bag, topic, (CLOUD, SCAN), "profiles") for topic in part.profiles]
+    if len({bag.types[topic] for topic in topics}) > 1 or len(set(topics)) < len(topics):
+        raise InputError(str(bag.path), f"expected different topics of one type in $.bag.profiles, found {topics}")
+    return topics
+
+
+def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
+    """All profiles of these topics, topic by topic: the first topic is pass 0, and so on.
+
+    Raises:
+        InputError: a message that is no profile, or leaves doubt about what it means.
+    """
+    usual = AXES[bag.types[topics[0]]]
+    lateral, upward = part.lateral or usual[0], part.range or usual[1]
+    ros_from_profiler = _axes(lateral, upward, str(bag.path))
+    grid, frame_id = Grid(part.uneven == "pad"), ""
+    for number, topic in enumerate(topics):
+        for message in bag.messages([topic]):
+            frame_id = frame_id or message.value.header.frame_id
+            if message.value.header.frame_id != frame_id:
+                raise InputError(
+                    message.where, f"expected frame_id '{frame_id}', found '{message.value.header.frame_id}'"
+                )
+            points = _points(bag, message)
+            xyz_mm = _checked(points.xyz, part, message.where) * LENGTH_MM[part.length_unit]
+            local = np.einsum("rp,rhw->phw", ros_from_profiler, xyz_mm)  # R^T: into the profiler frame
+            _check_flat(local[1], message.where)
+            for row, time_s in enumerate(_row_times(message, local.shape[1], part)):
+                intensity = None if points.intensity is None else points.intensity[row]
+                grid.append(time_s, number, local[0, row], local[2, row], intensity, message.where)
+    profiles = grid.frames(str(bag.path))
+    notes = [f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
+             f"x of the profiler is {lateral}, its z is {upward}", *grid.notes]  # fmt: skip
+    return Found(profiles, ros_from_profiler, frame_id, notes)
+
+
+def _points(bag: Bag, message: Message) -> Points:
+    read = cloud_points if bag.types[message.topic] == CLOUD else scan_points
+    return read(message.value, message.where)
+
+
+def _axes(lateral: str, upward: str, where: str) -> Float:
+    """Columns: x, y, z of the profiler as the messages count them; y = z x x completes a right-handed frame."""
+    x, z = (_unit(name) for name in (lateral, upward))
+    if abs(x @ z) > 0:
+        raise InputError(
+            where, f"expected $.bag.lateral and $.bag.range to be different axes, found {lateral}, {upward}"
+        )
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _unit(axis: str) -> Float:
+    return np.asarray(np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
+
+
+def _checked(xyz: Float, part: BagPart, where: str) -> Float:
+    """Points with all that means no return as NaN; raises InputError where the mapping must say what is meant."""
+    said = part.no_return
+    missing = np.isnan(xyz).any(axis=0)
+    for name, here in (("zero", (xyz == 0).all(axis=0)), ("inf", np.isinf(xyz).any(axis=0))):
+        if said is not None and name in said:
+            missing |= here
+        elif here.any() and (said is None or name == "inf"):
+            meant = 'or leave it out if they are real (["nan"])' if name == "zero" else "if they mean no return"
+            what = "at 0, 0, 0" if name == "zero" else "at an infinite place"
+            raise InputError(where, f'{here.sum()} points {what}: expected "{name}" in $.bag.no_return {meant}')
+    return np.asarray(np.where(missing, np.nan, xyz))
+
+
+def _check_flat(off_plane_mm: Float, where: str) -> None:
+    far = float(np.nanmax(np.abs(off_plane_mm), initial=0.0)) if np.isfinite(off_plane_mm).any() else 0.0
+    if far > FLAT_MM:
+        raise InputError(
+            where, f"expected points in the plane of $.bag.lateral and $.bag.range, found one {far:g} mm off"
+        )
+
+
+def _row_times(message: Message, rows: int, part: BagPart) -> Iterator[float]:
+    """The time of each row: the message's for the first, then row by row."""
+    if rows > 1 and part.row_period_s is None:
+        raise InputError(message.where, f"{rows} profiles with one time: expected $.bag.row_period_s in the mapping")
+    start_s = stamp_s(message, part.time)
+    return (start_s + row * (part.row_period_s or 0.0) for row in range(rows))

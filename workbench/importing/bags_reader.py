@@ -1,0 +1,155 @@
+"""An open bag: MCAP, rosbag2 or rosbag1, message by message, by rosbags.
+
+Every fault of the file, whatever rosbags raises of it, is an InputError here and nowhere else. Messages are read by the
+standard definitions of their types, never by code made from the bag's own ones; a bag whose type has another digest is
+refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import InputError, nearest
+
+CLOUD, SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
+POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
+ODOMETRY, JOINTS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"
+TF, TF_OF_ROS1 = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+KNOWN = (CLOUD, SCAN, POSE, TRANSFORM, ODOMETRY, JOINTS, TF, TF_OF_ROS1)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of a bag."""
+
+    topic: str
+    index: int  # of the messages of its topic, from 0
+    time_ns: int  # when it was recorded
+    value: Any  # fields as the message type has them
+    where: str  # for messages: file, topic, index
+
+
+@dataclass(frozen=True, slots=True)
+class Bag:
+    """An open bag (`opened`)."""
+
+    path: Path
+    reader: Any
+    typestore: Any
+    is_ros1: bool
+    types: dict[str, str]  # message type of each topic
+    counts: dict[str, int]  # messages of each topic, as the bag's index has it
+
+    def topics(self, *types: str) -> list[str]:
+        """Topics of these message types that hold messages, in alphabetical order."""
+        return sorted(topic for topic, name in self.types.items() if name in types and self.counts[topic])
+
+    def messages(self, topics: list[str]) -> Iterator[Message]:
+        """Messages of these topics in the order of recording.
+
+        Raises:
+            InputError: a damaged bag, fewer messages than its index says, a type with a strange definition.
+        """
+        chosen = [c for c in self.reader.connections if c.topic in topics]
+        for connection in chosen:
+            self._check_definition(connection)
+        count = dict.fromkeys(topics, 0)
+        for connection, time_ns, raw in _each(self.reader.messages(chosen), str(self.path)):
+            topic, index = connection.topic, count[connection.topic]
+            where = f"{self.path}: {topic}[{index}]"
+            with _edge(where, "message"):
+                value = self._value(raw, connection.msgtype)
+            count[topic] += 1
+            yield Message(topic, index, time_ns, value, where)
+        for topic in topics:
+            if count[topic] != self.counts[topic]:
+                found = f"found {count[topic]}: the bag is damaged"
+                raise InputError(f"{self.path}: {topic}", f"expected {self.counts[topic]} messages, {found}")
+
+    def _value(self, raw: Any, name: str) -> Any:
+        if self.is_ros1:
+            return self.typestore.deserialize_ros1(raw, name)
+        return self.typestore.deserialize_cdr(raw, name)
+
+    def _check_definition(self, connection: Any) -> None:
+        """Digest (md5 in rosbag1, RIHS01 in rosbag2; a bare MCAP file has none) against the standard type's."""
+        name, store = connection.msgtype, self.typestore
+        expected = store.generate_msgdef(name)[1] if self.is_ros1 else store.hash_rihs01(name)
+        if connection.digest not in ("", "*", expected):
+            where = f"{self.path}: {connection.topic}"
+            raise InputError(where, f"expected the standard definition of {name} ({expected}), found another")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Bag]:
+    """Open a bag: a .mcap, .db3 or .bag file, or the directory of a rosbag2.
+
+    Raises:
+        InputError: it cannot be opened, is damaged, or holds no message.
+    """
+    from rosbags import rosbag1, rosbag2
+
+    is_ros1 = not path.is_dir() and path.suffix == ".bag"
+    with ExitStack() as stack:
+        with _edge(str(path), "bag"):
+            reader: Any = stack.enter_context(rosbag1.Reader(path) if is_ros1 else rosbag2.Reader(path))
+            topics = {topic: (info.msgtype, info.msgcount) for topic, info in reader.topics.items()}
+        if not any(count for _, count in topics.values()):
+            raise InputError(str(path), "expected a bag with messages, found none")
+        for topic, (name, _) in topics.items():
+            if name is None:
+                raise InputError(f"{path}: {topic}", "expected one message type, found several")
+        types = {topic: str(name) for topic, (name, _) in topics.items()}
+        yield Bag(path, reader, _typestore(is_ros1), is_ros1, types, {t: count for t, (_, count) in topics.items()})
+
+
+def chosen_topic(bag: Bag, wanted: str, types: tuple[str, ...], key: str) -> str:
+    """A topic that the mapping names under `key`, if the bag has it and it is of one of the types."""
+    where = f"{bag.path}: {wanted}"
+    if wanted not in bag.types:
+        raise InputError(where, f"no such topic ($.bag.{key} of the mapping){nearest(wanted, bag.types)}")
+    if bag.types[wanted] not in types:
+        raise InputError(where, f"expected {' or '.join(types)} ($.bag.{key}), found {bag.types[wanted]}")
+    if not bag.counts[wanted]:
+        raise InputError(where, f"expected messages ($.bag.{key}), found none")
+    return wanted
+
+
+def listed(bag: Bag, topics: list[str]) -> str:
+    """Topics with their types, for a message."""
+    return ", ".join(f"{topic} ({bag.types[topic].split('/')[-1]}, {bag.counts[topic]})" for topic in topics[:20])
+
+
+def _typestore(is_ros1: bool) -> Any:
+    """The standard message types; those of this module are the same in every ROS 2 so far."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    for name in (TF, TF_OF_ROS1):
+        if name not in store.fielddefs:
+            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    return store
+
+
+def _each(messages: Iterator[Any], where: str) -> Iterator[Any]:
+    """The messages one by one; only the library's own steps are watched."""
+    while True:
+        with _edge(where, "bag"):
+            found = next(messages, None)
+        if found is None:
+            return
+        yield found
+
+
+@contextmanager
+def _edge(where: str, what: str) -> Iterator[None]:
+    """The library's edge: a damaged file makes it raise anything, from struct.error to AssertionError."""
+    try:
+        yield
+    except Exception as error:
+        said = getattr(error, "strerror", None) or str(error) or "a record that does not fit"
+        raise InputError(where, f"expected a readable {what}: {said} ({type(error).__name__})") from None

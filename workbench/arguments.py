@@ -23,6 +23,15 @@ RUN_EXAMPLES = """examples:
 VALUE is read as JSON if it parses, else as a text. A relative path is relative to the working directory here,
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
+OPTIONS = ("input", "set", "out", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache")
+BATCH_EXAMPLES = """examples:
+  workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
+  workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
+  workbench batch pipelines/inspect_bevel.json 's3://bucket/july/*.h5' --out s3://bucket/results
+
+Started again, it runs only the parts whose results are not there, not whole, or rest on other inputs or versions.
+exit status: 0 all parts passed, 1 some were rejected, 2 some have no results (or unusable arguments)"""
+
 
 class Parser(argparse.ArgumentParser):
     """argparse that raises instead of exiting, so that every error leaves by one door."""
@@ -50,7 +59,8 @@ def build_parser() -> Parser:
 
     run = command("run", "run a pipeline and write its results", RUN_EXAMPLES)
     validate = command("validate", "check all of a pipeline that can be checked without running it", RUN_EXAMPLES)
-    for made in (run, validate):
+    batch = command("batch", "run a pipeline once for each recording, and make the page of the fleet", BATCH_EXAMPLES)
+    for made in (run, validate, batch):
         made.add_argument("pipeline", metavar="PIPELINE.json")
         made.add_argument(
             "--input", action="append", default=[], metavar="NAME=VALUE", help="replace an input of the pipeline"
@@ -58,6 +68,15 @@ def build_parser() -> Parser:
         made.add_argument(
             "--set", action="append", default=[], metavar="STAGE.KEY=VALUE", help="replace a stage's parameter"
         )
+    batch.add_argument(
+        "recordings", nargs="+", metavar="RECORDING", help="file, folder of .h5 files or URL, in order of production"
+    )
+    batch.add_argument("--out", required=True, metavar="DIR", help="folder or URL: DIR/PART/ for each, DIR/fleet.html")
+    where = batch.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_count, metavar="N", help="processes (default: a core each); 0: in this one")
+    where.add_argument("--scheduler", metavar="URL", help="dask scheduler, tcp://HOST:PORT (workbench[cluster])")
+    batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
+    batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
     run.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
     stages = command("stages", "list the stages, plug-ins included, or describe one with its parameters and units")
     stages.add_argument("name", nargs="?", metavar="NAME")
@@ -68,6 +87,24 @@ def build_parser() -> Parser:
     samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
     samples.add_argument("directory", metavar="DIR")
     return parser
+
+
+def _count(text: str) -> int:
+    """A whole number from 0; argparse tells what is wrong with another."""
+    if not text.isdecimal() or len(text) > 4:
+        raise argparse.ArgumentTypeError(f"expected a whole number, 0 or more, got '{text}'")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    """A time above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e9:
+        raise argparse.ArgumentTypeError(f"expected a time in s above 0, got '{text}'")
+    return value
 
 
 def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
@@ -81,7 +118,7 @@ def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
     if rest:
         from workbench.errors import nearest
 
-        known = ["--" + name for name in vars(options) if name in ("input", "set", "out", "traceback", "version")]
+        known = ["--" + name.replace("_", "-") for name in vars(options) if name in OPTIONS]
         what = (
             f"unknown option '{rest[0]}'{nearest(rest[0], known)}"
             if rest[0][:1] == "-"

@@ -37,6 +37,30 @@ def run(options: argparse.Namespace) -> int:
     return 0 if results.passed else 1
 
 
+def batch(options: argparse.Namespace) -> int:
+    """Run a pipeline once for each recording."""
+    from workbench.batch import run_batch
+    from workbench.batch.table import print_batch
+    from workbench.errors import one_line
+
+    made = run_batch(
+        options.pipeline,
+        options.recordings,
+        options.out,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        time_limit_s=options.time_limit_s,
+        inputs=assignments(options.input, "--input"),
+        settings=assignments(options.set, "--set"),
+        cache=options.cache,
+        progress=sys.stderr,
+    )
+    printed(print_batch, made)
+    if made.exit_status == 2:
+        print(one_line(f"error: {made.without_results} of {len(made.records)} parts have no results"), file=sys.stderr)
+    return made.exit_status
+
+
 def validate(options: argparse.Namespace) -> int:
     """Check a pipeline without running it."""
     from workbench.pipeline import Pipeline
@@ -110,6 +134,7 @@ def samples(options: argparse.Namespace) -> int:
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
+    "batch": batch,
     "validate": validate,
     "stages": stages,
     "schema": schema,

@@ -1,0 +1,2 @@
+def fleet_files(records, title):
+    return {}

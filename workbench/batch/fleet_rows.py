@@ -1,0 +1,2 @@
+def worst_first(records):
+    return list(records)

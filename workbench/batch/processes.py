@@ -1,0 +1,176 @@
+"""Workers on this machine: processes that are started once, kept warm, watched and replaced (POSIX)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import wait
+from pathlib import Path
+from types import TracebackType
+
+from workbench.batch.part import Job, fail, run_part
+from workbench.batch.record import Record
+from workbench.batch.worker import READY
+from workbench.errors import OutputError
+from workbench.geometry.blocks import cores
+
+RUNS = 2  # of a part whose worker dies: the first death may come from outside, such as want of memory
+PATIENCE_S = 2.0  # for a worker to tidy up before it is killed
+THREAD_VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Worker:
+    """One process and the job that it has."""
+
+    def __init__(self, working_dir: str, threads: int) -> None:
+        self.connection, other = Pipe()
+        home = str(Path(__file__).resolve().parents[2])  # this copy of the package, from whatever directory
+        path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "workbench.batch.worker", str(other.fileno())],
+            pass_fds=[other.fileno()],
+            cwd=working_dir,
+            env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads)), "PYTHONPATH": path},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is the parent's; and the whole group can be ended at once
+        )
+        other.close()
+        self.ready = False
+        self.job: Job | None = None
+        self.started_s = 0.0
+
+    def give(self, job: Job) -> None:
+        """Send a job; a worker that has just died is noticed when its answer is awaited."""
+        self.job, self.started_s = job, time.monotonic()
+        with suppress(OSError):
+            self.connection.send(job)
+
+    def answer(self) -> Record | None:
+        """What it has sent; None: that it is ready. EOFError: it is dead."""
+        try:
+            answer = self.connection.recv()
+        except OSError:
+            raise EOFError from None
+        if answer == READY:
+            self.ready = True
+            return None
+        self.job = None
+        assert isinstance(answer, Record)
+        return answer
+
+    def signal(self, number: signal.Signals) -> None:
+        """To the process and all that it has started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, number)
+
+    def end(self, patience_s: float = 0.0) -> str:
+        """Stop it and all that it has started; how it ended, in words."""
+        if patience_s:
+            self.signal(signal.SIGTERM)
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(patience_s)
+        if self.process.returncode is None:  # not waited for: its number is still its own
+            self.signal(signal.SIGKILL)
+        self.process.wait()
+        self.connection.close()
+        return ended(self.process.returncode)
+
+
+class Workers:
+    """A few workers; `run` may be called again and again while they are warm."""
+
+    def __init__(self, count: int, *, time_limit_s: float, working_dir: str = ".") -> None:
+        self.count, self.time_limit_s, self.working_dir = count, time_limit_s, working_dir
+        self.workers: list[Worker] = []
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all of them; parts that are under way leave nothing."""
+        for worker in self.workers:
+            worker.signal(signal.SIGTERM)
+        while self.workers:
+            self.workers.pop().end(PATIENCE_S)
+
+    def run(self, jobs: Iterable[Job]) -> Iterator[Record]:
+        """The records of all jobs, each as it is done; no part stops another."""
+        waiting, deaths = deque(jobs), dict[str, int]()
+        left = len(waiting)
+        while left:
+            self._replenish(left)
+            for worker in self.workers:
+                if worker.ready and worker.job is None and waiting:
+                    worker.give(waiting.popleft())
+            for record in self._answers(waiting, deaths):
+                left -= 1
+                yield record
+
+    def _replenish(self, left: int) -> None:
+        while len(self.workers) < min(self.count, left):
+            self.workers.append(Worker(self.working_dir, max(1, cores() // self.count)))
+
+    def _answers(self, waiting: deque[Job], deaths: dict[str, int]) -> Iterator[Record]:
+        """Wait for an answer, a death or the end of a time limit; what came of it."""
+        spoken = wait([worker.connection for worker in self.workers], self._until_limit_s())
+        for worker in [one for one in self.workers if one.connection in spoken]:
+            try:
+                answer = worker.answer()
+            except EOFError:
+                yield from self._buried(worker, waiting, deaths)
+                continue
+            if answer:
+                yield answer
+        for worker in [one for one in self.workers if one.job and self._overdue(one)]:
+            job, _ = self._removed(worker, PATIENCE_S)
+            assert job is not None
+            yield fail(job, "hung", f"took longer than {self.time_limit_s:g} s and was stopped")
+
+    def _buried(self, worker: Worker, waiting: deque[Job], deaths: dict[str, int]) -> Iterator[Record]:
+        """A dead worker's part is run once more; that it died before it had one is nobody's part."""
+        job, how = self._removed(worker)
+        if job is None:
+            if not worker.ready:
+                raise OutputError("batch", f"no worker could be started: its process was {how}")
+            return
+        deaths[job.part] = deaths.get(job.part, 0) + 1
+        if deaths[job.part] < RUNS:
+            waiting.appendleft(job)
+        else:
+            yield fail(job, "crashed", f"its process was {how}, {RUNS} times")
+
+    def _removed(self, worker: Worker, patience_s: float = 0.0) -> tuple[Job | None, str]:
+        self.workers.remove(worker)
+        return worker.job, worker.end(patience_s)
+
+    def _overdue(self, worker: Worker) -> bool:
+        return time.monotonic() - worker.started_s >= self.time_limit_s
+
+    def _until_limit_s(self) -> float | None:
+        """Time until the first part has had its time; None: none is at work."""
+        busy = [worker.started_s for worker in self.workers if worker.job]
+        return max(0.0, min(busy) + self.time_limit_s - time.monotonic()) if busy else None
+
+
+def ended(status: int | None) -> str:
+    """How a process ended, from its status."""
+    if status is not None and status < 0:
+        return f"killed by {signal.Signals(-status).name}"
+    return f"ended with status {status}"
+
+
+def here(jobs: Iterable[Job]) -> Iterator[Record]:
+    """The records of all jobs, run in this process: no time limit, and nothing survives a crash."""
+    return map(run_part, jobs)

@@ -1,0 +1,138 @@
+"""What a batch knows of one part: `part.json` beside the results, and what of it must agree for the part to be skipped."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+from workbench.artefacts import Inspection, Recording
+from workbench.pipeline.results import is_plain_name
+from workbench.pipeline.run import Results, resolved, versions
+from workbench.pipeline.wiring import Plan
+from workbench.strict_json import plain, strict_json
+
+PART_FILE = "part.json"
+FORMAT = "bevel-part"
+VERSION = 1
+SOURCES = (".py", ".j2", ".css", ".js")  # what a package's behaviour is written in
+
+Outcome = Literal["passed", "rejected", "failed", "hung", "crashed"]
+OUTCOMES: tuple[Outcome, ...] = ("crashed", "hung", "failed", "rejected", "passed")  # worst first
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One part of a batch. Passed and rejected parts have results; the others a `cause` and none.
+
+    failed: the input was unusable (exit status 2 of `workbench run`); hung: it took longer than allowed; crashed: the
+    process that it ran in died, twice.
+    """
+
+    part: str
+    recording: str  # as given
+    outcome: Outcome
+    cause: str = ""  # why it was rejected, or has no results
+    part_id: str | None = None  # free text out of the recording
+    verdict: str | None = None  # of the inspection, where the pipeline has one
+    requirements: Mapping[str, Any] = field(default_factory=dict)
+    sections: tuple[Mapping[str, Any], ...] = ()  # what the inspection says of each
+    seconds: float = 0.0  # of the pipeline
+    pipeline: str = ""  # SHA-256 of the pipeline as resolved
+    versions: str = ""  # SHA-256 of versions and code
+    inputs: tuple[Mapping[str, str | None], ...] = ()  # name, path, sha256, version in its store
+    files: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of each result
+    skipped: bool = False  # whole results of the same inputs stood there already; not in the file
+
+    def content(self) -> bytes:
+        """`part.json`."""
+        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "skipped"}
+        return strict_json({"format": FORMAT, "version": VERSION, **kept})
+
+    @classmethod
+    def read(cls, content: bytes | None) -> Record | None:
+        """The record in a `part.json`; None for what no batch wrote."""
+        try:
+            known = json.loads(content or b"null")
+            if (known.pop("format"), known.pop("version")) != (FORMAT, VERSION) or known["outcome"] not in OUTCOMES:
+                return None
+            lists = {name: tuple(dict(one) for one in known.pop(name)) for name in ("sections", "inputs")}
+            if not all(is_plain_name(name) for name in known["files"]):
+                return None
+            return cls(**known, **lists)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            return None
+
+
+def record_of(part: str, recording: str, checked: Plan, results: Results, files: Mapping[str, bytes]) -> Record:
+    """What is kept of a run."""
+    inspection = next((one for one in reversed([*results]) if isinstance(one, Inspection)), None)
+    read = next((one for one in results if isinstance(one, Recording)), None)
+    said = "; ".join(one.reason for one in results if getattr(one, "passed", True) is False)
+    judged: dict[str, Any] = {}
+    if inspection:
+        judged = {
+            "verdict": inspection.verdict,
+            "requirements": plain(dataclasses.asdict(inspection.requirements)),
+            "sections": tuple(plain({k: getattr(one, k) for k in SECTION_KEYS}) for one in inspection.sections),
+        }
+    return Record(
+        part,
+        recording,
+        "passed" if results.passed else "rejected",
+        cause=said,
+        part_id=read.part_id if read else None,
+        seconds=round(sum(results.seconds.values()), 6),
+        pipeline=pipeline_digest(checked),
+        versions=versions_digest(checked),
+        inputs=tuple({"name": name, "path": path, "sha256": digest} for name, path, digest in results.inputs),
+        files={name: sha256(content) for name, content in files.items()},
+        **judged,
+    )
+
+
+SECTION_KEYS = ("index", "arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg", "verdict")
+
+
+def pipeline_digest(checked: Plan) -> str:
+    """Of the pipeline as it runs: inputs put in, defaults spelt out."""
+    return sha256(json.dumps(plain(resolved(checked)), sort_keys=True).encode())
+
+
+def versions_digest(checked: Plan) -> str:
+    """Of the versions that results rest on, and of the sources of every package that a stage comes from."""
+    packages = {step.stage.function.__module__.partition(".")[0] for step in checked.steps} | {"workbench"}
+    code = {name: package_digest(name) for name in sorted(packages)}
+    return sha256(json.dumps([versions(), code], sort_keys=True).encode())
+
+
+@functools.cache
+def package_digest(name: str) -> str:
+    """Of a package's source files, by name and content."""
+    spec = find_spec(name)
+    places = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
+    files = sorted((path for place in places for path in place.rglob("*") if path.suffix in SOURCES), key=str)
+    if spec and spec.origin and not places:
+        files, places = [Path(spec.origin)], [Path(spec.origin).parent]
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(f"{path.relative_to(next(p for p in places if p in path.parents))}\n".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def sha256(content: bytes) -> str:
+    """As hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,157 @@
+"""A batch: one run a part, then the page of the fleet."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from workbench.batch.names import Part, parts
+from workbench.batch.part import RECORDING, Job
+from workbench.batch.processes import Workers, here
+from workbench.batch.progress import Progress
+from workbench.batch.record import Record
+from workbench.batch.store import is_remote, joined, local_path, write_file
+from workbench.errors import OutputError, PipelineError, nearest
+from workbench.geometry.blocks import cores
+from workbench.pipeline.document import PipelineDocument, read_document
+from workbench.pipeline.lock import BusyError, locked
+from workbench.pipeline.wiring import plan
+
+TIME_LIMIT_S = 600.0
+FLEET_FILES = ("fleet.html", "fleet.parquet")
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What became of the parts, in the order given."""
+
+    records: tuple[Record, ...]
+    out: str
+    files: tuple[str, ...]
+
+    @property
+    def exit_status(self) -> int:
+        """0: every part passed the gate; 1: some were rejected; 2: some have no results."""
+        if self.without_results:
+            return 2
+        return int(any(record.outcome == "rejected" for record in self.records))
+
+    @property
+    def without_results(self) -> int:
+        """How many parts have none."""
+        return sum(record.outcome not in ("passed", "rejected") for record in self.records)
+
+
+def run_batch(
+    pipeline: str | Path,
+    recordings: Iterable[str],
+    out: str,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    time_limit_s: float = TIME_LIMIT_S,
+    inputs: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    cache: str | None = None,
+    progress: TextIO | None = None,
+) -> Batch:
+    """Run a pipeline once for each recording: results in `out`/PART/, the fleet in `out`/fleet.html and fleet.parquet.
+
+    A part whose whole results of the same inputs, pipeline and versions stand there is skipped. A part that cannot be
+    used, takes longer than `time_limit_s` or kills its process is recorded with its cause and stops no other.
+
+    Args:
+        pipeline: its file; it must have an input `recording`.
+        recordings: paths, folders or URLs, in the order of production.
+        out: folder or URL.
+        workers: processes on this machine, as many as cores by default; 0: in this process, without time limit.
+        scheduler: address of a dask.distributed scheduler, `tcp://HOST:PORT`, to use instead.
+        time_limit_s: for each part.
+        inputs, settings: as `Pipeline.run` takes them, the same for all parts.
+        cache: folder that keeps copies of recordings behind URLs; None: they are dropped after their part.
+        progress: stream that is told how far the batch is.
+
+    Raises:
+        WorkbenchError: the arguments, the pipeline or `out` cannot be used, before anything runs.
+    """
+    document = read_document(Path(pipeline))
+    check(document, inputs or {}, settings or {})
+    found = parts(recordings)
+    jobs = [_job(part, document, inputs or {}, settings or {}, out, cache) for part in found]
+    with _reserved(out):
+        with executor(workers, scheduler, time_limit_s, len(jobs)) as execute:
+            done = {one.part: one for one in Progress(len(jobs), progress).watched(execute(jobs))}
+        records = tuple(done[part.name] for part in found)
+        return Batch(records, out, write_fleet(records, document.title, out))
+
+
+def check(document: PipelineDocument, inputs: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    """All that can be checked for all parts at once: any readable file stands for the recording."""
+    if RECORDING not in document.inputs:
+        where = f"{document.name}: inputs"
+        raise PipelineError(where, f"a batch needs an input '{RECORDING}'{nearest(RECORDING, document.inputs)}")
+    if RECORDING in inputs:
+        raise PipelineError(f"input '{RECORDING}'", "differs from part to part: give the recordings as arguments")
+    plan(document, {**inputs, RECORDING: os.devnull}, settings)
+
+
+@contextmanager
+def executor(workers: int | None, scheduler: str | None, time_limit_s: float, jobs: int) -> Iterator[Any]:
+    """A function from jobs to records as they are done."""
+    if scheduler is not None:
+        from workbench.batch.cluster import Cluster  # needs the extra `cluster`
+
+        with Cluster(scheduler, time_limit_s=time_limit_s) as cluster:
+            yield cluster.run
+    elif workers == 0:
+        yield here
+    else:
+        with Workers(min(workers or cores(), jobs), time_limit_s=time_limit_s) as local:
+            yield local.run
+
+
+def write_fleet(records: tuple[Record, ...], title: str, out: str) -> tuple[str, ...]:
+    """`fleet.html` and `fleet.parquet`."""
+    from workbench.batch.fleet import fleet_files
+
+    files = fleet_files(records, title)
+    for name, content in files.items():
+        write_file(out, name, content)
+    return tuple(joined(out, name) for name in files)
+
+
+def _job(
+    part: Part,
+    document: PipelineDocument,
+    inputs: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    out: str,
+    cache: str | None,
+) -> Job:
+    return Job(part.name, part.recording, document, inputs, settings, joined(out, part.name), os.getcwd(), cache)
+
+
+@contextmanager
+def _reserved(out: str) -> Iterator[None]:
+    """One batch at a time in a folder of this machine; no earlier batch's page stands for this one's."""
+    if is_remote(out):
+        yield
+        return
+    folder = Path(local_path(out))
+    with ExitStack() as held:
+        try:
+            if not out:
+                raise OutputError("''", "expected the name of a folder ('.' for this one)")
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(locked(folder))
+            for name in FLEET_FILES:
+                (folder / name).unlink(missing_ok=True)
+        except BusyError:
+            raise OutputError(out, "another batch is writing there; wait for it, or choose another --out") from None
+        except OSError as error:
+            raise OutputError(out, f"cannot be written: {error.strerror}") from None
+        yield

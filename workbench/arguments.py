@@ -84,6 +84,10 @@ def build_parser() -> Parser:
     simulate = command("simulate", "make a synthetic recording; its truth goes beside it, into FILE.truth.json")
     simulate.add_argument("recipe", metavar="RECIPE.json")
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
+    imported = command("import", "make a recording of profile files, pose files and bags (docs/importing.md)")
+    imported.add_argument("source", nargs="+", metavar="SOURCE", help="profiles, poses, or a bag of both")
+    imported.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
+    imported.add_argument("--mapping", metavar="MAP.json", help="what the files do not say about themselves")
     samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
     samples.add_argument("directory", metavar="DIR")
     return parser

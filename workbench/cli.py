@@ -132,6 +132,15 @@ def samples(options: argparse.Namespace) -> int:
     return 0
 
 
+def import_(options: argparse.Namespace) -> int:
+    """Make a recording of other people's files, and tell what was understood of them."""
+    from workbench.importing.command import import_files
+
+    understood = import_files(options.source, options.out, options.mapping)
+    printed(print, "\n".join([*understood.lines, f"recording: {options.out}"]))
+    return 0
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
     "batch": batch,
@@ -139,6 +148,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "stages": stages,
     "schema": schema,
     "simulate": simulate,
+    "import": import_,
     "samples": samples,
 }
 

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from workbench.errors import InputError
+from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
+from workbench.storage import regular_file
 
 HEAD_BYTES = 65_536
 KINDS = ("bags", "gocator", "gopxl", "keyence", "scancontrol", "tables", "poses")  # modules of workbench.importing
@@ -33,7 +35,8 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
         InputError: no such file, none or several kinds recognise it, or it cannot be read.
     """
     head = _head(path)
-    readers = [cast(Reader, importlib.import_module(f"workbench.importing.{name}")) for name in KINDS]
+    named = claimed_by(path, mapping)  # what the mapping says goes before what the file looks like
+    readers = [cast(Reader, importlib.import_module(f"workbench.importing.{name}")) for name in named or KINDS]
     found = [reader for reader in readers if reader.recognises(path, head, mapping)]
     if len(found) != 1:
         names = ", ".join(reader.NAME for reader in (found or readers))
@@ -44,8 +47,6 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
 
 def _head(path: Path) -> bytes:
     """The first bytes of a file; nothing of a directory (rosbag2)."""
-    from workbench.scan.hdf5 import regular_file
-
     if path.is_dir():
         return b""
     regular_file(path)

@@ -12,8 +12,7 @@ from workbench.importing.bags_mapping import BagPart
 from workbench.importing.mapping_tables import PosesPart, ProfilesPart, RawPart
 from workbench.importing.part import Part
 from workbench.parameters import check_parameters
-from workbench.pipeline.document import parse_json
-from workbench.scan.hdf5 import regular_file
+from workbench.strict_json import read_json
 
 MAX_BYTES = 1_000_000
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
@@ -98,12 +97,8 @@ def no_mapping() -> Mapping:
 
 def read_mapping(path: Path) -> Mapping:
     """Read MAP.json. Raises InputError with its JSON path, what was expected and the nearest known name."""
-    if regular_file(path).st_size > MAX_BYTES:
-        raise InputError(str(path), f"expected a mapping file of at most {MAX_BYTES} bytes")
+    tree = read_json(path, MAX_BYTES)
     try:
-        tree = parse_json(path.read_bytes(), str(path))
-        if not isinstance(tree, dict):
-            raise PipelineError(str(path), "expected an object")
         _check_names(tree, Mapping, f"{path}: $")
         mapping = Mapping(**check_parameters(Mapping, tree, f"{path}: $"))
     except PipelineError as error:

@@ -68,8 +68,14 @@ class ProfilesPart(TextPart):
                 raise ValueError("expected x_first, x_pitch (not 0) and no columns with frames 'rows'")
         elif self.columns is None or self.x_first is not None or self.x_pitch is not None:
             raise ValueError(f"expected columns, no x_first and no x_pitch with frames '{self.frames}'")
-        elif (self.columns.frame is not None) != (self.frames == "column"):
+        if self.columns is None:
+            if self.time_unit is not None:
+                raise ValueError("expected no time_unit with frames 'rows'")
+            return self
+        if (self.columns.frame is not None) != (self.frames == "column"):
             raise ValueError("expected columns.frame with frames 'column' and only there")
+        if (self.columns.time is not None) != (self.time_unit is not None):
+            raise ValueError("expected time_unit with columns.time and only there")
         return self
 
 
@@ -111,4 +117,6 @@ class PosesPart(TextPart):
             raise ValueError(f"expected no angle_unit for {self.convention}")
         if count == 3 and self.angle_unit is None and self.convention not in USUAL_ANGLE_UNIT:
             raise ValueError(f"expected angle_unit for {self.convention}")
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
         return self

@@ -22,6 +22,7 @@ class ProfileFrames:
     intensity: AnyArray | None = None  # (N, M) uint16
     pass_index: Int | None = None  # (N,) where the file itself tells passes apart
     sensor: str | None = None  # as the file names it
+    length_unit: str = "mm"  # that the lengths were read from, for messages
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +34,8 @@ class PoseStream:
     quaternion_wxyz: Float  # (K, 4), unit length
     time_s: Float | None = None  # (K,) on the robot's clock; None: the file has none
     pass_index: Int | None = None  # (K,) where the file itself tells passes apart
-    robot: str | None = None
+    length_unit: str = "mm"  # that the lengths were read from, for messages
+    time_unit: str = "s"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.scan.hdf5 import regular_file
+from workbench.storage import regular_file
 from workbench.units import Float
 
 MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text

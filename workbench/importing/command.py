@@ -1,0 +1,78 @@
+"""`workbench import`: other people's files to a profile recording, with what was understood of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.artefacts import Recording
+from workbench.errors import InputError, one_line
+from workbench.importing.assemble import assemble
+from workbench.importing.kinds import read_source
+from workbench.importing.mapping import no_mapping, read_mapping
+from workbench.scan.write import write
+
+
+class Understood(NamedTuple):
+    """A recording and the lines that say what was understood."""
+
+    recording: Recording
+    lines: tuple[str, ...]
+
+
+def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | Path | None = None) -> Understood:
+    """Read all sources as the mapping file says, and write one recording.
+
+    Args:
+        sources: profile files (a pass each, or a frame each), pose files, bags.
+        out: the recording to write, `.h5`; replaced if it exists, untouched if anything is wrong.
+        mapping: MAP.json (docs/importing.md); None: the files must leave no doubt.
+
+    Raises:
+        InputError: a source or the mapping cannot be used, with the place and what was expected.
+        OutputError: the recording cannot be written.
+    """
+    target = Path(out)
+    if target.suffix != ".h5":
+        raise InputError(str(out), "expected the name of a recording to write, ending in .h5")
+    if any(Path(source).resolve() == target.resolve() for source in sources):
+        raise InputError(str(out), "is one of the sources: expected another name for the recording")
+    chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
+    found = [read_source(Path(source), chosen) for source in sources]
+    recording, notes = assemble(found, chosen)
+    named = {"sensor": chosen.sensor or next((one.profiles.sensor for one in found if one.profiles), None)}
+    write(
+        recording,
+        target,
+        compression="lzf",
+        attributes={key: text for key, text in {**named, "robot": chosen.robot}.items() if text},
+    )
+    read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
+    return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording))))
+
+
+def summary(recording: Recording) -> list[str]:
+    """Frames, columns, pitch, missing share, duration and travel of a recording."""
+    frames, columns = recording.z_mm.shape
+    seen = np.isfinite(recording.x_mm) & np.isfinite(recording.z_mm)
+    step_mm = np.abs(np.diff(recording.x_mm, axis=1))
+    pitch_mm = float(np.nanmedian(step_mm)) if np.isfinite(step_mm).any() else float("nan")
+    x, z = recording.x_mm[seen], recording.z_mm[seen]
+    lines = [
+        f"profiles: {frames} frames of {columns} columns, pitch {pitch_mm:.4g} mm, "
+        f"{100 * (1 - seen.mean()):.1f} % missing",
+        f"returns: x {x.min():.4g} to {x.max():.4g} mm, z {z.min():.4g} to {z.max():.4g} mm"
+        + ("" if recording.intensity is None else ", with intensity"),
+    ]
+    for number in np.unique(recording.pass_index):
+        frame, pose = recording.pass_index == number, recording.robot_pass == number
+        time_s, position_mm = recording.time_s[frame], recording.robot_position_mm[pose]
+        travel_mm = np.linalg.norm(np.diff(position_mm, axis=0), axis=1).sum()
+        lines.append(
+            f"pass {number}: {frame.sum()} frames over {np.ptp(time_s):.4g} s, {pose.sum()} poses, "
+            f"travel {travel_mm:.4g} mm"
+        )
+    return lines

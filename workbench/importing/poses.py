@@ -1,0 +1,133 @@
+"""Robot poses in a table of text: by the mapping, or under one of three headers that leave no doubt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
+from workbench.importing.files import claims
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, PosesPart
+from workbench.importing.neutral import Imported, PoseStream
+from workbench.importing.suspicions import check_angles
+from workbench.importing.table import Table, header_names, read_table
+from workbench.scan.checks import UNIT_TOLERANCE
+from workbench.units import DEG, Float
+
+NAME = "table of poses"
+POSITION = ("x_mm", "y_mm", "z_mm")
+ORIENTATIONS = {  # by their own names; A B C and rx ry rz mean several things and need a mapping
+    "quaternion_wxyz": ("qw", "qx", "qy", "qz"),
+    "abb": ("q1", "q2", "q3", "q4"),
+    "fanuc_wpr": ("w_deg", "p_deg", "r_deg"),
+}
+
+
+def known_form(head: bytes) -> PosesPart | None:
+    """The form of a table whose header is one of the known ones, time_s first: no mapping is needed."""
+    for convention, names in ORIENTATIONS.items():
+        part = PosesPart(
+            length_unit="mm",
+            time_unit="s",
+            position=POSITION,
+            orientation=list(names),
+            convention=convention,
+            time="time_s",
+        )
+        if header_names(head, part) == ["time_s", *POSITION, *names]:
+            return part
+    return None
+
+
+def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
+    """Whether the mapping names the file, all its columns stand in the header, or the header is a known one."""
+    part = mapping.poses
+    if part is None:
+        return known_form(head) is not None
+    if part.files is not None:
+        return claims(part, path)
+    return set(_wanted(part).values()) <= set(header_names(head, part))
+
+
+def read(path: Path, mapping: Mapping) -> Imported:
+    """The flange's poses.
+
+    Raises:
+        InputError: a column is missing, a cell is no number or empty, a quaternion not of unit length, angles that
+            look like the other unit.
+    """
+    part = mapping.poses
+    if part is None:
+        with open(path, "rb") as file:
+            part = known_form(file.read(4096))
+    assert part is not None
+    table = read_table(path, part, _wanted(part))
+    position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]
+    quaternion_wxyz = _orientations(table, part, mapping)
+    time_s = table.present("time") * TIME_S[part.time_unit or "s"] if part.time is not None else None
+    stream = PoseStream(
+        table.where,
+        position_mm,
+        quaternion_wxyz,
+        time_s,
+        _passes(table),
+        length_unit=part.length_unit,
+        time_unit=part.time_unit or "s",
+    )
+    return Imported(poses=stream, notes=(_note(part, table),))
+
+
+def _wanted(part: PosesPart) -> dict[str, str | int]:
+    """Columns by role."""
+    wanted = {f"position {i}": column for i, column in enumerate(part.position)}
+    wanted |= {f"orientation {i}": column for i, column in enumerate(part.orientation)}
+    optional = {"time": part.time, "pass": part.scan_pass}
+    return wanted | {role: column for role, column in optional.items() if column is not None}
+
+
+def _columns(table: Table, role: str, count: int) -> Float:
+    return np.stack([table.present(f"{role} {i}") for i in range(count)], axis=1)
+
+
+def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
+    """Unit quaternions out of the table's convention."""
+    values = _columns(table, "orientation", len(part.orientation))
+    if components(part.convention) == 3:
+        unit = part.angle_unit or USUAL_ANGLE_UNIT[part.convention]
+        if "angle_unit" not in mapping.accept:
+            check_angles(values, unit, table.where)
+        return quaternions(values * (DEG if unit == "deg" else 1.0), part.convention)
+    quaternion = quaternions(values, part.convention)
+    norm = np.linalg.norm(np.clip(quaternion, -1e3, 1e3), axis=1)
+    wrong = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
+    if len(wrong):
+        raise InputError(
+            f"{table.where}: line {table.line[wrong[0]]}",
+            f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}",
+        )
+    return np.asarray(quaternion / norm[:, None])
+
+
+def _passes(table: Table) -> np.ndarray | None:
+    """Numbers of the scanning passes."""
+    if "pass" not in table.columns:
+        return None
+    number = table.present("pass")
+    wrong = np.flatnonzero((number != np.round(number)) | (np.abs(number) > 2**31 - 1))
+    if len(wrong):
+        raise InputError(
+            f"{table.where}: line {table.line[wrong[0]]}",
+            f"expected a whole number of a pass, found {number[wrong[0]]:g}",
+        )
+    return number.astype(np.int64)
+
+
+def _note(part: PosesPart, table: Table) -> str:
+    angles = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention)
+    names = ", ".join(table.names.values())
+    units = f"lengths in {part.length_unit}" + (f", angles in {angles}" if angles else "")
+    times = f"times in {part.time_unit or 's'}" if part.time is not None else "no times"
+    return f"poses: {names}; orientation {part.convention}; {units}, {times}"

@@ -53,7 +53,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
     sigma = np.full((n, 4), np.nan)
     rising = np.ones(n)
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
-    keys = [_key_readings(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG) for frames in passes]
+    keys = [key_readings(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG) for frames in passes]
     for frames, (key_frames, readings) in zip(passes, keys, strict=True):
         choice = _agreed(key_frames, readings)
         if choice is None:
@@ -85,7 +85,7 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
     return frames
 
 
-def _key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
+def key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
                   bevel_nominal: float) -> tuple[Int, list[list[Candidate]]]:  # fmt: skip
     """Numbers (within the pass) of its key frames, and every plausible reading of each."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]

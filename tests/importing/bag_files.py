@@ -40,7 +40,7 @@ class Ros:
 
     def cloud(self, time_s: float, fields: dict[str, AnyArray], frame: str = "laser", big: bool = False,
               padding: int = 0) -> Any:  # fmt: skip
-        """A PointCloud2 of the fields by name, each (W,) or (H, W); `padding` bytes before each field, after each row."""
+        """A PointCloud2 of the fields by name, each (W,) or (H, W); `padding` bytes before fields, after rows."""
         shape = np.atleast_2d(next(iter(fields.values()))).shape
         codes = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
         made, offset = [], 0
@@ -122,10 +122,8 @@ class Ros:
 def profile_entries(ros: Ros, recording: Recording, topic: str = "/profiles") -> Iterator[Entry]:
     """One PointCloud2 a frame: x, z and intensity in m, recorded a millisecond after its stamp."""
     for i, time_s in enumerate(recording.time_s):
-        fields: dict[str, AnyArray] = {
-            "x": recording.x_mm[i] / np.float32(1000),
-            "z": recording.z_mm[i] / np.float32(1000),
-        }
+        x, z = (grid[i] / np.float32(1000) for grid in (recording.x_mm, recording.z_mm))
+        fields: dict[str, AnyArray] = {"x": x, "z": z}
         if recording.intensity is not None:
             fields["intensity"] = recording.intensity[i].astype(np.uint16)
         yield topic, CLOUD, round(time_s * 1e9) + 10**6, ros.cloud(time_s, fields)

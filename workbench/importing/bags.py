@@ -6,15 +6,14 @@ bag leaves open is asked for by its name in the mapping (`workbench.importing.ba
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from workbench.errors import InputError
 from workbench.importing.bags_mapping import BagPart
-from workbench.importing.bags_passes import passes_by_gaps, poses_by_pass
-from workbench.importing.bags_poses import hand_eye_from_frames, pose_source, read_poses
+from workbench.importing.bags_poses import pose_source, read_poses
 from workbench.importing.bags_profiles import profile_topics, read_profiles
 from workbench.importing.bags_reader import Bag, opened
+from workbench.importing.bags_tf import hand_eye_from_frames, read_frames
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
 
@@ -46,17 +45,14 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
     if not topics and source is None:
         there = ", ".join(f"{topic} ({name})" for topic, name in sorted(bag.types.items())[:12])
         raise InputError(str(bag.path), f"expected topics of profiles or poses, found {there}")
-    poses, notes = read_poses(bag, source, part, mapping.base_dir) if source else (None, [])
+    tree = read_frames(bag, part) if source == "tf" or part.profiler_frame is not None else None
+    poses, notes = read_poses(bag, source, part, tree, mapping.base_dir) if source else (None, [])
     if not topics:
         return Imported(poses=poses, notes=tuple(notes))
     found = read_profiles(bag, topics, part)
-    profiles = replace(found.profiles, pass_index=passes_by_gaps(found.profiles, part.pass_gap_s))
     notes = [*found.notes, f"times: of the {part.time}", *notes]
     hand_eye = None
-    if part.profiler_frame is not None:
-        hand_eye = hand_eye_from_frames(bag, part, found.ros_from_profiler)
+    if tree is not None and part.profiler_frame is not None:
+        hand_eye = hand_eye_from_frames(tree, part, found.ros_from_profiler)
         notes.append(f"hand-eye: '{part.profiler_frame}' on '{part.flange_frame}' in /tf")
-    if poses is not None:
-        offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
-        poses = poses_by_pass(poses, profiles, offset_s)
-    return Imported(profiles, poses, tuple(notes), hand_eye)
+    return Imported(found.profiles, poses, tuple(notes), hand_eye)

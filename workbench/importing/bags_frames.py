@@ -67,16 +67,20 @@ class FrameTree:
         link.time_s.append(time_s)
         link.rows.append(pose_row(transform.transform.translation, transform.transform.rotation, scale_mm, where))
 
+    @property
+    def names(self) -> list[str]:
+        """Of all frames, in alphabetical order."""
+        return sorted({name for child, link in self.links.items() for name in (child, link.parent)})
+
     def chain(self, a: str, b: str) -> list[Motion]:
         """The links from frame a to frame b, by breadth-first search; their product is a_from_b.
 
         Raises:
             InputError: an unknown frame, no way between the two, a link whose poses contradict each other.
         """
-        known = {name for child, link in self.links.items() for name in (child, link.parent)}
         for name in (a, b):
-            if name not in known:
-                raise InputError(f"{self.where}: /tf", f"unknown frame '{name}'{nearest(name, known)}")
+            if name not in self.names:
+                raise InputError(self.where, f"unknown frame '{name}'{nearest(name, self.names)}")
         came: dict[str, tuple[str, str, bool]] = {}  # frame -> the one before, child of the link, downwards
         queue = deque([a])
         while queue and b not in came and a != b:
@@ -87,7 +91,7 @@ class FrameTree:
                     came[other] = (here, child, link.parent == here)
                     queue.append(other)
         if b not in came and a != b:
-            raise InputError(f"{self.where}: /tf", f"no chain of frames between '{a}' and '{b}'")
+            raise InputError(self.where, f"no chain of frames between '{a}' and '{b}'")
         found, here = [], b
         while here != a:
             here, child, is_down = came[here]
@@ -95,7 +99,7 @@ class FrameTree:
         return found[::-1]
 
     def _motion(self, child: str, is_down: bool) -> Motion:
-        link, where = self.links[child], f"{self.where}: /tf: {self.links[child].parent} to {child}"
+        link, where = self.links[child], f"{self.where}: {self.links[child].parent} to {child}"
         time_s, rows, _ = in_order(np.array(link.time_s), np.array(link.rows), where)
         return Motion(link.is_static, is_down, time_s, rows[:, :3], normalised(rows[:, 3:], where))
 
@@ -117,7 +121,7 @@ def chained(chain: list[Motion], where: str) -> tuple[Float, Float]:
     every = np.unique(np.concatenate(moving))
     time_s = every[(every >= first) & (every <= last)]
     if not len(time_s):
-        raise InputError(f"{where}: /tf", "the links between the frames have no time in common")
+        raise InputError(where, "the links between the frames have no time in common")
     return time_s, product(chain, time_s)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.neutral import ProfileFrames
-from workbench.units import AnyArray, Float, Float32
+from workbench.units import AnyArray, Float, Float32, Int
 
 MAX_COLUMNS = 10_000
 NOTHING = np.zeros(0, np.float32)
@@ -19,9 +19,10 @@ class Grid:
     """Rows of x and z (mm, NaN = no return) in float32, of one length unless `pad` fills them up at their end."""
 
     pad: bool
+    length_unit: str = "mm"  # that the lengths were read from, for messages
     columns: int = 0
     time_s: list[float] = field(default_factory=list)
-    pass_index: list[int] = field(default_factory=list)
+    topic: list[int] = field(default_factory=list)
     x_mm: list[Float32] = field(default_factory=list)
     z_mm: list[Float32] = field(default_factory=list)
     intensity: list[AnyArray] = field(default_factory=list)
@@ -29,7 +30,7 @@ class Grid:
     empty: int = 0
     uneven: bool = False
 
-    def append(self, time_s: float, number: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None,
+    def append(self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None,
                where: str) -> None:  # fmt: skip
         """Add a profile. Raises InputError where its length is another than before."""
         if len(x_mm) and self.columns and len(x_mm) != self.columns:
@@ -42,7 +43,7 @@ class Grid:
         self.columns = max(self.columns, len(x_mm))
         self.empty += not len(x_mm)
         self.time_s.append(time_s)
-        self.pass_index.append(number)
+        self.topic.append(topic)
         self.x_mm.append(x_mm.astype(np.float32))
         self.z_mm.append(z_mm.astype(np.float32))
         self._append_intensity(intensity, len(x_mm))
@@ -61,7 +62,7 @@ class Grid:
         else:
             self.intensity.append(np.zeros(0, np.uint16) if intensity is None else intensity.astype(np.uint16))
 
-    def frames(self, source: str) -> ProfileFrames:
+    def frames(self, source: str, pass_gap_s: float | None) -> ProfileFrames:
         """The whole grid; the rows are given up as they are copied. Raises InputError where nothing was seen."""
         if not self.columns:
             raise InputError(source, "expected profiles with points, found none")
@@ -69,12 +70,19 @@ class Grid:
         made = ProfileFrames(
             source=source,
             x_mm=_stacked(self.x_mm, self.columns, np.nan), z_mm=_stacked(self.z_mm, self.columns, np.nan),
-            time_s=np.array(self.time_s), pass_index=np.array(self.pass_index),
+            time_s=np.array(self.time_s), pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
             intensity=_stacked(self.intensity, self.columns, 0) if has_intensity else None,
         )  # fmt: skip
         if np.isnan(made.z_mm).all():
             raise InputError(source, "expected returns in the profiles, found none")
         return made
+
+    def _passes(self, gap_s: float | None) -> Int | None:
+        """Passes (N,) from 0: a new one with each topic and after each gap longer than `gap_s`; None: there is one."""
+        begins = np.diff(self.topic) != 0
+        if gap_s is not None:
+            begins |= np.diff(self.time_s) > gap_s
+        return np.append(0, np.cumsum(begins)) if begins.any() else None
 
     @property
     def notes(self) -> list[str]:

@@ -10,6 +10,7 @@ from workbench.importing.part import Part
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 NoReturn = Literal["nan", "zero", "inf"]
+LENGTH_MM = {"m": 1e3, "mm": 1.0}
 
 
 class BagPart(Part):

@@ -39,7 +39,7 @@ def cloud_points(message: Any, where: str) -> Points:
         raise InputError(where, f"expected height {height} x row_step bytes of width {width} points, found {found}")
     fields = {field.name: field for field in message.fields if field.name in ("x", "y", "z", *INTENSITY)}
     if height * width == 0:
-        return Points(np.empty((3, 0, 0)), None)
+        return Points(np.empty((3, max(height, 1), 0)), None)
     layout = {name: _field_type(field, message.is_bigendian, step, where) for name, field in fields.items()}
     if not {"x", "y", "z"} & set(layout):
         named = ", ".join(str(field.name) for field in message.fields[:12]) or "none"

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.bags_grid import Grid
-from workbench.importing.bags_mapping import BagPart
+from workbench.importing.bags_mapping import LENGTH_MM, BagPart
 from workbench.importing.bags_points import Points, cloud_points, scan_points
 from workbench.importing.bags_reader import CLOUD, SCAN, Bag, Message, chosen_topic, listed
 from workbench.importing.bags_times import stamp_s
@@ -17,7 +17,7 @@ from workbench.importing.neutral import ProfileFrames
 from workbench.units import Float
 
 AXES = {CLOUD: ("x", "z"), SCAN: ("y", "x")}  # lateral and range, unless the mapping names them
-LENGTH_MM = {"m": 1e3, "mm": 1.0}
+MAX_MM = 1e6  # of a coordinate: what is beyond was not measured
 FLAT_MM = 0.01  # how far a profile's points may lie off the laser plane
 
 
@@ -59,7 +59,7 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
     usual = AXES[bag.types[topics[0]]]
     lateral, upward = part.lateral or usual[0], part.range or usual[1]
     ros_from_profiler = _axes(lateral, upward, str(bag.path))
-    grid, frame_id = Grid(part.uneven == "pad"), ""
+    grid, frame_id = Grid(part.uneven == "pad", part.length_unit), ""
     for number, topic in enumerate(topics):
         for message in bag.messages([topic]):
             frame_id = frame_id or message.value.header.frame_id
@@ -68,13 +68,13 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
                     message.where, f"expected frame_id '{frame_id}', found '{message.value.header.frame_id}'"
                 )
             points = _points(bag, message)
-            xyz_mm = _checked(points.xyz, part, message.where) * LENGTH_MM[part.length_unit]
+            xyz_mm = _checked_mm(points.xyz, part, message.where)
             local = np.einsum("rp,rhw->phw", ros_from_profiler, xyz_mm)  # R^T: into the profiler frame
             _check_flat(local[1], message.where)
             for row, time_s in enumerate(_row_times(message, local.shape[1], part)):
                 intensity = None if points.intensity is None else points.intensity[row]
                 grid.append(time_s, number, local[0, row], local[2, row], intensity, message.where)
-    profiles = grid.frames(str(bag.path))
+    profiles = grid.frames(str(bag.path), part.pass_gap_s)
     notes = [f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
              f"x of the profiler is {lateral}, its z is {upward}", *grid.notes]  # fmt: skip
     return Found(profiles, ros_from_profiler, frame_id, notes)
@@ -99,8 +99,8 @@ def _unit(axis: str) -> Float:
     return np.asarray(np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
 
 
-def _checked(xyz: Float, part: BagPart, where: str) -> Float:
-    """Points with all that means no return as NaN; raises InputError where the mapping must say what is meant."""
+def _checked_mm(xyz: Float, part: BagPart, where: str) -> Float:
+    """Points in mm with all that means no return as NaN; raises InputError where the mapping must say what is meant."""
     said = part.no_return
     missing = np.isnan(xyz).any(axis=0)
     for name, here in (("zero", (xyz == 0).all(axis=0)), ("inf", np.isinf(xyz).any(axis=0))):
@@ -110,7 +110,12 @@ def _checked(xyz: Float, part: BagPart, where: str) -> Float:
             meant = 'or leave it out if they are real (["nan"])' if name == "zero" else "if they mean no return"
             what = "at 0, 0, 0" if name == "zero" else "at an infinite place"
             raise InputError(where, f'{here.sum()} points {what}: expected "{name}" in $.bag.no_return {meant}')
-    return np.asarray(np.where(missing, np.nan, xyz))
+    xyz = np.where(missing, np.nan, xyz)
+    limit = MAX_MM / LENGTH_MM[part.length_unit]
+    if (np.abs(xyz) > limit).any():
+        largest = float(np.nanmax(np.abs(xyz)))
+        raise InputError(where, f"expected coordinates of at most {limit:g} {part.length_unit}, found {largest:g}")
+    return np.asarray(xyz * LENGTH_MM[part.length_unit])
 
 
 def _check_flat(off_plane_mm: Float, where: str) -> None:

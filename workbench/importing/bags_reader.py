@@ -150,6 +150,8 @@ def _edge(where: str, what: str) -> Iterator[None]:
     """The library's edge: a damaged file makes it raise anything, from struct.error to AssertionError."""
     try:
         yield
+    except MemoryError:
+        raise InputError(where, f"expected a readable {what}: a record claims more bytes than there can be") from None
     except Exception as error:
-        said = getattr(error, "strerror", None) or str(error) or "a record that does not fit"
+        said = getattr(error, "strerror", None) or " ".join(str(error).split())[:300] or "a record that does not fit"
         raise InputError(where, f"expected a readable {what}: {said} ({type(error).__name__})") from None

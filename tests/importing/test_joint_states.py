@@ -1,0 +1,108 @@
+"""Joint states through a URDF, against the robot's closed-form kinematics and a robot made by hand."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.importing.joint_states import JointModel
+from workbench.robot import forward_kinematics, read_cell
+
+ROBOT = Path(__file__).parents[2] / "data" / "robot"
+URDF = ROBOT / "irb6700_150_320.urdf"
+NAMES = [f"joint_{i}" for i in range(1, 7)]
+
+# A linear axis, a continuous table, an arm of one joint with a mesh that is not there, and a gripper beside it.
+GANTRY = """<robot name="gantry">
+  <link name="world"/><link name="carriage"/><link name="table"/><link name="finger"/>
+  <link name="arm"><visual><geometry><mesh filename="package://nowhere/arm.dae"/></geometry></visual>
+    <collision><geometry><mesh filename="package://nowhere/arm.stl"/></geometry></collision></link>
+  <joint name="rail" type="prismatic"><parent link="world"/><child link="carriage"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="5" velocity="1" effort="1"/></joint>
+  <joint name="swing" type="continuous"><parent link="carriage"/><child link="arm"/>
+    <origin xyz="0 0 2"/><axis xyz="0 0 1"/></joint>
+  <joint name="grip" type="prismatic"><parent link="arm"/><child link="finger"/>
+    <axis xyz="0 1 0"/><limit lower="0" upper="0.1" velocity="1" effort="1"/></joint>
+  <joint name="turn" type="continuous"><parent link="world"/><child link="table"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+
+
+def state(**joints: float) -> SimpleNamespace:
+    return SimpleNamespace(name=list(joints), position=np.array(list(joints.values())))
+
+
+def test_the_shipped_robot_agrees_with_its_closed_form() -> None:
+    chain = read_cell(ROBOT / "cell.json").chain
+    model = JointModel.read(URDF, "base_link", "tool0")
+    assert list(model.names) == NAMES
+    joints = np.random.default_rng(3).uniform(chain.limits[:, 0], chain.limits[:, 1], (40, 6))
+    np.testing.assert_allclose(model.base_from_flange(joints), forward_kinematics(chain, joints), atol=1e-8)
+
+
+def test_joints_are_taken_by_name_in_any_order() -> None:
+    model = JointModel.read(URDF, "base_link", "tool0")
+    values = dict(zip(NAMES, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], strict=True))
+    shuffled = {name: values[name] for name in NAMES[::-1]} | {"gripper": 5.0}
+    found = model.joints(state(**shuffled), "bag")
+    assert found is not None
+    np.testing.assert_array_equal(found, list(values.values()))
+    assert model.joints(state(gripper=5.0), "bag") is None
+
+
+def test_a_rail_and_a_continuous_joint_move_the_flange(tmp_path: Path) -> None:
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY)
+    model = JointModel.read(path, "world", "arm")
+    assert model.names == ("rail", "swing")
+    pose = model.base_from_flange(np.array([[1.5, np.pi / 2 + 2 * np.pi]]))[0]
+    np.testing.assert_allclose(pose, [[0, -1, 0, 1500], [1, 0, 0, 0], [0, 0, 1, 2000], [0, 0, 0, 1]], atol=1e-9)
+    on_table = JointModel.read(path, "table", "arm")
+    assert set(on_table.names) == {"rail", "swing", "turn"}
+    values = {"rail": 1.0, "swing": 0.0, "turn": np.pi / 2}
+    pose = on_table.base_from_flange(np.array([[values[name] for name in on_table.names]]))[0]
+    np.testing.assert_allclose(pose[:3, 3], [0, -1000, 2000], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        ({name: 0.0 for name in NAMES[:5]}, "joint 'joint_6' is missing"),
+        ({**dict.fromkeys(NAMES, 0.0), "joint_2": 45.0}, "expected joint 'joint_2' from -1.13446 to 1.48353 .*degrees"),
+        ({**dict.fromkeys(NAMES, 0.0), "joint_3": np.nan}, "found nan"),
+    ],
+)
+def test_a_state_that_leaves_doubt_is_refused(joints: dict[str, float], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        JointModel.read(URDF, "base_link", "tool0").joints(state(**joints), "bag: /joint_states[7]")
+
+
+def test_names_and_positions_must_pair() -> None:
+    model = JointModel.read(URDF, "base_link", "tool0")
+    for name, count in [(NAMES, 5), ([*NAMES[:5], "joint_1"], 6)]:
+        with pytest.raises(InputError, match="expected one position for each of different names"):
+            model.joints(SimpleNamespace(name=name, position=np.zeros(count)), "bag")
+
+
+@pytest.mark.parametrize(
+    ("base", "flange", "said"),
+    [
+        ("base", "tool0", "unknown link"),
+        ("base_link", "tool", "'tool'"),
+        ("link_6", "tool0", "expected joints between"),
+    ],
+)
+def test_frames_must_be_links_with_joints_between(base: str, flange: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        JointModel.read(URDF, base, flange)
+
+
+def test_what_is_not_a_urdf_is_told(tmp_path: Path) -> None:
+    for text in ("", "<robot", "<model/>", "<robot name='r'><joint name='j' type='revolute'/></robot>"):
+        path = tmp_path / "r.urdf"
+        path.write_text(text)
+        with pytest.raises(InputError, match="URDF"):
+            JointModel.read(path, "a", "b")
+    with pytest.raises(InputError, match="cannot be read"):
+        JointModel.read(tmp_path / "none.urdf", "a", "b")

@@ -1,2 +1,148 @@
-def fleet_files(records, title):
-    return {}
+"""The page of the fleet: how the parts came out, and what they say of the process that made them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from workbench import __version__
+from workbench.batch.capability import Capability, capability
+from workbench.batch.control import LEAST, RULES, ControlChart, individuals
+from workbench.batch.fleet_table import (
+    Characteristic,
+    characteristics,
+    least_margin,
+    parquet,
+    worst_first,
+)
+from workbench.batch.record import OUTCOMES, Record
+from workbench.errors import one_line
+from workbench.units import Int
+
+ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
+SIGNALS = 60  # of run rules in the page
+SIGNIFICANT = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """One characteristic over all parts: a chart and a capability for each section, and for the parts' means."""
+
+    what: Characteristic
+    charts: tuple[ControlChart, ...]
+    sections: tuple[Capability, ...]
+    whole: Capability  # of the mean over a part's sections; its trend alone is used
+
+
+def fleet_files(records: Sequence[Record], title: str) -> dict[str, bytes]:
+    """`fleet.html` and `fleet.parquet` of all parts, in the order given."""
+    return {"fleet.html": page(records, title).encode(), "fleet.parquet": parquet(records)}
+
+
+def study(what: Characteristic) -> Study:
+    """What the parts say of one characteristic."""
+    from workbench.batch.fleet_charts import part_means
+
+    columns = range(what.value.shape[1])
+    limits = what.lower, what.upper
+    return Study(
+        what,
+        tuple(individuals(what.value[:, k]) for k in columns),
+        tuple(capability(what.value[:, k], what.u[:, k], *limits) for k in columns),
+        capability(part_means(what), np.zeros(len(what.value)), *limits),
+    )
+
+
+def page(records: Sequence[Record], title: str) -> str:
+    """The page, complete in one file; every name in it is escaped."""
+    from workbench.report.template import environment, source
+
+    found = characteristics(records)
+    margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))
+    places = {record.part: i for i, record in enumerate(records)}
+    ranked = worst_first(records)
+    return environment("workbench.batch").get_template("fleet.html.j2").render(
+        style=source("page.css"),
+        title=one_line(title),
+        version=__version__,
+        counts=[(one, sum(record.outcome == one for record in records)) for one in reversed(OUTCOMES)],
+        verdicts=[(one, sum(record.verdict == one for record in records)) for one in ("pass", "undecided", "fail")],
+        inspected=bool(found),
+        total=len(records),
+        rows=[row(one, places[one.part], margin, section) for one in ranked[:ROWS]],
+        left_out=max(0, len(ranked) - ROWS),
+        **(_statistics(records, found) if found else {}),
+    )  # fmt: skip
+
+
+def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]:
+    """One part in the table."""
+    report = next((name for name in ("report.html", "run.json") if name in record.files), "part.json")
+    return {
+        "order": place + 1,
+        "name": record.part,
+        "id": one_line(record.part_id or ""),
+        "link": f"{quote(record.part)}/{report}",
+        "outcome": record.outcome,
+        "verdict": record.verdict or "",
+        "margin": "" if np.isnan(margin[place]) else f"{100 * margin[place]:.0f} %",
+        "section": "" if section[place] < 0 else str(section[place] + 1),
+        "cause": one_line(record.cause),
+    }
+
+
+def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> Mapping[str, Any]:
+    from workbench.batch import fleet_charts
+    from workbench.report.template import data_address
+
+    studies = [study(what) for what in found]
+    counts = worst_counts(found)
+    return {
+        "studies": studies,
+        "pictures": [data_address(fleet_charts.control_charts(one.what, one.charts)) for one in studies],
+        "trend": data_address(fleet_charts.trend_chart(found)),
+        "worst": data_address(fleet_charts.worst_chart(found, counts)),
+        "worst_text": worst_text(counts),
+        "signals": [one for each in studies for one in _signals(each, records)][:SIGNALS],
+        "signal_count": sum(len(chart.signals) for one in studies for chart in one.charts),
+        "expected": sum(len(chart.value) for one in studies for chart in one.charts) * 0.0027,
+        "few": max(chart.order.size for one in studies for chart in one.charts) < LEAST,
+        "least": LEAST,
+    }
+
+
+def _signals(one: Study, records: Sequence[Record]) -> list[dict[str, Any]]:
+    names = {0: "its moving range is beyond the limit"} | {n: f"Nelson {n}: {text}" for n, text in RULES.items()}
+    return [
+        {"what": one.what.name, "section": k + 1, "order": int(chart.order[at]) + 1,
+         "part": records[chart.order[at]].part, "rule": names[rule]}
+        for k, chart in enumerate(one.charts) for at, rule in chart.signals
+    ]  # fmt: skip
+
+
+def worst_counts(found: Sequence[Characteristic]) -> Int:
+    """(characteristics, sections) in how many parts that section, by that characteristic, has the smallest margin."""
+    margin = np.stack([np.where(np.isnan(one.margin), np.inf, one.margin) for one in found], axis=1)  # (P, C, S)
+    flat = margin.reshape(len(margin), -1)
+    measured = np.isfinite(flat).any(axis=1)
+    return np.bincount(np.argmin(flat[measured], axis=1), minlength=flat.shape[1]).reshape(margin.shape[1:])
+
+
+def worst_text(counts: Int) -> str:
+    """Which section is the worst most often, and whether that is more than chance."""
+    from scipy.special import bdtrc
+
+    by_section, parts, sections = counts.sum(axis=0), int(counts.sum()), counts.shape[1]
+    if sections < 2 or not parts:
+        return ""
+    worst = int(np.argmax(by_section))
+    chance = min(1.0, sections * float(bdtrc(int(by_section[worst]) - 1, parts, 1 / sections)))
+    told = "more often than chance would make any" if chance < SIGNIFICANT else "no more often than chance may make one"
+    return (
+        f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts (evenly spread, each would in "
+        f"{parts / sections:.1f}): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
+    )

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from workbench.batch.fleet_rows import worst_first
+from workbench.batch.fleet_table import worst_first
 from workbench.batch.record import Record
 from workbench.batch.run import Batch
 from workbench.errors import one_line

@@ -14,14 +14,19 @@ from markupsafe import Markup
 from workbench.report.colours import SIGNS
 from workbench.report.values import COVERAGE
 
-_LOADER = PackageLoader("workbench.report", "")
-_ENVIRONMENT = Environment(
-    loader=_LOADER,
-    autoescape=select_autoescape(default=True, default_for_string=True),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+
+def environment(package: str) -> Environment:
+    """The templates of a package of this project."""
+    return Environment(
+        loader=PackageLoader(package, ""),
+        autoescape=select_autoescape(default=True, default_for_string=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+_ENVIRONMENT = environment("workbench.report")
 
 
 def render(name: str, **values: Any) -> str:
@@ -31,7 +36,9 @@ def render(name: str, **values: Any) -> str:
 
 def source(name: str) -> Markup:
     """A file of the report as it is, such as its style sheet."""
-    return Markup(_LOADER.get_source(_ENVIRONMENT, name)[0])
+    loader = _ENVIRONMENT.loader
+    assert loader is not None
+    return Markup(loader.get_source(_ENVIRONMENT, name)[0])
 
 
 def data_address(picture: bytes) -> str:

@@ -1,0 +1,94 @@
+"""Control charts of single values (I-MR) and the run rules that say when a process has changed.
+
+D. C. Montgomery, Introduction to Statistical Quality Control, 8th ed., chapter 6.4; the rules are those of
+L. S. Nelson, Journal of Quality Technology 16 (1984) 237-239. 1, 5, 6 and 2 (with eight points) are Western Electric's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.units import Bool, Float, Int
+
+D2 = 2.0 / math.sqrt(math.pi)  # mean range of two normal values, in standard deviations
+D4 = 1.0 + 3.0 * math.sqrt(2.0 - D2 * D2) / D2  # upper limit of that range, in mean ranges: 3.267
+LEAST = 20  # values below which limits are provisional (Montgomery, 6.2)
+RULES = {
+    1: "one value beyond 3 sigma",
+    2: "nine in a row on one side of the mean",
+    3: "six in a row rising or falling",
+    4: "fourteen in a row up and down in turn",
+    5: "two of three beyond 2 sigma on one side",
+    6: "four of five beyond 1 sigma on one side",
+    7: "fifteen in a row within 1 sigma",
+    8: "eight in a row beyond 1 sigma, on either side",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlChart:
+    """n values in time order, in their own unit; a moving range is that between a value and the one before."""
+
+    order: Int  # (n,) place of each value among all parts, hidden ones included
+    value: Float  # (n,)
+    centre: float
+    sigma: float  # from the mean moving range: what varies from part to part, not what drifts
+    moving_range: Float  # (n - 1,)
+    range_limit: float
+    signals: tuple[tuple[int, int], ...]  # (which of the n values, rule); rule 0: its moving range is beyond the limit
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lower and upper control limit, 3 sigma."""
+        return self.centre - 3.0 * self.sigma, self.centre + 3.0 * self.sigma
+
+
+def individuals(value: Float) -> ControlChart:
+    """The I-MR chart of values in time order; NaN, which was not measured, is left out.
+
+    A signal stands at the last value of what a rule describes. By chance alone rule 1 signals once in 370 values.
+    """
+    order = np.flatnonzero(np.isfinite(value))
+    known = value[order]
+    ranges = np.abs(np.diff(known))
+    mean_range = float(ranges.mean()) if len(ranges) else math.nan
+    centre = float(known.mean()) if len(known) else math.nan
+    sigma, limit = mean_range / D2, D4 * mean_range
+    found = [(int(k), rule) for rule, flags in rules(known, centre, sigma).items() for k in np.flatnonzero(flags)]
+    found += [(int(k) + 1, 0) for k in np.flatnonzero(ranges > limit)]
+    return ControlChart(order, known, centre, sigma, ranges, limit, tuple(sorted(found)))
+
+
+def rules(value: Float, centre: float, sigma: float) -> dict[int, Bool]:
+    """For each of Nelson's rules: (n,) whether it ends at this value."""
+    z = (value - centre) / sigma if sigma > 0 else np.zeros(len(value))
+    step = np.sign(np.diff(z))
+    turn = step[1:] * step[:-1] < 0
+    return {
+        1: np.abs(z) > 3,
+        2: _either(lambda side: _of(side * z > 0, 9, 9)),
+        3: _either(lambda side: _shifted(_of(side * step > 0, 5, 5), 1)),
+        4: _shifted(_of(turn, 12, 12), 2),
+        5: _either(lambda side: _of(side * z > 2, 2, 3) & (side * z > 2)),
+        6: _either(lambda side: _of(side * z > 1, 4, 5) & (side * z > 1)),
+        7: _of(np.abs(z) < 1, 15, 15) & (sigma > 0),
+        8: _of(np.abs(z) > 1, 8, 8),
+    }
+
+
+def _either(one_side) -> Bool:  # type: ignore[no-untyped-def]
+    return np.asarray(one_side(1.0) | one_side(-1.0))
+
+
+def _of(flag: Bool, least: int, window: int) -> Bool:
+    """(n,) whether `least` of the `window` flags that end here are set."""
+    count = np.cumsum(np.r_[np.zeros(window, int), flag])
+    return np.asarray(count[window:] - count[:-window] >= least)
+
+
+def _shifted(flag: Bool, by: int) -> Bool:
+    """Flags of differences as flags of values."""
+    return np.r_[np.zeros(by, bool), flag]

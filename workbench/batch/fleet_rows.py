@@ -1,2 +1,0 @@
-def worst_first(records):
-    return list(records)

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from workbench.robot import Cell, Chain, read_cell
+from workbench.robot.urdf import read_urdf
 from workbench.units import Float
 
 DATA = Path(__file__).parents[2] / "data" / "robot"
@@ -19,8 +20,8 @@ METRES = np.array([1e-3] * 3 + [1.0] * 3)[:, None]
 class Pin:
     """Forward kinematics and Jacobian by pinocchio, in m and rad."""
 
-    def __init__(self) -> None:
-        self.model = pin.buildModelFromUrdf(str(DATA / "irb6700_150_320.urdf"))
+    def __init__(self, urdf: Path) -> None:
+        self.model = pin.buildModelFromUrdf(str(urdf))
         self.data = self.model.createData()
         self.flange = self.model.getFrameId("tool0")
 
@@ -48,8 +49,20 @@ def chain(cell: Cell) -> Chain:
 
 
 @pytest.fixture(scope="session")
+def arms(chain: Chain) -> Callable[[str], Chain]:
+    """`arms(name)`: the shipped robot, or one of tests/robot/urdf."""
+
+    def named(name: str) -> Chain:
+        if name == "irb6700":
+            return chain
+        return read_urdf(Path(__file__).parent / "urdf" / f"{name}.urdf", "base_link", "tool0")[0]
+
+    return named
+
+
+@pytest.fixture(scope="session")
 def by_pin() -> Pin:
-    return Pin()
+    return Pin(DATA / "irb6700_150_320.urdf")
 
 
 @pytest.fixture

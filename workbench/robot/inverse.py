@@ -1,8 +1,6 @@
-"""Inverse kinematics in closed form: all eight branches of a robot with a spherical wrist, over any number of poses.
+"""Inverse kinematics in closed form: all branches of a robot with a spherical wrist, over any number of poses.
 
-Subproblems after Paden and Kahan (Murray, Li, Sastry 1994, section 3.3): shoulder from the wrist centre's distance
-along axis 2, elbow by the law of cosines, wrist from the turn that is left. Angles come from atan2 of both their sine
-and cosine, so nothing is lost near a singular posture.
+The wrist's centre depends on the first three joints only. They are solved first, then the wrist's turn that is left.
 """
 
 from __future__ import annotations
@@ -11,90 +9,95 @@ import numpy as np
 from numba import njit
 
 from workbench.robot.chain import Chain
-from workbench.robot.wrist import spherical_wrist
+from workbench.robot.position import parallel_position
+from workbench.robot.position_general import general_position
+from workbench.robot.wrist import SphericalWrist, spherical_wrist
 from workbench.units import AnyArray, Float
 
-BRANCHES = 8  # 4 * shoulder + 2 * elbow + wrist
-SINGULAR = 1e-13  # sine, or distance from an axis in m, below which an angle is free and set to 0
+BRANCHES = 8  # two for each of the up to four places of the first three joints
+SINGULAR = 1e-13  # sine below which an angle is free and set to 0
 
 
 def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
     """Joint angles (..., 8, 6) in (-pi, pi] that put the flange at poses (..., 4, 4); NaN: no such branch.
 
-    Joint limits are not looked at (`workbench.robot.chain.within_limits`). In a singular posture the free angle is 0:
-    joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
+    Rows are 4 * shoulder + 2 * elbow + wrist where axes 2 and 3 are parallel; else 2 * place + wrist, places in no
+    particular order. Joint limits are not looked at (`workbench.robot.chain.within_limits`). In a singular posture the
+    free angle is 0: joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
 
     Raises:
-        InputError: the robot has no spherical wrist behind two parallel axes.
+        InputError: the robot has no spherical wrist, or one that the first three joints cannot move everywhere.
     """
     wrist = spherical_wrist(chain)
     poses = np.ascontiguousarray(base_from_flange, float)
+    flat = poses.reshape(-1, 4, 4)
     at_zero = chain.base_from_flange_at_zero
-    zero_from_flange = np.ascontiguousarray(at_zero[:3, :3].T)
-    in_flange = zero_from_flange @ (wrist.centre_mm - at_zero[:3, 3]) / 1e3
-    solved = _inverse(
-        chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, in_flange, zero_from_flange, poses.reshape(-1, 4, 4)
-    )
+    in_flange = at_zero[:3, :3].T @ (wrist.centre_mm - at_zero[:3, 3])
+    first = _first_three(chain, wrist, flat[:, :3, :3] @ in_flange + flat[:, :3, 3])
+    solved = _with_wrist(chain.axes, np.ascontiguousarray(at_zero[:3, :3].T), first, flat)
     return np.asarray(solved.reshape(*poses.shape[:-2], BRANCHES, 6))
 
 
+def _first_three(chain: Chain, wrist: SphericalWrist, centre_mm: Float) -> Float:
+    """Angles (n, 4, 3) that bring the wrist's centre to places (n, 3)."""
+    if wrist.behind_parallel_axes:
+        return np.asarray(parallel_position(chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, centre_mm / 1e3))
+    return general_position(chain, wrist.centre_mm, centre_mm)
+
+
 @njit(cache=True)
-def _inverse(h: AnyArray, o: AnyArray, centre: AnyArray, in_flange: AnyArray, zero_from_flange: AnyArray,
-             poses: AnyArray) -> AnyArray:  # fmt: skip
-    """Lengths in m, except in the poses. The wrist's `centre` is in the base at zero, `in_flange` in the flange."""
+def _with_wrist(h: AnyArray, zero_from_flange: AnyArray, first: AnyArray, poses: AnyArray) -> AnyArray:
+    """All six angles (n, 8, 6) from the first three (n, 4, 3) and the poses."""
     out = np.full((len(poses), 8, 6), np.nan)
-    upper, fore = o[2] - o[1], centre - o[2]
-    upper, fore = upper - (upper @ h[1]) * h[1], fore - (fore @ h[1]) * h[1]
+    sides = _between(h[3], h[4]), _between(h[4], h[5]), _angle(h[4], h[3], h[5])
     for n in range(len(poses)):
-        rotation = np.ascontiguousarray(poses[n, :3, :3])
-        turn, w = rotation @ zero_from_flange, rotation @ in_flange + poses[n, :3, 3] / 1e3
-        shoulder, reaches = _on_circle(h[1], h[0], w - o[0], h[1] @ (centre - o[0]), -1.0)
-        if not reaches:
-            continue
-        for a in range(2):
-            r1 = _rotation(h[0], shoulder[a])
-            u = r1.T @ (w - o[0]) + o[0] - o[1]
-            u = u - (u @ h[1]) * h[1]
-            elbow, reaches = _on_circle(upper, h[2], fore, (u @ u - upper @ upper - fore @ fore) / 2, 1.0)
-            if not reaches:
+        turn = np.ascontiguousarray(poses[n, :3, :3]) @ zero_from_flange
+        for place in range(4):
+            q1, q2, q3 = first[n, place]
+            if np.isnan(q1):
                 continue
-            for b in range(2):
-                r3 = _rotation(h[2], elbow[b])
-                q2 = _angle(h[1], upper + r3 @ fore, u)
-                left = (r1 @ _rotation(h[1], q2) @ r3).T @ turn
-                for c in range(2):
-                    q4, q5, q6 = _wrist(h, left, c)
-                    row = out[n, 4 * a + 2 * b + c]
-                    row[0], row[1], row[2], row[3], row[4], row[5] = shoulder[a], q2, elbow[b], q4, q5, q6
+            left = (_rotation(h[0], q1) @ _rotation(h[1], q2) @ _rotation(h[2], q3)).T @ turn
+            for flipped in range(2):
+                q4, q5, q6 = _wrist(h, sides, left, 1.0 - 2.0 * flipped)
+                row = out[n, 2 * place + flipped]
+                if not np.isnan(q5):
+                    row[0], row[1], row[2], row[3], row[4], row[5] = (
+                        _wrapped(q1),
+                        _wrapped(q2),
+                        _wrapped(q3),
+                        q4,
+                        q5,
+                        q6,
+                    )
     return out
 
 
 @njit(cache=True)
-def _wrist(h: AnyArray, left: AnyArray, flipped: int) -> tuple[float, float, float]:
-    """Angles of joints 4, 5, 6 whose turns make the rotation `left`."""
+def _wrist(h: AnyArray, sides: tuple[float, float, float], left: AnyArray, sense: float) -> tuple[float, float, float]:
+    """Angles of joints 4, 5, 6 whose turns make the rotation `left`; NaN: they cannot, their axes being oblique.
+
+    Axes 4, 5 and 6 are corners of a spherical triangle. Joint 5 is its angle at axis 5, by the half-angle formula,
+    which loses nothing near a stretched wrist. `sides`: of axis 5 to axes 4 and 6, and its angle with joints at zero.
+    """
     k = left @ h[5]
-    side = np.cross(h[4], h[3])
-    sine = np.linalg.norm(np.cross(h[3], k))
-    bend = np.arctan2(-sine if flipped else sine, h[3] @ k)
-    q5 = _wrapped(bend - np.arctan2(side @ h[5], h[3] @ h[5]))
-    q4 = 0.0 if sine < SINGULAR else _angle(h[3], (-side if flipped else side), k)
-    r6 = (_rotation(h[3], q4) @ _rotation(h[4], q5)).T @ left
+    (a, b, start), c = sides, _between(h[3], k)
+    near, far = np.sin((c + a - b) / 2) * np.sin((c - a + b) / 2), np.sin((a + b + c) / 2) * np.sin((a + b - c) / 2)
+    if min(near, far) < -SINGULAR:
+        return np.nan, np.nan, np.nan
+    bend = 2 * np.arctan2(np.sqrt(max(near, 0.0)), np.sqrt(max(far, 0.0)))
+    q5 = _wrapped(sense * bend - start)
+    r5 = _rotation(h[4], q5)
+    bent = r5 @ h[5]
+    across = bent - (h[3] @ bent) * h[3]  # first, so that little is lost where it is short
+    q4 = 0.0 if np.sin(c) < SINGULAR else _angle(h[3], across, k)
+    r6 = (_rotation(h[3], q4) @ r5).T @ left
     return q4, q5, _angle(h[5], h[4], r6 @ h[4])
 
 
 @njit(cache=True)
-def _on_circle(d: AnyArray, axis: AnyArray, p: AnyArray, wanted: float, sense: float) -> tuple[AnyArray, bool]:
-    """Both angles t with d . Rot(axis, sense t) p = wanted, and whether there are any."""
-    along = (d @ axis) * (p @ axis)
-    a, b = d @ p - along, sense * (d @ np.cross(axis, p))
-    c, r = wanted - along, np.hypot(d @ p - along, d @ np.cross(axis, p))
-    angles = np.zeros(2)
-    if abs(c) > r * (1 + 1e-13) + 1e-14:
-        return angles, False
-    if r > SINGULAR:
-        middle, half = np.arctan2(b, a), np.arctan2(np.sqrt(max(r * r - c * c, 0.0)), c)
-        angles[0], angles[1] = _wrapped(middle + half), _wrapped(middle - half)
-    return angles, True
+def _between(u: AnyArray, v: AnyArray) -> float:
+    """Angle of two unit vectors, 0 to pi."""
+    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Which robots have a closed-form inverse: axes 2 and 3 parallel, axes 4, 5, 6 through one point at right angles."""
+"""Which robots have a closed-form inverse: axes 4, 5, 6 through one point, which the first three move everywhere."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.robot.chain import Chain
+from workbench.robot.position_general import moves_everywhere
 from workbench.units import Float
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
@@ -19,25 +20,34 @@ class SphericalWrist:
     """Where the wrist's three axes meet, all joints at zero."""
 
     centre_mm: Float  # (3,) in the base
+    behind_parallel_axes: bool  # axes 2 and 3 are parallel and axis 1 is not, as in most robots
+    square: bool  # axis 5 at right angles to axes 4 and 6
 
 
 def spherical_wrist(chain: Chain) -> SphericalWrist:
-    """The robot's wrist, if the closed form holds for it.
+    """The robot's wrist, if it is spherical.
 
     Raises:
-        InputError: it does not; the line says which axes stand in the way.
+        InputError: it is not, or there are places or turns that its joints cannot reach; the line says why.
     """
     h = chain.axes
-    if np.linalg.norm(np.cross(h[1], h[2])) > PARALLEL:
-        raise _unsolved(chain, "axes 2 and 3 are not parallel")
-    if max(abs(h[3] @ h[4]), abs(h[4] @ h[5])) > PARALLEL:
-        raise _unsolved(chain, "axes 4, 5 and 6 are not at right angles to their neighbours")
-    if np.linalg.norm(np.cross(h[0], h[1])) < PARALLEL:
-        raise _unsolved(chain, "axes 1 and 2 are parallel")
+    for i, j in ((3, 4), (4, 5)):
+        if _sine(h[i], h[j]) < PARALLEL:
+            raise _unsolved(chain, f"axes {i + 1} and {j + 1} are parallel")
     centre, miss = _meeting_point(h[3:], chain.points_mm[3:])
     if miss > MEETING_MM:
         raise _unsolved(chain, f"its wrist is not spherical (axes 4, 5 and 6 miss each other by {miss:.3g} mm)")
-    return SphericalWrist(centre)
+    if not moves_everywhere(chain, centre):
+        raise _unsolved(chain, "joints 1 to 3 cannot move the wrist's centre in all directions")
+    return SphericalWrist(
+        centre,
+        behind_parallel_axes=_sine(h[1], h[2]) < PARALLEL <= _sine(h[0], h[1]),
+        square=bool(max(abs(h[3] @ h[4]), abs(h[4] @ h[5])) < PARALLEL),
+    )
+
+
+def _sine(a: Float, b: Float) -> float:
+    return float(np.linalg.norm(np.cross(a, b)))
 
 
 def _meeting_point(axes: Float, points: Float) -> tuple[Float, float]:
@@ -48,4 +58,4 @@ def _meeting_point(axes: Float, points: Float) -> tuple[Float, float]:
 
 
 def _unsolved(chain: Chain, why: str) -> InputError:
-    return InputError(f"robot '{chain.name}'", f"expected a spherical wrist behind two parallel axes: {why}")
+    return InputError(f"robot '{chain.name}'", f"expected a spherical wrist that its arm moves everywhere: {why}")

@@ -37,11 +37,14 @@ def fast_arm(chain: Chain) -> Arm:
     """The arm of a robot, if the kernels hold for it.
 
     Raises:
-        InputError: axis 2 is not square to axis 1, or the forearm's axis not square to axis 3, or joint 5's axis is not
-            along axis 3 at zero, or joint 6 cannot make a full turn.
+        InputError: axes 2 and 3 are not parallel, axis 2 is not square to axis 1, the forearm's axis not to axis 3,
+            axis 5 not to axes 4 and 6 or not along axis 3 at zero, or joint 6 cannot make a full turn.
     """
-    h, o = chain.axes, chain.points_mm
-    centre = spherical_wrist(chain).centre_mm
+    h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
+    if not (wrist.behind_parallel_axes and wrist.square):
+        raise InputError(f"robot '{chain.name}'", "the posture optimiser expects axes 2 and 3 parallel, and axis 5 "
+                         "square to axes 4 and 6")  # fmt: skip
+    centre = wrist.centre_mm
     if max(abs(h[0] @ h[1]), abs(h[3] @ h[2])) > SQUARE or np.linalg.norm(np.cross(h[4], h[2])) > SQUARE:
         raise InputError(f"robot '{chain.name}'", "expected axis 2 square to axis 1, axis 4 square to axis 3, and "
                          "axis 5 along axis 3 at zero")  # fmt: skip

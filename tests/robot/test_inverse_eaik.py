@@ -1,0 +1,99 @@
+"""The inverse against EAIK (Ostermeier, Kuelz, Althoff 2025), an independent solver: the same set of branches.
+
+EAIK also gives least-squares answers where a pose cannot be had, and where no axes are parallel or meet it marks all
+its answers so; those that miss the pose are left out by forward kinematics, which is pin's (test_kinematics.py).
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.robot import Chain, forward_kinematics, inverse_kinematics
+from workbench.units import Float
+
+EAIK = pytest.importorskip("eaik.pybindings.EAIK", reason="EAIK has no wheel for this Python")
+MOST = 64  # answers of EAIK, least squares included
+REACHES = 1e-9  # m, 1
+SAME = 1e-6  # rad
+ARMS = ["irb6700", "puma", "skewed", "oblique"]
+
+
+def random(chain: Chain, q: Float, rng: np.random.Generator) -> None:
+    """As drawn within limits."""
+
+
+def on_limits(chain: Chain, q: Float, rng: np.random.Generator) -> None:
+    """Three of the joints on a limit."""
+    for row in q:
+        joints = rng.choice(6, 3, replace=False)
+        row[joints] = chain.limits[joints, rng.integers(0, 2, 3)]
+
+
+def wrist_nearly_stretched(chain: Chain, q: Float, rng: np.random.Generator) -> None:
+    q[:, 4] = rng.choice([-1, 1], len(q)) * 10.0 ** rng.uniform(-4, -2, len(q))
+
+
+def forearm_nearly_stretched(chain: Chain, q: Float, rng: np.random.Generator) -> None:
+    """The shipped robot's wrist centre nearly in line with axes 2 and 3."""
+    q[:, 2] = -np.arctan2(1592.5, 200) + rng.choice([-1, 1], len(q)) * 10.0 ** rng.uniform(-4, -2, len(q))
+
+
+def assert_same_branches(chain: Chain, q: Float, missed: int = 0) -> None:
+    """Ours and EAIK's at the poses of postures `q` (n, 6); EAIK may have missed a few that reach the pose."""
+    poses = forward_kinematics(chain, q)
+    ours, theirs = inverse_kinematics(chain, poses), peer(chain, poses)
+    assert np.nanmax(miss(chain, ours, poses)) < 1e-12
+    distance = np.abs((ours[:, :, None] - theirs[:, None] + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
+    distance[np.isnan(distance)] = np.inf
+    assert (distance.min(axis=1)[np.isfinite(theirs[..., 0])] < SAME).all()
+    assert (distance.min(axis=2)[np.isfinite(ours[..., 0])] > SAME).sum() <= missed
+    assert np.isfinite(ours[..., 0]).sum() > 3 * len(q)
+
+
+def peer(chain: Chain, poses: Float) -> Float:
+    """EAIK's answers (n, MOST, 6) that reach the poses (n, 4, 4); NaN: fewer."""
+    points = np.vstack([np.zeros(3), chain.points_mm, chain.base_from_flange_at_zero[:3, 3]]) / 1e3
+    turn = chain.base_from_flange_at_zero[:3, :3]
+    robot: Any = EAIK.Robot(chain.axes.T, np.diff(points, axis=0).T, turn, [], True)
+    metres = poses.copy()
+    metres[:, :3, 3] /= 1e3
+    found = np.full((len(poses), MOST, 6), np.nan)
+    for row, solution in zip(found, robot.calculate_IK_batched(list(metres), 1), strict=True):
+        if len(solution.Q):
+            row[: len(solution.Q)] = solution.Q
+    found[~(miss(chain, found, poses) < REACHES)] = np.nan
+    return found
+
+
+def miss(chain: Chain, joints: Float, poses: Float) -> Float:
+    """Largest entry of what is missing of each pose, m and 1; NaN where there is no answer."""
+    difference = forward_kinematics(chain, np.nan_to_num(joints)) - poses[:, None]
+    difference[..., :3, 3] /= 1e3
+    return np.where(np.isnan(joints[..., 0]), np.nan, np.abs(difference).max(axis=(-1, -2)))
+
+
+@pytest.mark.parametrize("where", [random, on_limits, wrist_nearly_stretched, forearm_nearly_stretched])
+def test_shipped_robot_has_the_branches_of_eaik(chain: Chain, postures: Any, where: Any) -> None:
+    q = postures(4000 if where is random else 1000, 41)
+    where(chain, q, np.random.default_rng(41))
+    assert_same_branches(chain, q)
+
+
+@pytest.mark.parametrize("where", [random, on_limits])
+@pytest.mark.parametrize("name", ARMS[1:])
+def test_other_robots_have_the_branches_of_eaik(arms: Any, name: str, where: Any) -> None:
+    chain, rng = arms(name), np.random.default_rng(42)
+    q = rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (1000, 6))
+    where(chain, q, rng)
+    assert_same_branches(chain, q)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_branches_of_eaik_at_100_000_poses(arms: Any, name: str) -> None:
+    """EAIK misses some of the pairs that nearly coincide where its elimination has a double root."""
+    chain, rng = arms(name), np.random.default_rng(3)
+    for _ in range(10):
+        q = rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (10_000, 6))
+        assert_same_branches(chain, q, missed=40 if name == "skewed" else 0)

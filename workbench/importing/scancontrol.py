@@ -6,6 +6,7 @@ return are left out, so rows have unequal lengths. Seen in an export of a scanCO
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +21,17 @@ from workbench.units import Float, Int
 NAME = "scanCONTROL profiles"
 BLOCKS = ("x", "y", "z")
 FEWEST_POINTS = 8  # a row; fewer cells may be anything
+NUMBER = re.compile(r"[-+]?\d+,\d+")
+GOOD_SHARE = 0.8
 Row = tuple[int, Float]  # line in the file, numbers
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether the first line is nothing but numbers between semicolons."""
+    """Whether the first line is numbers with decimal commas between semicolons, but for a few damaged ones."""
     first = decoded(as_utf8(head, str(path))).split("\n", 1)[0]
     row = cells(first, ";")[: -1 if first.count(";") > FEWEST_POINTS else None]
-    return len(row) >= FEWEST_POINTS and all(cell and set(cell) <= set("0123456789,-+") for cell in row)
+    good = sum(NUMBER.fullmatch(cell) is not None for cell in row)
+    return len(row) >= FEWEST_POINTS and good >= GOOD_SHARE * len(row)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:

@@ -1,0 +1,152 @@
+"""Makers' files: written here in their form, and real ones where they are at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.importing import makers
+from workbench.artefacts import Recording
+from workbench.errors import InputError
+
+AXIS = {"linear_axis": {"direction": [0, 1, 0], "speed_mm_s": 50}}
+VENDOR = Path(__file__).parents[3] / "shared" / "data" / "vendor"
+Import = Callable[..., Recording]
+Mapped = Callable[..., Path]
+
+
+def assert_is_the_plate(made: Recording, z_offset_mm: float = 0.0, z_error_mm: float = 0.0) -> None:
+    want = makers.heights_mm()
+    np.testing.assert_allclose(made.z_mm, want - z_offset_mm, atol=1e-5 + z_error_mm)  # NaN where NaN
+    seen = ~np.isnan(want)
+    np.testing.assert_allclose(made.x_mm[seen], np.broadcast_to(makers.X_MM, want.shape)[seen], atol=1e-6)
+    np.testing.assert_allclose(made.robot_position_mm[:, 1], makers.TRAVEL_MM, atol=1e-9)
+    np.testing.assert_allclose(made.time_s, makers.TRAVEL_MM / 50.0)
+
+
+def test_scancontrol_points_stand_in_their_columns(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """Points without return are left out of the file; the gaps in x give the columns back."""
+    assert_is_the_plate(imported(makers.write_scancontrol(tmp_path / "a.csv"), mapping=mapped(**AXIS)))
+
+
+def test_gocator_surface(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    assert_is_the_plate(imported(makers.write_gocator(tmp_path / "a.csv"), mapping=mapped(**AXIS)))
+
+
+def test_surfaces_of_one_file_are_passes(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    made = imported(makers.write_gocator(tmp_path / "a.csv", surfaces=2), mapping=mapped(**AXIS))
+    np.testing.assert_array_equal(made.pass_index, np.repeat([0, 1], makers.FRAMES))
+    np.testing.assert_array_equal(made.z_mm[: makers.FRAMES], made.z_mm[makers.FRAMES :])
+
+
+def test_gopxl_files_are_frames_in_the_order_given(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    files = [makers.write_gopxl(tmp_path / f"{i}.csv", i) for i in range(makers.FRAMES)]
+    made = imported(*files, mapping=mapped(**AXIS, times={"source": "pose_each", "pitch_mm": makers.STEP_MM}))
+    assert_is_the_plate(made)
+    assert made.intensity is not None
+    np.testing.assert_array_equal(made.intensity[3], 100 + np.arange(makers.COLUMNS))
+
+
+def test_keyence_text(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    files = [makers.write_keyence_text(tmp_path / f"{i}.txt", i) for i in range(makers.FRAMES)]
+    made = imported(*files, mapping=mapped(**AXIS, times={"source": "pose_each", "pitch_mm": makers.STEP_MM}))
+    assert_is_the_plate(made, z_offset_mm=80.0)
+
+
+@pytest.mark.parametrize("luminance", [False, True])
+def test_keyence_raw(luminance: bool, tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """Heights in steps of ZUnit: rounding errs by half of it, 0.4 micrometres here."""
+    raw = {"files": "*.bin", "columns": makers.COLUMNS, "x_start": -500_000, "x_pitch": 25_000, "z_unit": 80}
+    mapping = mapped(
+        **AXIS, keyence_raw={**raw, "luminance": luminance}, times={"source": "pose_each", "pitch_mm": makers.STEP_MM}
+    )
+    made = imported(makers.write_keyence_raw(tmp_path / "a.bin", 80, luminance), mapping=mapping)
+    assert_is_the_plate(made, z_offset_mm=80.0, z_error_mm=0.0005)
+    assert (made.intensity is not None) == luminance
+    if made.intensity is not None:
+        np.testing.assert_array_equal(made.intensity.ravel(), np.arange(made.z_mm.size))
+
+
+def test_keyence_raw_worked_example(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """v = 42768, ZUnit 160: 10000 * 160 / 100 um = 16 mm; XStart -1000000, XPitch 5000: x of point 2 is -9.9 mm."""
+    raw = {"files": "a.bin", "columns": 200, "x_start": -1_000_000, "x_pitch": 5000, "z_unit": 160}
+    np.full((3, 200), 42768, "<u2").tofile(tmp_path / "a.bin")
+    made = imported(
+        tmp_path / "a.bin", mapping=mapped(**AXIS, keyence_raw=raw, times={"source": "pose_each", "pitch_mm": 1})
+    )
+    assert made.z_mm[0, 0] == pytest.approx(16.0)
+    assert made.x_mm[0, 2] == pytest.approx(-9.9)
+
+
+def swapped(path: Path, old: str, new: str) -> Path:
+    text = path.read_bytes().decode()
+    assert old in text
+    path.write_bytes(text.replace(old, new, 1).encode())
+    return path
+
+
+REFUSED: dict[str, tuple[Callable[[Path], Path], str, str, str]] = {
+    "a number that is none": (makers.write_scancontrol, "-4,500", "-4,5x0", r"line 1, cell 3: expected a number"),
+    "a point for a comma": (makers.write_scancontrol, "-4,500", "-4.500", r"line 1, cell 3: expected a decimal comma"),
+    "y that changes": (makers.write_scancontrol, "0,500;0,500", "0,500;0,700", r"line 9: expected one y"),
+    "a row too short": (makers.write_scancontrol, ";80,100;", ";", r"line \d+: expected \d+ numbers as in x"),
+    "another version": (makers.write_gocator, "2,1,0", "1,1,0", r"line 3: expected CSV Version 2, found '1'"),
+    "a row too many": (makers.write_gocator, f",{makers.FRAMES},", ",5,", r"line \d+: expected 'End' after 5 rows"),
+    "rows beyond the end": (makers.write_gocator, f",{makers.FRAMES},", ",999999,", r"expected row 7 of 999999"),
+    "no column count": (makers.write_gocator, f",{makers.COLUMNS},", ",,", r"expected 'Row Count' and 'Column Count'"),
+    "an infinity": (makers.write_gocator, "80.05000", "inf", r"cell \d+: expected a finite number, found 'inf'"),
+    "no y": (makers.write_gocator, "\n0.00000,", "\n,", r"line 15: expected a coordinate"),
+    "valid 2": (makers.write_gopxl, ",100,1", ",100,2", r"line 2: expected Valid 0 or 1"),
+    "index back": (makers.write_gopxl, "\n5,", "\n3,", r"line 7: expected an index that rises"),
+    "intensity": (makers.write_gopxl, ",105,", ",70000,", r"line 7: column 'Intensity': expected a whole number"),
+    "a cell lost": (makers.write_gopxl, ",105,", ",", r"line 7: expected 5 cells, found 4"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_damage_is_named_by_line(case: str, tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    write, old, new, message = REFUSED[case]
+    with pytest.raises(InputError, match=message):
+        imported(swapped(write(tmp_path / "a.csv"), old, new), mapping=mapped(**AXIS))
+    assert not (tmp_path / "imported.h5").exists()
+
+
+def test_profiles_side_by_side_are_asked_about(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("".join(f"{i * 1000}\t5\t6\n" for i in range(20)))
+    with pytest.raises(InputError, match="2 profiles side by side"):
+        imported(path, mapping=mapped(**AXIS))
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "checks"),
+    [
+        ("scancontrol_2925", (140, 1145), {"pitch_mm": 0.207}),
+        ("gocator_surface_v2", (428, 452), {"pitch_mm": 0.3}),
+    ],
+)
+def test_real_surfaces(
+    name: str, shape: tuple[int, int], checks: dict[str, Any], imported: Import, mapped: Mapped
+) -> None:
+    path = VENDOR / f"{name}.csv"
+    if not path.exists():
+        pytest.skip("the makers' own files are not part of the project")
+    made = imported(path, mapping=mapped(**AXIS))
+    assert made.z_mm.shape == shape
+    np.testing.assert_allclose(np.diff(made.robot_position_mm[:, 1]), checks["pitch_mm"], atol=1e-3)
+
+
+def test_real_gopxl_profile_is_a_line(imported: Import, mapped: Mapped) -> None:
+    """The line fit that its README tells of: 1.04 micrometres rms."""
+    path = VENDOR / "gopxl_profile.csv"
+    if not path.exists():
+        pytest.skip("the makers' own files are not part of the project")
+    made = imported(path, path, mapping=mapped(**AXIS, times={"source": "pose_each", "pitch_mm": 1}))
+    x, z = made.x_mm[0].astype(float), made.z_mm[0].astype(float)
+    assert x.shape == (1792,)
+    residual = z - np.polyval(np.polyfit(x, z, 1), x)
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(1.04e-3, abs=1e-5)

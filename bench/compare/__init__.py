@@ -1,0 +1,1 @@
+"""Studies of the comparison stages: what docs/comparison.md states."""

@@ -1,0 +1,157 @@
+"""`compare.study` and `compare.repeatability`: files in, results out, what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.compare import repeatability, study
+from workbench.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+HEAD = "part,operator,trial,section,root_mm,root_u_mm\n"
+
+
+def rows(*lines: str) -> str:
+    return HEAD + "\n".join(lines) + "\n"
+
+
+SMALL = rows("P,A,1,1,1.50,0.01", "P,A,2,1,1.52,0.01", "P,B,1,1,1.46,0.01", "P,B,2,1,1.50,0.01",
+             "P,reference,1,1,1.47,0.01")  # fmt: skip
+
+
+def written(folder: Path, text: str, name: str = "study.csv") -> Path:
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def found(folder: Path, text: str, **settings: Any) -> Any:
+    document, chapter = repeatability(study(study=written(folder, text), **settings))
+    return json.loads(document.content), chapter
+
+
+def test_values_by_hand(tmp_path: Path) -> None:
+    """Two operators, two trials: EV, AV, bias and E_n worked out on paper."""
+    result, chapter = found(tmp_path, SMALL, root_limits_mm=[1.0, 2.0])
+    (root,) = result["characteristics"]
+    sd = {part["name"]: part["sd"] for part in root["components"]}
+    ev2 = (0.02**2 / 2 + 0.04**2 / 2) / 2
+    av2 = (2 * 0.015**2 * 2 - ev2) / 2
+    assert sd["EV"] == pytest.approx(ev2**0.5)
+    assert sd["AV"] == pytest.approx(max(av2, 0.0) ** 0.5)
+    assert sd["PV"] is None
+    grr = next(part for part in root["components"] if part["name"] == "GRR")
+    assert grr["tolerance_percent"] == pytest.approx(600 * (ev2 + max(av2, 0)) ** 0.5)
+    (bias,) = root["bias"]
+    assert bias["bias"] == pytest.approx(1.495 - 1.47)
+    assert bias["u"] == pytest.approx((max(av2, 0) / 2 + ev2 / 4 + 0.01**2) ** 0.5)
+    assert bias["largest_e_n"] == pytest.approx(0.05 / (2 * 2**0.5 * 0.01))
+    assert "Root size" in chapter.html
+    assert "of the tolerance" in chapter.summary
+
+
+def test_json_says_the_same(tmp_path: Path) -> None:
+    names, *cells = (line.split(",") for line in SMALL.split())
+    entries = [dict(zip(names, row, strict=True)) for row in cells]
+    document = {"format": "gauge-study", "version": 1, "measurements": entries}
+    other = study(study=written(tmp_path, json.dumps(document), "study.json"))
+    assert found(tmp_path, SMALL)[0] == json.loads(repeatability(other)[0].content)
+
+
+def inspection(root_mm: float | None, **more: Any) -> dict[str, Any]:
+    rows = [{"index": k, "arc_length_mm": 10.0 * k, "root_mm": root_mm, "root_u_mm": 0.01, "bevel_deg": 40.0 + k,
+             "bevel_u_deg": 0.02} for k in (1, 2)]  # fmt: skip
+    wanted = {"root_nominal_mm": 1.5, "root_tolerance_mm": [-0.5, 0.4], "bevel_nominal_deg": 40,
+              "bevel_tolerance_deg": [-1, 1]}  # fmt: skip
+    return {"format": "bevel-inspection", "version": 1, "sections": rows, "requirements": wanted, **more}
+
+
+def test_inspections_of_directories(tmp_path: Path) -> None:
+    """Directories of results in a study, limits out of the inspections; files alone are repeats by one operator."""
+    for k, value in enumerate((1.5, 1.51, 1.49)):
+        (tmp_path / f"run{k}").mkdir()
+        written(tmp_path / f"run{k}", json.dumps(inspection(value)), "inspection.json")
+    listed = written(tmp_path, "# three repeats\ninspection\nrun0\nrun1\nrun2/inspection.json\n")
+    gathered = study(study=listed)
+    assert gathered.limits == {"root_mm": (1.0, 1.9), "bevel_deg": (39.0, 41.0)}
+    assert gathered.measured["root_mm"].shape == (1, 1, 3, 2)
+    assert len({digest for _, digest in gathered.files}) == 3
+    alone = study(inspections=[str(tmp_path / f"run{k}" / "inspection.json") for k in range(3)])
+    np.testing.assert_array_equal(alone.measured["root_mm"], gathered.measured["root_mm"])
+    result = json.loads(repeatability(gathered)[0].content)
+    assert result["characteristics"][0]["components"][0]["sd"] == pytest.approx(0.01)
+
+
+def test_a_hidden_section_is_left_out_and_told(tmp_path: Path) -> None:
+    for k, value in enumerate((1.5, 1.51)):
+        document = inspection(value)
+        document["sections"][1]["root_mm"] = None if k else 1.5
+        written(tmp_path, json.dumps(document), f"{k}.json")
+    result = json.loads(repeatability(study(study=written(tmp_path, "inspection\n0.json\n1.json\n")))[0].content)
+    assert [one["index"] for one in result["characteristics"][0]["sections"]] == [1]
+    assert "section 2 left out" in result["warnings"][0]
+
+
+def test_sections_at_other_places_are_told(tmp_path: Path) -> None:
+    for k in range(2):
+        document = inspection(1.5)
+        document["sections"][0]["arc_length_mm"] = 10.0 + 5.0 * k
+        written(tmp_path, json.dumps(document), f"{k}.json")
+    (words,) = study(study=written(tmp_path, "inspection\n0.json\n1.json\n")).warnings
+    assert "2.5 mm off" in words
+
+
+REFUSED = {
+    "unbalanced": (rows("P,A,1,1,1.5,0.01", "P,A,2,1,1.5,0.01", "P,B,1,1,1.5,0.01"), "operator 'B': expected 2 trials"),
+    "one trial": (rows("P,A,1,1,1.5,0.01"), "two trials"),
+    "text": (rows("P,A,1,1,wide,0.01"), "line 2, root_mm: expected a finite number, found 'wide'"),
+    "infinite": (rows("P,A,1,1,inf,0.01"), "line 2, root_mm"),
+    "negative u": (rows("P,A,1,1,1.5,-0.01"), "root_u_mm: expected a standard uncertainty from 0"),
+    "section": (rows("P,A,1,0.5,1.5,0.01"), "whole number from 1"),
+    "no trial": ("part,section,root_mm\nP,1,1.5\n", "line 2: expected a trial"),
+    "twice": (rows("P,A,1,1,1.5,0.01", "P,A,1,1,1.5,0.01"), "stands twice"),
+    "cells": (rows("P,A,1,1"), "line 2: expected 6 cells, found 4"),
+    "column": ("part,operater\nP,A\n", "line 1: unknown column 'operater'; did you mean 'operator'?"),
+    "empty": ("", "at least one measurement"),
+    "both": ("inspection,section\na.json,1\n", "either an inspection or a section"),
+    "missing file": ("inspection\nnone.json\n", "none.json: "),
+    "other sections": (rows("P,A,1,1,1.5,0.01", "P,A,2,2,1.5,0.01"), "expected sections 1 to 1"),
+    "no values": ("part,operator,trial,section\nP,A,1,1\nP,A,2,1\n", "expected values of"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_unusable_studies_are_refused_in_one_line(case: str, tmp_path: Path) -> None:
+    text, words = REFUSED[case]
+    with pytest.raises(InputError) as caught:
+        study(study=written(tmp_path, text))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": "else"}, "$.format"),
+        ({"sections": []}, "$.sections"),
+        ({"sections": [{"index": 1, "root_mm": "x"}]}, "$.sections[0].root_mm: expected a finite number or null"),
+        ({"requirements": [1]}, "$.requirements: expected an object"),
+        ({"requirements": {"root_nominal_mm": 1, "root_tolerance_mm": 3}}, "root_tolerance_mm: expected two numbers"),
+    ],
+)
+def test_unusable_inspections_are_refused(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+    path = written(tmp_path, json.dumps(inspection(1.5) | change), "inspection.json")
+    with pytest.raises(InputError) as caught:
+        study(inspections=[str(path), str(path)])
+    assert words in str(caught.value)
+
+
+def test_shipped_pipeline(command: Any, tmp_path: Path) -> None:
+    """The shipped study runs; its numbers are those of the file."""
+    assert command("run", ROOT / "pipelines" / "repeatability.json", "--out", tmp_path).status == 0
+    result = json.loads((tmp_path / "repeatability.json").read_text())
+    assert (result["parts"], result["operators"], result["trials"]) == (["P1", "P2", "P3"], ["A", "B", "C"], 3)
+    assert [one["limits"] for one in result["characteristics"]] == [[1.0, 2.0], [39.0, 41.0]]
+    assert "Repeatability and reproducibility" in (tmp_path / "report.html").read_text()

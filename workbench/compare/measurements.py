@@ -1,0 +1,124 @@
+"""Measurements of a gauge study: one inspection each, by whom and of which part."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from workbench.compare.study_rows import study_rows
+from workbench.compare.values import CHARACTERISTICS
+from workbench.errors import InputError
+from workbench.strict_json import read_json
+
+ONLY = "all"  # the part, the operator, where none is named
+NUMBERS = ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One inspection: values by section and name (NaN: none), and the limits that it was judged by."""
+
+    part: str
+    operator: str
+    where: str  # for messages
+    sections: dict[int, Mapping[str, float]]
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    digest: str = ""  # SHA-256 of the file; '': the values stand in the study
+
+
+def measurements_of(study: Path) -> list[Measurement]:
+    """The measurements that a study's file lists; inspections are files, or directories that hold one."""
+    found: dict[tuple[str, ...], Measurement] = {}
+    for where, row in study_rows(study):
+        part, operator = row.get("part", ONLY), row.get("operator", ONLY)
+        if "inspection" in row:
+            path = study.parent / row["inspection"]
+            found["inspection", where] = read_inspection(path, part, operator)
+            continue
+        if "trial" not in row:
+            raise InputError(where, "expected a trial beside the section")
+        one = found.setdefault((part, operator, row["trial"]), Measurement(part, operator, where, {}))
+        section = _number(row["section"], f"{where}, section")
+        if section < 1 or section != int(section):
+            raise InputError(f"{where}, section", f"expected a whole number from 1, found '{row['section']}'")
+        if int(section) in one.sections:
+            raise InputError(where, f"section {int(section)} of this trial stands twice")
+        values = {name: _number(row[name], f"{where}, {name}") if name in row else math.nan for name in NUMBERS}
+        _check_uncertainties(values, where)
+        one.sections[int(section)] = values
+    return list(found.values())
+
+
+def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measurement:
+    """The measurement in an `inspection.json`, or in the directory that holds it.
+
+    Raises:
+        InputError: not such a file; the place in it and what was expected.
+    """
+    path = path / "inspection.json" if path.is_dir() else path
+    document, where = read_json(path), f"{path}: $"
+    if document.get("format") != "bevel-inspection" or document.get("version") != 1:
+        raise InputError(f"{where}.format", "expected 'bevel-inspection', version 1")
+    rows = document.get("sections")
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise InputError(f"{where}.sections", "expected a list of sections")
+    sections: dict[int, Mapping[str, float]] = {}
+    for i, row in enumerate(rows):
+        index = row.get("index")
+        if type(index) is not int or index < 1 or index in sections:
+            raise InputError(f"{where}.sections[{i}].index", "expected a whole number from 1, each once")
+        values = {name: _value(row.get(name), f"{where}.sections[{i}].{name}") for name in NUMBERS}
+        _check_uncertainties(values, f"{where}.sections[{i}]")
+        sections[index] = values
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    limits = _limits(document.get("requirements"), f"{where}.requirements")
+    return Measurement(part, operator, str(path), sections, limits, digest)
+
+
+def _limits(wanted: Any, where: str) -> dict[str, tuple[float, float]]:
+    """Limits of the values: nominal and deviations added up; none where the file states none."""
+    found: dict[str, tuple[float, float]] = {}
+    if wanted is None:
+        return found
+    if not isinstance(wanted, dict):
+        raise InputError(where, "expected an object")
+    for name in CHARACTERISTICS:
+        size, unit = name.rsplit("_", 1)
+        nominal, tolerance = (wanted.get(f"{size}_{what}_{unit}") for what in ("nominal", "tolerance"))
+        if nominal is None or tolerance is None:
+            continue
+        if not isinstance(tolerance, list) or len(tolerance) != 2:
+            raise InputError(f"{where}.{size}_tolerance_{unit}", "expected two numbers")
+        low, high = (_value(one, where) + _value(nominal, where) for one in tolerance)
+        if not low < high:
+            raise InputError(f"{where}.{size}_tolerance_{unit}", "expected a lower limit below the upper one")
+        found[name] = low, high
+    return found
+
+
+def _check_uncertainties(values: Mapping[str, float], where: str) -> None:
+    for name in CHARACTERISTICS.values():
+        if values[name] < 0:
+            raise InputError(f"{where}, {name}", "expected a standard uncertainty from 0")
+
+
+def _value(value: Any, where: str) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(where, "expected a finite number or null")
+    return float(value)
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.inf
+    if not math.isfinite(value) or "_" in text:
+        raise InputError(where, f"expected a finite number, found '{text[:40]}'")
+    return value

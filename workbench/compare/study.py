@@ -1,0 +1,80 @@
+"""`compare.study`: a gauge study out of many inspections."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.compare.measurements import measurements_of, read_inspection
+from workbench.compare.study_tables import apart, balanced, limits_of, mean_of_seen, reference_of, sections_of, table_of
+from workbench.compare.values import CHARACTERISTICS, Study
+from workbench.errors import InputError
+from workbench.stage import InputFile, stage
+
+Limits = tuple[float, float]
+
+
+@stage("compare.study")
+def study(
+    *,
+    study: Annotated[
+        InputFile | None, Field(description="CSV or JSON that lists the measurements (docs/comparison.md)")
+    ] = None,
+    inspections: Annotated[
+        list[InputFile], Field(description="inspection.json files: repeats of one part by one operator")
+    ] = [],  # noqa: B006  (checked and copied before the function sees it)
+    reference_operator: Annotated[
+        str, Field(min_length=1, description="who stands for the reference in the study: the better measurement")
+    ] = "reference",
+    root_limits_mm: Annotated[
+        Limits | None, Field(description="lower and upper limit of the root size; null: the inspections' own")
+    ] = None,
+    bevel_limits_deg: Annotated[
+        Limits | None, Field(description="lower and upper limit of the bevel angle; null: the inspections' own")
+    ] = None,
+) -> Study:
+    """Gather the measurements of a gauge study: parts x operators x trials, by section.
+
+    Every part is measured by every operator equally often: an analysis of variance of unbalanced data has no single
+    answer, so such a study is refused with the cell that differs. Measurements by `reference_operator` are not part of
+    the study; their mean is what it is compared with.
+
+    Args:
+        study: lists inspections (`part,operator,inspection`) or values (`part,operator,trial,section,root_mm,...`).
+        inspections: instead of it: files of one part, by one operator.
+        reference_operator: the name under which the file lists reference measurements.
+        root_limits_mm: tolerance limits, for the share of the tolerance.
+        bevel_limits_deg: likewise.
+
+    Raises:
+        InputError: unreadable, unbalanced, or fewer than two trials.
+    """
+    if (study is None) == (not inspections):
+        raise InputError("compare.study", "expected either a study or a list of inspections")
+    found = measurements_of(study) if study is not None else [read_inspection(path) for path in inspections]
+    where = str(study) if study is not None else "inspections"
+    mine = [one for one in found if one.operator != reference_operator]
+    others = [one for one in found if one.operator == reference_operator]
+    cells = balanced(mine, where)
+    parts, operators = list(dict.fromkeys(p for p, _ in cells)), list(dict.fromkeys(o for _, o in cells))
+    sections = sections_of(mine)
+    table = {name: table_of(cells, parts, operators, sections, name)
+             for name in ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())}  # fmt: skip
+    names = [name for name in CHARACTERISTICS if np.isfinite(table[name]).any()]
+    if not names:
+        raise InputError(where, f"expected values of {' or '.join(CHARACTERISTICS)}, found none")
+    reference = reference_of(others, parts, sections, names)
+    limits = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg}
+    return Study(
+        parts=tuple(parts), operators=tuple(operators), trials=len(next(iter(cells.values()))), section=sections,
+        arc_length_mm=mean_of_seen(table["arc_length_mm"], (0, 1, 2)),
+        measured={name: table[name] for name in names},
+        stated_u={name: table[CHARACTERISTICS[name]] for name in names},
+        reference={name: value for name, (value, _) in reference.items()},
+        reference_u={name: u for name, (_, u) in reference.items()},
+        limits={name: held for name in names if (held := limits_of(limits[name], mine, name, where)) is not None},
+        files=tuple((one.where, one.digest) for one in found if one.digest),
+        warnings=apart(table["arc_length_mm"]),
+    )  # fmt: skip

@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST = 1200  # characters of a message
+
 
 class WorkbenchError(Exception):
     """Something outside the program is unusable: `where` (file and place), then what was expected."""
@@ -37,5 +39,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def one_line(text: str) -> str:
-    """`text` with control characters escaped, so that a name out of a file cannot forge a second line."""
+    """`text` with control characters escaped, so that a name out of a file cannot forge a second line.
+
+    What is too long to read, such as a number of 5,000 digits out of a file, loses its middle.
+    """
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

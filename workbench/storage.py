@@ -1,11 +1,16 @@
-"""Room on disk, asked for before writing: HDF5 may end the process when a disk fills up under it."""
+"""What a file system may have in store: a file that is none, a disk without room.
+
+HDF5 may end the process when a disk fills up under it, so room is asked for before writing.
+"""
 
 from __future__ import annotations
 
+import os
 import shutil
+import stat
 from pathlib import Path
 
-from workbench.errors import OutputError
+from workbench.errors import InputError, OutputError, nearest
 
 MEGABYTE = 1e6
 SPARE_BYTES = 1_000_000  # for headers and tables beside the grids
@@ -26,3 +31,20 @@ def require_space(path: Path, grid_bytes: int) -> None:
         raise OutputError(
             str(path), f"expected {needed / MEGABYTE:.0f} MB of free disk, found {free / MEGABYTE:.0f} MB"
         )
+
+
+def regular_file(path: Path) -> os.stat_result:
+    """The file's status; refuses what is not there, not a file (a pipe would hang) or not readable."""
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        readable = path.parent.is_dir() and os.access(path.parent, os.R_OK)
+        siblings = os.listdir(path.parent) if readable else ()
+        raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), f"cannot be opened: {error}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(str(path), "expected a file, not a directory or a device")
+    if not os.access(path, os.R_OK):
+        raise InputError(str(path), "may not be read: permission denied")
+    return status

@@ -11,40 +11,60 @@ from typing import Any, NoReturn
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.storage import regular_file
 
 MAX_BYTES = 2**24
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """The object in a JSON file.
+def read_json(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
+    """The object in a JSON file of at most `max_bytes`; errors as `read_any_json`."""
+    document = read_any_json(path, max_bytes)
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: $", "expected an object")
+    return document
+
+
+def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
+    """What a JSON file holds.
 
     Raises:
-        InputError: it cannot be read, is too large, is not strict JSON or not an object.
+        InputError: it cannot be read, is too large, is not strict JSON: a key twice, NaN, a number beyond float64.
     """
+    if regular_file(path).st_size > max_bytes:
+        raise InputError(str(path), f"expected JSON of at most {max_bytes} bytes")
 
-    def constant(name: str) -> NoReturn:
-        raise InputError(str(path), f"expected JSON numbers, found {name}")
+    def constant(name: str, what: str = "") -> NoReturn:
+        line = text.count("\n", 0, text.find(name)) + 1
+        raise InputError(f"{path}: line {line}", f"expected JSON numbers, found {what or name}")
+
+    def finite(digits: str) -> float:
+        value = float(digits)
+        return value if math.isfinite(value) else constant(digits, f"{digits[:20]}..., beyond float64")
+
+    def whole(digits: str) -> int:
+        finite(digits)
+        return int(digits)
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         made = dict(pairs)
         if len(made) < len(pairs):
             twice = next(key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1)
-            raise InputError(str(path), f"key '{twice}' stands twice")
+            raise InputError(f"{path}: $.{twice}", "stands twice")
         return made
 
+    hooks = {"parse_constant": constant, "parse_float": finite, "parse_int": whole, "object_pairs_hook": unique}
+    text = ""
     try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            raise InputError(str(path), f"expected at most {MAX_BYTES} bytes")
-        document = json.loads(content.decode("utf-8-sig"), parse_constant=constant, object_pairs_hook=unique)
+        text = path.read_bytes().decode("utf-8-sig")
+        return json.loads(text, **hooks)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", error.msg) from None
-    except (OSError, RecursionError, ValueError) as error:
-        raise InputError(str(path), f"cannot be read as JSON: {getattr(error, 'strerror', None) or error}") from None
-    if not isinstance(document, dict):
-        raise InputError(str(path), "expected a JSON object")
-    return document
+        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {error.msg}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start}", "expected JSON in UTF-8") from None
+    except RecursionError:
+        raise InputError(str(path), "expected JSON nested less deeply") from None
+    except (OSError, ValueError) as error:  # ValueError: an integer of thousands of digits
+        raise InputError(str(path), f"expected JSON: {getattr(error, 'strerror', None) or error}") from None
 
 
 def strict_json(document: Mapping[str, Any]) -> bytes:

@@ -65,7 +65,10 @@ BAD = {
     "text": (calibration(flange_from_profiler=entry(POSE, 1, 2, "0.1")), "flange_from_profiler[1][2]"),
     "true": (calibration(flange_from_profiler=entry(POSE, 3, 3, True)), "flange_from_profiler[3][3]"),
     "null": (calibration(flange_from_profiler=entry(POSE, 0, 3, None)), "flange_from_profiler[0][3]"),
-    "number beyond floats": (calibration(flange_from_profiler=entry(POSE, 0, 3, 10**400)), "[0][3]"),
+    "number beyond floats": (
+        calibration(flange_from_profiler=entry(POSE, 0, 3, 10**400)),
+        "line 1: expected JSON numbers",
+    ),
     "mirrored": (calibration(flange_from_profiler=(POSE @ np.diag([1, 1, -1, 1])).tolist()), "rigid motion"),
     "sheared": (calibration(flange_from_profiler=entry(POSE, 0, 1, POSE[0, 1] + 1e-5)), "rigid motion"),
     "covariance 3 x 3": (calibration(covariance=np.eye(3).tolist()), "$.covariance: expected 6 rows"),

@@ -71,5 +71,5 @@ def test_json_must_be_a_list_of_objects(tmp_path, recipe, text):
 
 
 def test_missing_file_is_named(tmp_path, recipe):
-    with pytest.raises(InputError, match=r"gone\.csv: a readable file"):
+    with pytest.raises(InputError, match=r"gone\.csv: no such file"):
         read_deflections(tmp_path / "gone.csv", perfect_path(recipe).layers)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
+import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,9 +13,11 @@ from workbench.artefacts import Cutter, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
 from workbench.stage import InputFile, stage
+from workbench.strict_json import read_json
 from workbench.units import Bool, Float
 
 MAX_BYTES = 2**28
+LARGEST = sys.float_info.max  # JSON's whole numbers know no end
 POSE = {"position_mm": (3,), "quaternion_wxyz": (4,), "feed_mm_s": ()}
 DEFAULTS = {"root_mm": 1.5, "bevel_deg": 40.0, "depth_of_cut_mm": 1.0}  # the paper's, where the file is silent
 
@@ -34,7 +35,7 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
     Raises:
         InputError: not such a file; the place in it and what was expected.
     """
-    document = _document(toolpath)
+    document = read_json(toolpath, MAX_BYTES)
     where = f"{toolpath}: $"
     _want(document.get("format") == "bevel-toolpath", f"{where}.format", "expected 'bevel-toolpath'")
     _want(document.get("version") == 1, f"{where}.version", "expected 1")
@@ -56,19 +57,6 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         base_from_workobject=_frame(document, where), source=str(toolpath), root_mm=needs["root_mm"],
         bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"],
     )  # fmt: skip
-
-
-def _document(path: Path) -> dict[str, Any]:
-    def refuse(constant: str) -> None:
-        raise ValueError(f"found {constant}, which is not JSON")
-
-    try:
-        _want(path.stat().st_size <= MAX_BYTES, str(path), f"expected at most {MAX_BYTES} bytes")
-        document = json.loads(path.read_bytes().decode("utf-8-sig"), parse_constant=refuse)
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(str(path), f"cannot be read as JSON: {getattr(error, 'strerror', None) or error}") from None
-    _want(isinstance(document, dict), str(path), "expected a JSON object")
-    return dict(document)
 
 
 def _layers(value: Any, where: str, depth_mm: float) -> tuple[Layer, ...]:
@@ -118,7 +106,7 @@ def _column(values: list[Any], shape: tuple[int, ...], where: str, name: str) ->
     """Numbers (n, *shape); the message names the first point that has none."""
     try:
         column = np.array(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         column = np.empty(0)
     if column.shape != (len(values), *shape) or not np.isfinite(column).all():
         bad = next((i for i, value in enumerate(values) if not _fits(value, shape)), 0)
@@ -129,7 +117,7 @@ def _column(values: list[Any], shape: tuple[int, ...], where: str, name: str) ->
 
 def _fits(value: Any, shape: tuple[int, ...]) -> bool:
     parts = value if shape and isinstance(value, list) else [value]
-    numbers = all(type(x) in (int, float) and np.isfinite(x) for x in parts)
+    numbers = all(type(x) in (int, float) and abs(x) <= LARGEST for x in parts)
     return numbers and len(parts) == (shape or (1,))[0]
 
 
@@ -147,7 +135,7 @@ def _list(value: Any, where: str) -> list[Any]:
 
 
 def _size(value: Any, where: str, *, zero: bool = False) -> float:
-    good = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+    good = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
     _want(good and (value > 0 or (zero and value == 0)), where, f"expected a number {'from' if zero else 'above'} 0")
     return float(value)
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import difflib
-import json
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from workbench.artefacts import HandEye, Recording
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid
-from workbench.scan.hdf5 import regular_file
+from workbench.strict_json import read_json
 from workbench.units import Float
 
-MAX_FILE_BYTES = 2**24
 KEYS = (
     "flange_from_profiler", "translation_mm", "rotation_rpy_deg", "covariance", "sphere_center_mm",
     "sphere_diameter_mm", "time_offset_s", "time_offset_u_s", "volume_u_mm", "residual_rms_mm", "method",
@@ -30,7 +28,7 @@ def read_hand_eye(path: Path) -> HandEye:
         InputError: no such file, not JSON, `flange_from_profiler` missing or not a proper rigid motion, `covariance`
             not a symmetric positive semi-definite 6x6 matrix.
     """
-    document = _document(path)
+    document = read_json(path)
     for key in document:  # a misspelt covariance must not be lost without a word; other keys are free
         if key not in KEYS and difflib.get_close_matches(key, KEYS, n=1, cutoff=0.8):
             raise InputError(f"{path}: $.{key}", f"unknown key{nearest(key, KEYS)}")
@@ -65,32 +63,6 @@ def check_hand_eye(pose: Float, where: str) -> None:
         raise InputError(
             where, "expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1"
         )
-
-
-def _document(path: Path) -> dict[str, Any]:
-    """The JSON object in a file: strict, no NaN, no key twice."""
-    if regular_file(path).st_size > MAX_FILE_BYTES:
-        raise InputError(str(path), f"expected a hand-eye calibration of at most {MAX_FILE_BYTES} bytes")
-
-    def constant(name: str) -> NoReturn:
-        raise InputError(str(path), f"expected JSON numbers, found {name}")
-
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        for index, (key, _) in enumerate(pairs):
-            if any(key == other for other, _ in pairs[:index]):
-                raise InputError(f"{path}: $.{key}", "stands twice")
-        return dict(pairs)
-
-    try:
-        text = path.read_text(encoding="utf-8")
-        document = json.loads(text, parse_constant=constant, object_pairs_hook=unique)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {error.msg}") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(str(path), f"expected JSON: {error}") from None
-    if not isinstance(document, dict):
-        raise InputError(f"{path}: $", "expected an object")
-    return document
 
 
 def _matrix(value: Any, size: int, where: str) -> Float:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.errors import InputError, nearest, one_line
+from workbench.errors import InputError, one_line
+from workbench.storage import regular_file
 from workbench.units import AnyArray
 
 MAX_BYTES = 2**31  # a data set: 5e8 float32, three times the largest recording foreseen (5 m of edge, 3,200 columns)
@@ -41,23 +41,6 @@ def opened(path: Path) -> Iterator[Any]:
         raise InputError(str(path), f"expected a whole HDF5 file: {str(error) or type(error).__name__}") from None
     if (after.st_size, after.st_mtime_ns, after.st_ino) != (before.st_size, before.st_mtime_ns, before.st_ino):
         raise InputError(str(path), "changed while it was read")
-
-
-def regular_file(path: Path) -> os.stat_result:
-    """The file's status; refuses what is not there, not a file (a pipe would hang) or not readable."""
-    try:
-        status = os.stat(path)
-    except FileNotFoundError:
-        readable = path.parent.is_dir() and os.access(path.parent, os.R_OK)
-        siblings = os.listdir(path.parent) if readable else ()
-        raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f"cannot be opened: {error}") from None
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(str(path), "expected a file, not a directory or a device")
-    if not os.access(path, os.R_OK):
-        raise InputError(str(path), "may not be read: permission denied")
-    return status
 
 
 def member(group: Any, path: str, hops: int = 0) -> Any | None:

@@ -11,7 +11,7 @@ import faulthandler
 import os
 from collections.abc import Callable
 
-CPU_SECONDS = 5  # of the child; a whole file's tables take a hundredth of one
+CPU_SECONDS = 2  # of the child; a whole file's tables take a hundredth of one
 
 
 def survives(action: Callable[[], object]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from workbench.errors import InputError, nearest
+from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
 
@@ -18,30 +18,15 @@ M = TypeVar("M", bound=BaseModel)
 
 def read_recipe(path: str | Path) -> Recipe:
     """The recipe of a part in the JSON file `path`; InputError names the place and what was expected."""
-    return parse_recipe(_document(path), source=str(path))
+    return parse_recipe(read_any_json(Path(path)), source=str(path))
 
 
 def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe:
     """The recipe in the JSON file `path`, of a part or, by its `format`, of a calibration sphere."""
-    document = _document(path)
+    document = read_any_json(Path(path))
     if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
         return parse_sphere_recipe(document, source=str(path))
     return parse_recipe(document, source=str(path))
-
-
-def _document(path: str | Path) -> Any:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(str(path), f"a readable recipe file ({error.strerror or error})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(str(path), "a recipe in JSON, encoded as UTF-8") from error
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"JSON: {error.msg}") from error
-    except RecursionError as error:
-        raise InputError(str(path), "JSON nested less deeply") from error
 
 
 def parse_recipe(document: Any, source: str = "recipe") -> Recipe:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse
+from workbench.strict_json import read_json
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
@@ -139,13 +139,8 @@ def _as_ordered(surface: raycast.Surface, u: Float) -> tuple[Float, Float]:
 
 def read_truth(path: str | Path) -> Truth:
     """The truth in the file `path` (format bevel-truth), built anew from its recipe; InputError if it is none."""
-    try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"a readable truth file ({error.strerror or error})") from error
-    except ValueError as error:
-        raise InputError(str(path), "a truth file in JSON") from error
-    if not isinstance(document, dict) or (document.get("format"), document.get("version")) != (FORMAT, VERSION):
+    document = read_json(Path(path))
+    if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
         raise InputError(str(path), f"format '{FORMAT}', version {VERSION}")
     truth = build_truth(parse_recipe(document.get("recipe"), source=str(path)))
     seen = document.get("seen")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,10 +12,13 @@ import numpy as np
 
 from workbench.artefacts import Layer
 from workbench.errors import InputError
+from workbench.storage import regular_file
+from workbench.strict_json import read_any_json
 from workbench.units import Float
 
 COLUMNS = ("layer", "point", "dx_mm", "dy_mm", "dz_mm")
 _MOST_MM = 100.0
+MAX_BYTES = 2**28
 
 
 def read_deflections(path: Path, layers: Sequence[Layer]) -> dict[int, Float]:
@@ -36,22 +38,25 @@ def read_deflections(path: Path, layers: Sequence[Layer]) -> dict[int, Float]:
 
 def _rows(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
     """Place and content of each row."""
-    try:
-        text = path.read_text(encoding="utf-8")
-        if path.suffix.lower() == ".json":
-            rows, name = json.loads(text), "row"
-        else:
-            rows, name = (
-                list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))),
-                "data row",
-            )
-    except OSError as error:
-        raise InputError(str(path), f"a readable file of deflections ({error.strerror or error})") from error
-    except (ValueError, RecursionError, csv.Error) as error:
-        raise InputError(str(path), "a CSV or JSON file of deflections, in UTF-8") from error
+    if path.suffix.lower() == ".json":
+        rows, name = read_any_json(path, MAX_BYTES), "row"
+    else:
+        rows, name = _csv_rows(path), "data row"
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(str(path), f"a list of objects with the keys {', '.join(COLUMNS)}")
     return [(f"{path}: {name} {number}", row) for number, row in enumerate(rows, start=1)]
+
+
+def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    if regular_file(path).st_size > MAX_BYTES:
+        raise InputError(str(path), f"expected deflections of at most {MAX_BYTES} bytes")
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    except OSError as error:
+        raise InputError(str(path), f"a readable file of deflections ({error.strerror or error})") from error
+    except (ValueError, csv.Error) as error:
+        raise InputError(str(path), "a CSV or JSON file of deflections, in UTF-8") from error
 
 
 def _whole(where: str, row: Mapping[str, Any], name: str) -> int:

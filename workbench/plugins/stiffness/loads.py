@@ -18,6 +18,7 @@ WRENCH = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 DISPLACEMENT = ("dx_mm", "dy_mm", "dz_mm", "rx_deg", "ry_deg", "rz_deg")
 TARGET = re.compile(r"p([1-9]\d*)([xyz])_mm")
 MAX_BYTES = 2**26
+MOST = 1e6  # degrees, N, Nm, mm: beyond it lies nobody's test
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ def _number(row: _Row, name: str, path: Path) -> float:
         value = float(row.cells[name])
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{path}: line {row.line}: {name}", f"expected a number, found {row.cells[name]!r}")
+    if not abs(value) <= MOST:
+        expected = "a number" if math.isnan(value) else f"a number within +-{MOST:g}"
+        raise InputError(f"{path}: line {row.line}: {name}", f"expected {expected}, found {row.cells[name]!r}")
     return value

@@ -51,15 +51,22 @@ def read_stiffness(path: Path) -> JointStiffness:
             raise InputError(where, f"expected stiffness above 0, found {value:g} Nm/rad for joint {joint}")
     where = f"{path}: $.covariance"
     covariance = _numbers(document["covariance"], (6, 6), where)
-    scale = np.sqrt(np.abs(np.diag(covariance))) + 1e-300
-    if (
-        not np.allclose(covariance, covariance.T, rtol=1e-6)
-        or np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() < -1e-6
-    ):
+    if not _is_covariance(covariance):
         raise InputError(where, "expected a symmetric positive semi-definite 6x6 matrix")
     count = [document.get(key) for key in KEYS[2:]]
     condition, postures, loads = (value if isinstance(value, int | float) else 0 for value in count)
     return JointStiffness(k, covariance, float(condition), int(postures), int(loads), str(path))
+
+
+def _is_covariance(matrix: Float) -> bool:
+    """Symmetric, and its correlations positive semi-definite."""
+    scale = np.sqrt(np.abs(np.diag(matrix))) + 1e-150
+    correlation = matrix / scale / scale[:, None]
+    return bool(
+        np.allclose(matrix, matrix.T, rtol=1e-6)
+        and np.abs(correlation).max() < 1 + 1e-6
+        and np.linalg.eigvalsh(correlation).min() > -1e-6
+    )
 
 
 def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:

@@ -1,0 +1,123 @@
+"""The readers that are fed mutated files, and the good files that the mutations start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CORPUS = Path(__file__).with_name("corpus")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader: `read(path)` gives a result or raises a WorkbenchError."""
+
+    name: str
+    read: Callable[[Path], object]
+    seeds: tuple[str, ...]  # globs below the project's folder
+    share: float = 1.0  # of the executions, against a reader of short texts
+    beside: tuple[str, ...] = ()  # what the files refer to: paths relative to their own folder, as in the project
+
+    def files(self) -> list[Path]:
+        """Good files, the shortest first, and what once made trouble."""
+        shipped = [path for pattern in self.seeds for path in ROOT.glob(pattern)]
+        return sorted(shipped, key=lambda path: path.stat().st_size) + sorted((CORPUS / self.name).glob("*"))
+
+    def surroundings(self, scratch: Path) -> Path:
+        """The folder for mutated files, made inside `scratch` with links to what stands beside a good one."""
+        place = scratch / "files"
+        place.mkdir()
+        for name in self.beside:
+            (place / name).symlink_to(next(ROOT.glob(self.seeds[0])).parent / name)
+        return place
+
+
+def _pipeline(path: Path) -> object:
+    from workbench.pipeline import Pipeline
+
+    return Pipeline.load(path).plan()
+
+
+def _recipe(path: Path) -> object:
+    from workbench.synthetic.recipe_file import read_any_recipe
+
+    return read_any_recipe(path)
+
+
+def _cell(path: Path) -> object:
+    from workbench.robot import cell
+
+    return cell(cell=path)
+
+
+def _urdf(path: Path) -> object:
+    import json
+
+    from workbench.robot import cell
+
+    shipped = json.loads((ROOT / "data/robot/cell.json").read_text())
+    shipped["robot"]["urdf"] = path.name
+    beside = path.with_name("cell.json")
+    beside.write_text(json.dumps(shipped))
+    return cell(cell=beside)
+
+
+def _toolpath(path: Path) -> object:
+    from workbench.path import read
+
+    return read(toolpath=path)
+
+
+def _hand_eye(path: Path) -> object:
+    from workbench.scan.hand_eye import read_hand_eye
+
+    return read_hand_eye(path)
+
+
+def _stiffness(path: Path) -> object:
+    from workbench.plugins.stiffness import read
+
+    return read(stiffness=path)
+
+
+def _loads(path: Path) -> object:
+    from workbench.plugins.stiffness.loads import read_loads
+
+    return read_loads(path)
+
+
+def _deflections(path: Path) -> object:
+    from workbench.path import read
+    from workbench.twin.deflections import read_deflections
+
+    return read_deflections(path, read(toolpath=CORPUS / "toolpath" / "short.json").layers)
+
+
+def _identify(path: Path) -> object:
+    from workbench.plugins.stiffness import identify
+    from workbench.robot import cell
+
+    return identify(cell(cell=ROOT / "data/robot/cell.json"), loads=path)
+
+
+def _recording(path: Path) -> object:
+    from workbench.scan import read
+
+    return read(recording=path)
+
+
+TARGETS = (
+    Target("pipeline", _pipeline, ("pipelines/*.json",), beside=("../data",)),
+    Target("recipe", _recipe, ("data/synthetic/*edge.json", "data/synthetic/sphere.json")),
+    Target("cell", _cell, ("data/robot/cell.json",), beside=("irb6700_150_320.urdf",)),
+    Target("urdf", _urdf, ("data/robot/*.urdf",), 0.3),
+    Target("toolpath", _toolpath, ()),
+    Target("hand_eye", _hand_eye, ()),
+    Target("stiffness", _stiffness, ()),
+    Target("loads", _loads, ("data/synthetic/loads.csv",), 0.3),
+    Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
+    Target("deflections", _deflections, ()),
+    Target("recording", _recording, (), 0.02),
+)

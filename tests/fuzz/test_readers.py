@@ -1,0 +1,45 @@
+"""A small share of `make fuzz`: every reader on a few hundred mutated files, with a seed of its own."""
+
+import random
+
+import pytest
+
+from bench.fuzz.mutate import mutated
+from bench.fuzz.run import fuzz
+from bench.fuzz.targets import TARGETS, Target
+from workbench.errors import InputError
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_mutated_files_give_a_result_or_one_line(target):
+    outcome = fuzz(target, max(5, round(300 * target.share)), seed=2026)
+    assert not outcome.failures
+    assert outcome.refused > 0
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_the_good_files_are_good(target, tmp_path):
+    """Else nothing but the first check of a reader would be tried."""
+    place = target.surroundings(tmp_path)
+    for path in target.files():
+        copy = place / f"good{path.suffix}"
+        copy.write_bytes(path.read_bytes())
+        target.read(copy)
+
+
+def test_what_a_reader_does_wrong_is_found():
+    def reads(path):
+        if "x" in path.read_text(errors="replace"):
+            raise KeyError("x")
+        raise InputError(str(path), "expected an x")
+
+    outcome = fuzz(Target("broken", reads, ("CITATION.cff",)), 200, seed=1)
+    assert sum(outcome.failures.values()) + outcome.refused == 200
+    assert any(what.startswith("KeyError") for what in outcome.failures)
+
+
+def test_mutations_differ_and_repeat():
+    content = b'{"a": [1, 2, {"b": "c"}]}'
+    first = [mutated(content, ".json", random.Random(seed)) for seed in range(200)]
+    assert first == [mutated(content, ".json", random.Random(seed)) for seed in range(200)]
+    assert len(set(first)) > 150

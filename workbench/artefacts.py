@@ -414,6 +414,7 @@ class Scene:
     strokes: tuple[Strokes, ...]
     marks: tuple[Mark, ...]
     axes: Float  # (3, 3) rows t, n, m: the first look is along them, m stays upright
+    marks_are: str = "sections"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 from dataclasses import dataclass
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import workbench.report
 from workbench.artefacts import (
     BEVEL_FACE,
     ROOT_FACE,
@@ -262,16 +265,18 @@ def provenance():
     )
 
 
+REPORT = Path(workbench.report.__file__).parent
 VOID = {"meta", "img", "br", "hr"}
 
 
 class Elements(HTMLParser):
-    """Collects start tags with their attributes, and all text; every element must end where it belongs."""
+    """Collects start tags with their attributes, all text and all scripts; every element must end where it belongs."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text = ""
+        self.scripts: list[str] = []
         self.open: list[str] = []
         self.feed(page)
         assert self.open == []
@@ -285,7 +290,19 @@ class Elements(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        self.text += data
+        if self.open[-1:] == ["script"]:
+            self.scripts.append(data)
+        else:
+            self.text += data
+
+    def scripts_are_the_reports_own(self) -> bool:
+        """Scenes, which are JSON and run nothing, and the one viewer."""
+        viewer = "".join((REPORT / name).read_text(encoding="utf-8") for name in ("painter.js", "viewer.js"))
+        scenes = [attributes for tag, attributes in self.tags if tag == "script" and attributes]
+        assert all(each == {"type": "application/json", "class": "scene"} for each in scenes)
+        *data, last = self.scripts
+        assert all(json.loads(text)["blocks"] is not None for text in data)
+        return last.strip() == viewer.strip() and len(data) == len(scenes)
 
 
 @pytest.fixture(scope="session")

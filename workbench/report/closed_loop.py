@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from workbench.artefacts import Chapter, Engagement, Inspection, Rework, Toolpath
+from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Toolpath
 from workbench.errors import InputError, one_line
 from workbench.stage import stage
+
+SCENE_POINTS = 150_000
 
 
 @stage("report.closed_loop")
 def closed_loop(
-    inspection: Inspection, toolpath: Toolpath, rework: Rework | None = None, engagement: Engagement | None = None
+    inspection: Inspection,
+    toolpath: Toolpath,
+    rework: Rework | None = None,
+    engagement: Engagement | None = None,
+    cloud: Cloud | None = None,
+    edge: Edge | None = None,
 ) -> Chapter:
     """The closed loop as a chapter: root size and bevel angle as asked, as planned, as measured; and the rework.
 
@@ -22,6 +29,8 @@ def closed_loop(
         toolpath: that it was milled along.
         rework: what the inspection asks to be milled again; without it the page says so.
         engagement: of the cutter along the path, from a simulation.
+        cloud: of the milled part; without it the view to be turned shows sections and path alone.
+        edge: the milled edge in that cloud.
 
     Raises:
         InputError: no section, or a path without layers.
@@ -29,6 +38,7 @@ def closed_loop(
     # Matplotlib and jinja2 cost time to import: only where a report is made.
     from workbench.report.closed_loop_text import closed_loop_html, closed_loop_summary, contradictions
     from workbench.report.loop import compared, loop_chart
+    from workbench.report.scenes import loop_scene
 
     if not inspection.sections:
         raise InputError("inspection", "expected at least one section to report")
@@ -43,4 +53,5 @@ def closed_loop(
         summary=closed_loop_summary(inspection, toolpath, rework),
         part=toolpath.part_id or "",
         warnings=tuple(map(one_line, [*contradictions(inspection, toolpath), *(rework.warnings if rework else ())])),
+        scene=loop_scene(inspection, toolpath, rows, cloud, edge, SCENE_POINTS),
     )

@@ -12,7 +12,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Section
 from workbench.report.colours import FACES, GREY, INK
 from workbench.report.develop import in_section
 from workbench.report.sample import frame_arc_length_mm, of_section
-from workbench.units import DEG, AnyArray, Float
+from workbench.units import DEG, AnyArray, Bool, Float
 
 STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material
 
@@ -44,16 +44,31 @@ def deviations(drawn: LaidOut) -> tuple[Float, Float, AnyArray] | None:
     on_bevel = drawn.label == BEVEL_FACE
     face = on_bevel | (drawn.label == ROOT_FACE)
     from_corner = drawn.uv_mm - np.array([0.0, root])
-    up_the_bevel, outward = np.array([-math.sin(beta), math.cos(beta)]), np.array([math.cos(beta), math.sin(beta)])
+    up_the_bevel = np.array([-math.sin(beta), math.cos(beta)])
     along = np.where(on_bevel, root + from_corner @ up_the_bevel, drawn.uv_mm[:, 1])
-    off = np.where(on_bevel, from_corner @ outward, drawn.uv_mm[:, 0])
+    off = outside_mm(drawn.uv_mm, on_bevel, root, beta)
     return along[face], off[face], drawn.label[face]
+
+
+def outside_mm(uv_mm: Float, on_bevel: Bool, root_mm: Float | float, bevel: Float | float) -> Float:
+    """(n,) how far points (n, 2) lie outside the bevel face, or outside the root face where not `on_bevel`.
+
+    `root_mm` and `bevel` (rad): of the faces that they are compared with, one value or one a point.
+    """
+    u, v = uv_mm.T
+    off: Float = np.where(on_bevel, u * np.cos(bevel) + (v - root_mm) * np.sin(bevel), u)
+    return off
 
 
 def deviation_limit(all_drawn: list[LaidOut]) -> float:
     """Half height of the strips, mm: all but the farthest points, to the next 1, 2 or 5."""
     found = [np.abs(d[1]) for d in map(deviations, all_drawn) if d is not None and len(d[1])]
-    reach = max(1e-3, float(np.percentile(np.concatenate(found), 99.5))) if found else 0.05
+    return round_limit(np.concatenate(found)) if found else 0.05
+
+
+def round_limit(distance_mm: Float) -> float:
+    """1, 2 or 5 times a power of ten, mm: all but the farthest of the distances (n,) are less."""
+    reach = max(1e-3, float(np.percentile(distance_mm, 99.5)))
     decade: float = 10.0 ** math.floor(math.log10(reach))
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= reach)
 

@@ -45,6 +45,7 @@ def inspection(
     from workbench.report.drawing import section_drawings
     from workbench.report.inspection_text import inspection_html
     from workbench.report.rendering import Rendering
+    from workbench.report.scenes import inspection_scene
     from workbench.report.section_views import section_views
 
     if not inspection.sections:
@@ -58,6 +59,7 @@ def inspection(
         "angle": angle_chart(edge, inspection),
     }
     aside = plan_view(cloud, edge, inspection)
+    scene = inspection_scene(cloud, edge, inspection, points)
     pictures = rendering.pictures()
     return Chapter(
         title="Inspection",
@@ -66,4 +68,5 @@ def inspection(
         summary=one_line(inspection.reason),
         part=cloud.part_id or "",
         warnings=tuple(dict.fromkeys([*inspection.warnings, *edge.warnings])),
+        scene=scene,
     )

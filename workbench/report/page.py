@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Sequence
+
+from markupsafe import Markup
 
 from workbench.artefacts import Chapter, Provenance, Verdict
 from workbench.errors import one_line
+from workbench.report.pack import packed
 from workbench.report.tables import one_line_a_stage
 from workbench.report.template import render, source
 
 WORST_FIRST: tuple[Verdict, ...] = ("fail", "undecided", "pass")
+SCENE_POINTS = 300_000  # on the page, all scenes together
 
 
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
     """The whole page."""
+    viewer = source("painter.js") + source("viewer.js") if any(chapter.scene for chapter in chapters) else Markup("")
     return render(
         "page.html.j2",
         style=source("page.css"),
+        viewer=viewer,
+        policy=policy(viewer),
+        scenes=_scenes(chapters),
         part=one_line(", ".join(dict.fromkeys(chapter.part for chapter in chapters if chapter.part))),
         title=provenance.title if provenance else "",
         verdict=overall(chapters),
@@ -26,6 +36,19 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         versions=sorted(provenance.versions.items()) if provenance else [],
         pipeline=one_line_a_stage(provenance.pipeline) if provenance else "",
     )
+
+
+def policy(script: str) -> str:
+    """What a browser lets the page do (Content-Security-Policy): its own pictures and styles, this one script."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    scripts = f"'sha256-{digest}'" if script else "'none'"
+    return f"default-src 'none'; base-uri 'none'; img-src data:; style-src 'unsafe-inline'; script-src {scripts}"
+
+
+def _scenes(chapters: Sequence[Chapter]) -> list[Markup]:
+    """The scene of each chapter as JSON, '' where it has none; the points are shared out alike."""
+    share = SCENE_POINTS // max(1, sum(chapter.scene is not None for chapter in chapters))
+    return [Markup(packed(chapter.scene, share) if chapter.scene else "") for chapter in chapters]
 
 
 def overall(chapters: Sequence[Chapter]) -> str:

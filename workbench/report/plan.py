@@ -52,6 +52,7 @@ def plan(
     from workbench.report.procedure import procedure_views
     from workbench.report.ramp import feed_scale, layer_scale
     from workbench.report.rendering import Rendering
+    from workbench.report.scenes import plan_scene
     from workbench.report.stepping import stepped_section, stepping_drawing
 
     if edge.kind != "raw":
@@ -73,6 +74,7 @@ def plan(
         charts["section"] = stepping_drawing(cloud, edge, toolpath, stepped)
     if engagement is not None:
         charts["engagement"] = engagement_chart(edge, toolpath, engagement)
+    scene = plan_scene(cloud, edge, toolpath, run, points)
     return Chapter(
         title="Plan",
         html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, rendering.pictures(), charts),
@@ -80,4 +82,5 @@ def plan(
         summary=plan_summary(toolpath, run, gate),
         part=toolpath.part_id or cloud.part_id or "",
         warnings=tuple(dict.fromkeys(map(one_line, [*edge.warnings, *toolpath.warnings]))),
+        scene=scene,
     )

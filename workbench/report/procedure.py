@@ -89,7 +89,7 @@ def _with_edges(view: View, edge: Edge, stretch: Shown, origin: Float) -> View:
     here = (edge.arc_length_mm >= stretch.from_mm) & (edge.arc_length_mm <= stretch.to_mm)
     lines, colours = [], []
     for position, colour in ((edge.position_mm, LOWER_EDGE), (edge.upper_position_mm, UPPER_EDGE)):
-        for run in _runs(position[here]) if position is not None else []:
+        for run in runs(position[here]) if position is not None else []:
             lines.append(run - origin)
             colours.append(np.tile(rgb(colour), (len(run), 1)))
     return joined(view, lines, colours)
@@ -108,7 +108,7 @@ def _with_tool_frames(view: View, edge: Edge, toolpath: Toolpath, stretch: Shown
     return joined(replace(view, dots_mm=place, dot_colour=np.tile(rgb(INK), (len(place), 1))), lines, colours)
 
 
-def _runs(position_mm: Float) -> list[Float]:
+def runs(position_mm: Float) -> list[Float]:
     """The stretches of a curve between its NaNs."""
     known = np.isfinite(position_mm).all(axis=1)
     pieces = np.split(position_mm, np.flatnonzero(np.diff(known)) + 1)

@@ -27,8 +27,8 @@ class Points:
     frame: Int  # (n,)
     column: Int  # (n,)
 
-    def where(self, mask: Bool) -> Points:
-        """The points where `mask` (n,) holds."""
+    def where(self, mask: Bool | Int) -> Points:
+        """The points where `mask` (n,) holds, or those of the given indices in their order."""
         return Points(*(getattr(self, each.name)[mask] for each in fields(self)))
 
 
@@ -72,11 +72,11 @@ def face_ends(cloud: Cloud, edge: Edge, face: int, frames: Int) -> tuple[Points,
     here = (edge.labels[frames] == face) & cloud.keep[frames]
     frames, here = frames[here.any(axis=1)], here[here.any(axis=1)]
     ends = np.stack([here.argmax(axis=1), here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)])
-    first, last = (_at(cloud, edge, frames, columns) for columns in ends)
+    first, last = (at_places(cloud, edge, frames, columns) for columns in ends)
     across = edge.across[np.isfinite(edge.across).all(axis=1)].mean(axis=0)
     turned = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]
     low = np.where(turned[:, 0], ends[1], ends[0])
-    return _at(cloud, edge, frames, low), _at(cloud, edge, frames, ends.sum(axis=0) - low)
+    return at_places(cloud, edge, frames, low), at_places(cloud, edge, frames, ends.sum(axis=0) - low)
 
 
 def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
@@ -94,10 +94,10 @@ def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1, *, kept: 
     """The points with a return in `frames`, every `column_step`-th column: those kept, or those rejected."""
     x, z = cloud.x_mm[frames, ::column_step], cloud.z_mm[frames, ::column_step]
     row, column = np.nonzero(np.isfinite(x) & np.isfinite(z) & (cloud.keep[frames, ::column_step] == kept))
-    return _at(cloud, edge, frames[row], column * column_step)
+    return at_places(cloud, edge, frames[row], column * column_step)
 
 
-def _at(cloud: Cloud, edge: Edge, frame: Int, column: Int) -> Points:
+def at_places(cloud: Cloud, edge: Edge, frame: Int, column: Int) -> Points:
     """The points at places (n,) in the grid."""
     x_mm, z_mm = (grid[frame, column].astype(float)[:, None] for grid in (cloud.x_mm, cloud.z_mm))
     x_axis, z_axis, origin = (cloud.base_from_profiler[frame, :3, k] for k in (0, 2, 3))

@@ -48,21 +48,30 @@ def _view(
 ) -> View:
     """`look`: towards the viewer in t, n, m; `plane_mm`: least size of a section plane, to be seen on a long edge."""
     axes = np.array([origin.tangent, origin.normal, origin.across])
-    sizes = [size for size in (_faces_about(points, section) for section in sections) if size is not None]
-    low, high = np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
-    half = np.maximum((high - low) / 2 * MARGIN, plane_mm / 2)
-    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    planes = [s.origin_mm - origin.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections]
     return View(
         points_mm=points.position_mm - origin.origin_mm,
         colour=face_shades()[points.label],
-        planes_mm=np.array(planes),
+        planes_mm=plane_corners(points, sections, plane_mm) - origin.origin_mm,
         plane_colour=np.array([rgb(VERDICTS[s.verdict]) for s in sections], dtype=np.uint8),
         names=tuple(str(s.index) for s in sections),
         axes=axes,
         look=towards(axes, look),
         axes_length_mm=axes_length_mm,
     )
+
+
+def plane_corners(points: Points, sections: tuple[Section, ...], least_mm: float = 0.0) -> Float:
+    """(k, 4, 3) corners of the sections' planes in the base: a little larger than the faces, at least `least_mm`."""
+    low, high = faces_extent(points, sections)
+    half = np.maximum((high - low) / 2 * MARGIN, least_mm / 2)
+    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return np.array([s.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections])
+
+
+def faces_extent(points: Points, sections: tuple[Section, ...]) -> Float:
+    """(2, 2) lowest and highest (u, v) of root and bevel face, as most sections have them."""
+    sizes = [size for size in (_faces_about(points, section) for section in sections) if size is not None]
+    return np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
 
 
 def _faces_about(points: Points, section: Section) -> Float | None:

@@ -52,7 +52,12 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
             raise InputError(f"{path}: $.{twice}", "stands twice")
         return made
 
-    hooks = {"parse_constant": constant, "parse_float": finite, "parse_int": whole, "object_pairs_hook": unique}
+    hooks: dict[str, Any] = {
+        "parse_constant": constant,
+        "parse_float": finite,
+        "parse_int": whole,
+        "object_pairs_hook": unique,
+    }
     text = ""
     try:
         text = path.read_bytes().decode("utf-8-sig")

@@ -17,12 +17,12 @@ from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.wrist import spherical_wrist
 from workbench.stage import InputFile, stage
-from workbench.strict_json import read_json
+from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
 
 
 @stage("robot.cell")
-def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON)")]) -> Cell:
+def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON or YAML)")]) -> Cell:
     """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
 
     Args:
@@ -37,7 +37,7 @@ def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON)")])
 def read_cell(path: Path) -> Cell:
     """The cell that a file describes; raises InputError with the file and the place in it."""
     try:
-        values = check_parameters(CellPart, read_json(path), f"{path}: $")
+        values = check_parameters(CellPart, read_document(path), f"{path}: $")
     except PipelineError as error:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)

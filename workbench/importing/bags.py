@@ -19,12 +19,15 @@ from workbench.importing.neutral import Imported
 
 NAME = "bag (MCAP, rosbag2, rosbag1)"
 SUFFIXES = (".mcap", ".bag", ".db3")
+METADATA = "metadata.yaml"
 MAGIC = (b"\x89MCAP0", b"#ROSBAG V")
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the source is a bag: by its suffix or first bytes, or a directory with a rosbag2's metadata."""
-    return path.suffix in SUFFIXES or head.startswith(MAGIC) or (path / "metadata.yaml").is_file()
+    if path.is_dir():
+        return any(file.name == METADATA or file.suffix in SUFFIXES for file in path.iterdir())
+    return path.suffix in SUFFIXES or head.startswith(MAGIC)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -33,6 +36,8 @@ def read(path: Path, mapping: Mapping) -> Imported:
     Raises:
         InputError: a damaged bag, a message that cannot be used, or a question that only the mapping can answer.
     """
+    if path.is_dir() and not (path / METADATA).is_file():
+        raise InputError(str(path), f"expected {METADATA} beside the storage; or name the .mcap or .db3 file itself")
     if not path.is_dir() and path.suffix not in SUFFIXES:
         raise InputError(str(path), f"expected a bag to be named {', '.join(SUFFIXES)}")
     part = mapping.bag or BagPart()

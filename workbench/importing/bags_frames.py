@@ -56,16 +56,23 @@ class FrameTree:
     links: dict[str, Link] = field(default_factory=dict)  # by child
 
     def add(self, transform: Any, time_s: float, is_static: bool, scale_mm: float, where: str) -> None:
-        """Add a geometry_msgs/TransformStamped. Raises InputError for a frame with two parents."""
+        """Add a geometry_msgs/TransformStamped.
+
+        Raises:
+            InputError: a frame with two parents, or fixed in two places.
+        """
         parent, child = frame_name(transform.header.frame_id), frame_name(transform.child_frame_id)
         link = self.links.setdefault(child, Link(parent, is_static))
         if (link.parent, link.is_static) != (parent, is_static):
             found = f"'{parent}'" if link.parent != parent else "both in /tf and /tf_static"
             raise InputError(where, f"expected frame '{child}' under '{link.parent}' as before, found it under {found}")
-        if is_static:
-            link.time_s, link.rows = [], []  # the last one counts
+        row = pose_row(transform.transform.translation, transform.transform.rotation, scale_mm, where)
+        if is_static and link.rows:
+            if not np.allclose(row, link.rows[0], rtol=0, atol=1e-9):
+                raise InputError(where, f"expected frame '{child}' fixed as before, found it elsewhere")
+            return
         link.time_s.append(time_s)
-        link.rows.append(pose_row(transform.transform.translation, transform.transform.rotation, scale_mm, where))
+        link.rows.append(row)
 
     @property
     def names(self) -> list[str]:

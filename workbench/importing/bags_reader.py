@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,7 @@ def opened(path: Path) -> Iterator[Bag]:
     from rosbags import rosbag1, rosbag2
 
     is_ros1 = not path.is_dir() and path.suffix == ".bag"
+    _check_sqlite(path)
     with ExitStack() as stack:
         with _edge(str(path), "bag"):
             reader: Any = stack.enter_context(rosbag1.Reader(path) if is_ros1 else rosbag2.Reader(path))
@@ -105,6 +107,17 @@ def opened(path: Path) -> Iterator[Bag]:
                 raise InputError(f"{path}: {topic}", "expected one message type, found several")
         types = {topic: str(name) for topic, (name, _) in topics.items()}
         yield Bag(path, reader, _typestore(is_ros1), is_ros1, types, {t: count for t, (_, count) in topics.items()})
+
+
+def _check_sqlite(path: Path) -> None:
+    """rosbags opens a database by its address, as if nothing had ever been left beside it."""
+    files = sorted(path.glob("*.db3")) if path.is_dir() else [path] if path.suffix == ".db3" else []
+    for file in files:
+        log = Path(f"{file}-wal")
+        if log.is_file() and log.stat().st_size:
+            raise InputError(str(log), "holds messages that were never put into the bag: open it once with sqlite3")
+        if any(mark in str(file) for mark in "?#%"):
+            raise InputError(str(file), "expected a path without ?, # and %, which SQLite takes for its own")
 
 
 def chosen_topic(bag: Bag, wanted: str, types: tuple[str, ...], key: str) -> str:
@@ -124,6 +137,7 @@ def listed(bag: Bag, topics: list[str]) -> str:
     return ", ".join(f"{topic} ({bag.types[topic].split('/')[-1]}, {bag.counts[topic]})" for topic in topics[:20])
 
 
+@cache
 def _typestore(is_ros1: bool) -> Any:
     """The standard message types; those of this module are the same in every ROS 2 so far."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore

@@ -1,6 +1,7 @@
-"""Stages that find the workpiece's edge: `edge.segment`, and `edge.segment_raw` before it is milled."""
+"""Stages that find the edge: `edge.segment`, `edge.segment_cloud` without a grid, `edge.segment_raw` before milling."""
 
 from workbench.edge.segment import segment
+from workbench.edge.segment_cloud import segment_cloud
 from workbench.edge.segment_raw import segment_raw
 
-__all__ = ["segment", "segment_raw"]
+__all__ = ["segment", "segment_cloud", "segment_raw"]

@@ -1,4 +1,4 @@
-"""A cloud without a grid as an organised one: sliced across its edge, seen from where its faces show best."""
+"""A cloud without scan lines as an organised one: sliced across its edge, seen from where its faces show best."""
 
 from __future__ import annotations
 
@@ -8,23 +8,32 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
 
-from workbench.artefacts import Cloud, PointSet
-from workbench.edge.faces import key_readings
+from workbench.artefacts import ROOT_FACE, Cloud, PointSet
+from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
+from workbench.edge.measure import measure_edge
+from workbench.edge.segment_cloud_direction import edge_direction
+from workbench.edge.segment_cloud_grid import organised
 from workbench.errors import InputError
-from workbench.geometry.chains import noise_sigma
 from workbench.geometry.curves import Curve, with_frame
-from workbench.geometry.outliers import reject_outliers
-from workbench.geometry.slices import cut, lay_out
-from workbench.units import Float, Float32, Int
+from workbench.geometry.slices import Laid, cut, lay_out
+from workbench.units import DEG, Float, Int
 
-NEIGHBOURS = 16
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
+NEIGHBOURS = 16
 VIEWS = 24  # directions of sight that are tried, around the edge
-TRIAL_SLICES, COARSE_SLICES = 24, 240
-MOST_COLUMNS, MOST_FRAMES = 4000, 200_000
+TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
+LEAST_SLICES = 3
 REACH_MM = 25.0  # of the cloud only this much on each side of the edge is sliced
-NOISE_SIGMAS, LEAST_TOLERANCE_MM, JUMP_MM, WINDOW = 9.0, 0.06, 1.0, 5  # of stray points, as cloud.denoise has them
+PATH_STEP_MM = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Nominal:
+    """What the faces are told apart by."""
+
+    root_mm: float
+    bevel_deg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,84 +44,97 @@ class Spacing:
     thickness_mm: float  # of a slice that has one point a column
 
 
+def slice_cloud(points: PointSet, nominal: Nominal) -> Cloud:
+    """The cloud sliced across its edge.
+
+    First square to one direction, from the side that reads best as a milled edge; that gives the edge's course. Then
+    square to that course, in slices and columns as wide as the points on the root face lie apart.
+    """
+    straight = _straight(points)
+    step = spacing(points.points_mm)
+    view = best_view(points, straight, step, nominal)
+    coarse = _sliced(points, straight, view, step, COARSE_SLICES)
+    found = find_faces(coarse, nominal.root_mm, nominal.bevel_deg)
+    course = measure_edge(coarse, found).curve
+    near = _near(points.points_mm, course)
+    frame, column = np.nonzero(found.labels == ROOT_FACE)
+    return _sliced(points, near, view, spacing(points.points_mm, _placed(coarse, frame, column)), MOST_SLICES)
+
+
+def _straight(points: PointSet) -> Laid:
+    """The points laid out along a straight line through their middle, in the direction of the edge."""
+    along = edge_direction(points.points_mm, points.source)
+    middle = points.points_mm.mean(axis=0)
+    s = (points.points_mm - middle) @ along
+    at = np.linspace(s.min(), s.max(), 8)
+    course = with_frame(make_interp_spline(at, middle + at[:, None] * along, k=3), at, np.inf, 0.0)
+    return lay_out(points.points_mm, course, s)
+
+
+def _near(points_mm: Float, course: Curve) -> Laid:
+    """The points within REACH_MM of the course, laid out along it."""
+    at = np.arange(course.stations_mm[0], course.stations_mm[-1], PATH_STEP_MM)
+    off, nearest = cKDTree(course.position(at)).query(points_mm, distance_upper_bound=REACH_MM)
+    here = np.isfinite(off)
+    return lay_out(points_mm[here], course, at[nearest[here]])
+
+
 def spacing(points_mm: Float, at_mm: Float | None = None) -> Spacing:
     """Median distance between neighbours, and what that leaves to the other direction by the density in the surface.
 
-    On scan lines the neighbours are those of the line, and the slices are as thick as the lines are apart. at_mm (k, 3):
-    where to look; everywhere if None.
+    Where points lie on lines the neighbours are those of the line, and the slices are as thick as the lines are apart.
+    at_mm (k, 3): where to look; everywhere if None.
     """
     at = points_mm if at_mm is None else at_mm
-    chosen = at[:: max(1, len(at) // SAMPLE)]
-    distance = cKDTree(points_mm).query(chosen, k=NEIGHBOURS + 1)[0]
+    distance = cKDTree(points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
     width = float(np.median(distance[:, 1]))
     area = float(np.median(np.pi * distance[:, -1] ** 2)) / NEIGHBOURS  # of the surface, a point
     return Spacing(width, max(area / width, width))
 
 
-def straight_course(points_mm: Float, along: Float) -> Curve:
-    """The straight line through the middle of the points (n, 3), as a course in direction `along` (3,)."""
-    middle = points_mm.mean(axis=0)
-    s = (points_mm - middle) @ along
-    at = np.linspace(s.min(), s.max(), 8)
-    spline = make_interp_spline(at, middle + at[:, None] * along, k=3)
-    return with_frame(spline, at, np.inf, 0.0)
+def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int) -> Cloud:
+    """At most `most` slices, evenly along the course."""
+    first, length = float(laid.s.min()), float(np.ptp(laid.s))
+    count = int(length / step.thickness_mm)
+    if count < LEAST_SLICES:
+        raise InputError(points.source, f"expected a cloud along an edge, found {length:.3g} mm of it with points about "
+                         f"{step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart")  # fmt: skip
+    chosen = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
+    at = first + step.thickness_mm * (chosen + 0.5)
+    x, z, pose = cut(laid, view, at, step.thickness_mm, step.width_mm)
+    return organised(points, x, z, pose, np.zeros(len(at), np.int64))
 
 
-def sliced(points: PointSet, near: Float, s: Float, course: Curve, view: Float, step: Spacing, most: int) -> Cloud:
-    """An organised cloud of at most `most` slices of points (k, 3) `near` the course, stray ones rejected."""
-    laid = lay_out(near, course, s, view)
-    count = int(np.ptp(laid.s) / step.thickness_mm)
-    if count < 3:
-        raise InputError(points.source, "expected a cloud along an edge, found "
-                         f"{np.ptp(laid.s):.3g} mm of it with points {step.width_mm:.3g} mm apart")  # fmt: skip
-    at = laid.s.min() + step.thickness_mm * (0.5 + np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)))
-    width = max(step.width_mm, float(np.ptp(laid.x)) / MOST_COLUMNS)
-    slices = cut(laid, course, at, step.thickness_mm, width)
-    return organised(points, slices.x_mm, slices.z_mm, slices.base_from_profiler, np.zeros(len(at), np.int64))
+def best_view(points: PointSet, laid: Laid, step: Spacing, nominal: Nominal) -> Float:
+    """Direction of sight (3,) from which slices read best as a milled edge: against the bisector of its two faces.
 
-
-def organised(points: PointSet, x_mm: Float32, z_mm: Float32, base_from_profiler: Float, pass_index: Int) -> Cloud:
-    """An organised cloud with the stray returns rejected as `cloud.denoise` does."""
-    keep = np.isfinite(x_mm)
-    frames = len(keep)
-    some = np.unique(np.linspace(0, frames - 1, 60).astype(int))
-    noise = [noise_sigma(z_mm[i][keep[i]].astype(np.float64)) for i in some if keep[i].sum() > 12]
-    tolerance = max(LEAST_TOLERANCE_MM, NOISE_SIGMAS * float(np.median(noise)) if noise else 0.0)
-    keep, isolated, streaks = reject_outliers(z_mm, keep, pass_index, tolerance, WINDOW, JUMP_MM)
-    return Cloud(x_mm, z_mm, keep, base_from_profiler, np.arange(frames, dtype=np.float64), pass_index,
-                 source=points.source, part_id=points.part_id,
-                 rejected={"isolated returns": isolated, "short streaks": streaks})  # fmt: skip
-
-
-def views(along: Float) -> Float:
-    """Directions (VIEWS, 3) square to `along`, evenly around it."""
-    a = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    a /= np.linalg.norm(a)
-    angle = np.arange(VIEWS) * 2.0 * np.pi / VIEWS
-    return np.asarray(np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * np.cross(along, a))
-
-
-def best_view(points: PointSet, course: Curve, along: Float, step: Spacing, root_nominal_mm: float,
-              bevel_nominal: float) -> Float:  # fmt: skip
-    """Direction of sight (3,) from which the slices read best as a milled edge: between its two faces."""
-    s = (points.points_mm - course.position(np.zeros(1))) @ along
+    Raises InputError where they do not from any.
+    """
+    _, a, b = laid.course.frame(np.zeros(1))
     best, score = None, 0.0
-    for view in views(along):
-        cloud = sliced(points, points.points_mm, s, course, view, step, TRIAL_SLICES)
-        readings = key_readings(cloud, slice(None), root_nominal_mm, bevel_nominal)[1]
-        found = [
-            min(those, key=lambda c: c.score) for frame in readings if (those := [c for c in frame if c.sense > 0])
-        ]
+    for angle in np.arange(VIEWS) * 2.0 * np.pi / VIEWS:
+        cloud = _sliced(points, laid, np.cos(angle) * a[0] + np.sin(angle) * b[0], step, TRIAL_SLICES)
+        readings = key_readings(cloud, slice(None), nominal.root_mm, nominal.bevel_deg * DEG)[1]
+        away = [[c for c in frame if c.sense > 0] for frame in readings]
+        found = [min(those, key=lambda c: c.score) for those in away if those]
         total = sum(WORST_SCORE - c.score for c in found)
         if total > score:
             best, score = _between(found, cloud), total
     if best is None:
-        raise InputError(points.source, "no edge in view: expected a root face next to a bevel face")
+        raise InputError(points.source, "no edge in view: expected a root face next to a bevel face of "
+                         f"{nominal.bevel_deg:g} deg (a raw edge has none)")  # fmt: skip
     return best
 
 
 def _between(found: list[Candidate], cloud: Cloud) -> Float:
-    """The direction against the bisector of both faces' outward normals."""
-    slope = np.arctan(np.median([(c.root[0], c.bevel[0]) for c in found], axis=0)).mean()
+    """The direction (3,) against the bisector of both faces' outward normals."""
+    slope = float(np.arctan(np.median([(c.root[0], c.bevel[0]) for c in found], axis=0)).mean())
     pose = cloud.base_from_profiler[len(cloud.base_from_profiler) // 2, :3]
     return np.asarray(np.cos(slope) * pose[:, 2] - np.sin(slope) * pose[:, 0])
+
+
+def _placed(cloud: Cloud, frame: Int, column: Int) -> Float:
+    """Grid points (k, 3) in the base."""
+    pose = cloud.base_from_profiler[frame, :3]
+    x, z = cloud.x_mm[frame, column, None], cloud.z_mm[frame, column, None]
+    return pose[:, :, 3] + x * pose[:, :, 0] + z * pose[:, :, 2]

@@ -11,6 +11,7 @@ from workbench.units import Float, Float32, Int
 
 ANGLES = 360  # of the lateral axis, that are tried; then as many between the two next to the best
 SAMPLE = 60_000  # steps that tell it
+MARGIN = 20  # empty columns on each side: where the field of view ended is not known
 MOST_MISSING = 40  # columns left empty for returns that are missing in a row
 
 
@@ -43,7 +44,8 @@ def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid:
         x_axis[here] = c * first_axis[here] + s * second_axis[here]
         x[mine], z[mine] = plane[mine] @ [c, s], plane[mine] @ [-s, c]
         column[mine] = _columns(x[mine], line[mine], pitch)
-    grid = np.full((2, len(lines.normal), int(column.max()) + 1), np.nan, np.float32)
+    column += MARGIN - column.min()
+    grid = np.full((2, len(lines.normal), int(column.max()) + 1 + MARGIN), np.nan, np.float32)
     grid[0, line, column], grid[1, line, column] = x, z
     pose = np.tile(np.eye(4), (len(lines.normal), 1, 1))
     pose[:, :3, 0], pose[:, :3, 1], pose[:, :3, 3] = x_axis, -lines.normal, origin
@@ -99,8 +101,16 @@ def _scatter(step: Float) -> float:
 
 
 def _columns(x: Float, line: Int, pitch: float) -> Int:
-    """Column of each point: as many further than the one before as its step has pitches, at least one."""
-    step = np.clip(np.round(np.diff(x, prepend=x[:1]) / pitch), 1, MOST_MISSING).astype(np.int64)
+    """Column of each point: the first one's by its x, then as many further as the step has pitches, at least one."""
     start = np.flatnonzero(np.diff(line, prepend=line[0] - 1))
-    count = np.cumsum(step)
-    return np.asarray(count - np.repeat(count[start], np.diff(np.append(start, line.size))))
+    size = np.diff(np.append(start, line.size))
+    step = np.clip(np.round(np.diff(x, prepend=x[:1]) / pitch), 1, MOST_MISSING)
+    step[start] = np.round(x[start] / pitch - _phase(x / pitch, start, size))
+    before = np.cumsum(step)
+    return np.asarray(before - np.repeat(before[start] - step[start], size), dtype=np.int64)
+
+
+def _phase(x: Float, start: Int, size: Int) -> Float:
+    """Where each line's columns lie about whole numbers of x (n,) in columns: robot and sensor move a little."""
+    turn = np.add.reduceat(np.exp(2j * np.pi * x), start) / size
+    return np.asarray(np.unwrap(np.angle(turn)) / (2.0 * np.pi))

@@ -86,7 +86,9 @@ def _laser_plane(points: Float) -> tuple[Float, float] | None:
         return None
     found = np.concatenate(normals)
     found *= np.where(found[np.arange(len(found)), np.abs(found).argmax(axis=1)] < 0, -1.0, 1.0)[:, None]
-    _, group, count = np.unique(np.round(found / ALIKE).astype(np.int64), axis=0, return_inverse=True, return_counts=True)
+    _, group, count = np.unique(
+        np.round(found / ALIKE).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
     normal = found[group.ravel() == count.argmax()].mean(axis=0)
     normal = found[np.linalg.norm(found - normal, axis=1) < ALIKE].mean(axis=0)
     normal /= np.linalg.norm(normal)

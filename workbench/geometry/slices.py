@@ -17,79 +17,76 @@ from workbench.geometry.curves import Curve
 from workbench.units import Bool, Float, Float32, Int
 
 FRONT_MM = 0.5  # points of a cell this near to its foremost one are of the surface that is seen there
+MARGIN = 20  # empty columns on each side: no field of view ends a slice
+MOST_COLUMNS = 4000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Laid:
-    """n points laid out along a course, as seen in direction `view`."""
+    """n points laid out along a course: each in its own section plane, so that a curved edge becomes straight."""
 
+    course: Curve
     s: Float  # (n,) arc length, mm
-    x: Float  # (n,) mm across the view, in the section plane
-    z: Float  # (n,) mm along the view
-    turn: float  # of the view in the course's frame (a, b), rad
+    place: Float  # (n, 2) along the course's (a, b), mm
+
+    def part(self, chosen: Bool | Int) -> Laid:
+        return Laid(self.course, self.s[chosen], self.place[chosen])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Slices:
-    """Frames (N) by columns (M) of laid-out points."""
-
-    x_mm: Float32  # (N, M) NaN in empty cells
-    z_mm: Float32  # (N, M)
-    keep: Bool  # (N, M)
-    base_from_profiler: Float  # (N, 4, 4)
-    s: Float  # (N,) arc length of the slices' middles
-
-
-def lay_out(points_mm: Float, course: Curve, s: Float, view: Float) -> Laid:
-    """Lay points (n, 3) out along the course: each in its own section plane, so that a curved edge becomes straight.
-
-    s (n,): about where the points lie along it. view (3,): direction of sight, away from the observer.
-    """
+def lay_out(points_mm: Float, course: Curve, s: Float) -> Laid:
+    """Lay points (n, 3) out along the course; s (n,): about where they lie along it."""
     s = course.project(points_mm, s)
     _, a, b = course.frame(s)
     off = points_mm - course.position(s)
-    u, v = np.einsum("ij,ij->i", off, a), np.einsum("ij,ij->i", off, b)
-    _, a0, b0 = course.frame(np.array([np.median(s)]))
-    turn = float(np.arctan2(b0[0] @ view, a0[0] @ view))
-    return Laid(s, u * np.sin(turn) - v * np.cos(turn), u * np.cos(turn) + v * np.sin(turn), turn)
+    return Laid(course, s, np.stack([np.einsum("ij,ij->i", off, axis) for axis in (a, b)], axis=1))
 
 
-def cut(laid: Laid, course: Curve, at_mm: Float, thickness_mm: float, width_mm: float) -> Slices:
-    """Slices of a thickness around arc lengths at_mm (N,), rising and at least a thickness apart."""
-    first = float(laid.x.min())
-    columns = int((float(laid.x.max()) - first) / width_mm) + 1
+def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float,
+        width_mm: float) -> tuple[Float32, Float32, Float]:  # fmt: skip
+    """Slices of a thickness around arc lengths at_mm (N,), rising and at least a thickness apart, as profiles.
+
+    view (3,): direction of sight, away from the observer, at the middle of the course.
+
+    Returns x and z (N, M), mm, NaN in empty cells, and base_from_profiler (N, 4, 4), y along the course, z along the
+    view.
+    """
+    _, a, b = laid.course.frame(np.array([np.median(at_mm)]))
+    turn = float(np.arctan2(b[0] @ view, a[0] @ view))
+    axes = np.array([[np.sin(turn), -np.cos(turn)], [np.cos(turn), np.sin(turn)]])
+    x, z = axes @ laid.place.T
+    width_mm = max(width_mm, float(np.ptp(x)) / MOST_COLUMNS)
+    first = float(x.min()) - MARGIN * width_mm
+    columns = int(np.ptp(x) / width_mm) + 1 + 2 * MARGIN
     frame = np.searchsorted(at_mm - 0.5 * thickness_mm, laid.s, side="right") - 1
-    frame[(frame >= 0) & (laid.s > at_mm[frame] + 0.5 * thickness_mm)] = -1
-    chosen = _chosen(as_input(frame), as_input(laid.x), as_input(laid.z), first, width_mm, at_mm.size, columns)
-    keep = chosen >= 0
-    return Slices(*(np.where(keep, value[chosen], np.nan).astype(np.float32) for value in (laid.x, laid.z)), keep,
-                  _poses(course, at_mm, laid.turn), at_mm)  # fmt: skip
+    frame[laid.s > at_mm[frame] + 0.5 * thickness_mm] = -1
+    column = ((x - first) / width_mm).astype(np.int64)
+    off_middle = np.abs((x - first) / width_mm - column - 0.5)
+    chosen = _chosen(frame, column, as_input(z), off_middle, at_mm.size, columns)
+    grid = [np.where(chosen >= 0, value[chosen], np.nan).astype(np.float32) for value in (x, z)]
+    return grid[0], grid[1], _poses(laid.course, at_mm, axes)
 
 
-def _poses(course: Curve, at: Float, turn: float) -> Float:
-    """base_from_profiler (N, 4, 4): origin on the course, y along it, z along the view."""
+def _poses(course: Curve, at: Float, axes: Float) -> Float:
+    """base_from_profiler (N, 4, 4): origin on the course, y along it; rows of `axes`: x and z in its (a, b)."""
     t, a, b = course.frame(at)
     pose = np.tile(np.eye(4), (at.size, 1, 1))
-    pose[:, :3, 0] = np.sin(turn) * a - np.cos(turn) * b
+    pose[:, :3, 0] = axes[0, 0] * a + axes[0, 1] * b
     pose[:, :3, 1] = t
-    pose[:, :3, 2] = np.cos(turn) * a + np.sin(turn) * b
+    pose[:, :3, 2] = axes[1, 0] * a + axes[1, 1] * b
     pose[:, :3, 3] = course.position(at)
     return pose
 
 
 @njit(cache=True, nogil=True)
-def _chosen(frame: Int, x: Float, z: Float, first: float, width: float, frames: int, columns: int) -> Int:
+def _chosen(frame: Int, column: Int, z: Float, off_middle: Float, frames: int, columns: int) -> Int:
     """The point that stands for each cell (frames, columns), -1 for none: in front, and nearest to the cell's middle."""
     front = np.full((frames, columns), np.inf)
     for i in range(frame.size):
         if frame[i] >= 0:
-            j = int((x[i] - first) / width)
-            front[frame[i], j] = min(front[frame[i], j], z[i])
+            front[frame[i], column[i]] = min(front[frame[i], column[i]], z[i])
     chosen, nearest = np.full((frames, columns), -1, np.int64), np.full((frames, columns), np.inf)
     for i in range(frame.size):
-        if frame[i] >= 0:
-            j = int((x[i] - first) / width)
-            off = abs(x[i] - first - (j + 0.5) * width)
-            if off < nearest[frame[i], j] and z[i] <= front[frame[i], j] + FRONT_MM:
-                chosen[frame[i], j], nearest[frame[i], j] = i, off
+        k, j = frame[i], column[i]
+        if k >= 0 and off_middle[i] < nearest[k, j] and z[i] <= front[k, j] + FRONT_MM:
+            chosen[k, j], nearest[k, j] = i, off_middle[i]
     return chosen

@@ -1,0 +1,36 @@
+"""A cloud without a grid as an organised one: by its scan lines, where the order of its points shows them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.artefacts import Cloud, PointSet
+from workbench.geometry.chains import noise_sigma
+from workbench.geometry.outliers import reject_outliers
+from workbench.geometry.scan_grid import scan_grid
+from workbench.geometry.scan_lines import scan_lines
+from workbench.units import Float, Float32, Int
+
+SAMPLE_FRAMES, LEAST_POINTS = 60, 12  # what the noise is judged from; of a frame
+NOISE_SIGMAS, LEAST_TOLERANCE_MM, JUMP_MM, WINDOW_FRAMES = 9.0, 0.06, 1.0, 5  # as `cloud.denoise` has them
+
+
+def recovered_grid(points: PointSet) -> Cloud | None:
+    """The scanner's own grid; None where the order of the points does not show it."""
+    lines = scan_lines(points.points_mm)
+    if lines is None:
+        return None
+    grid = scan_grid(points.points_mm, lines)
+    return organised(points, grid.x_mm, grid.z_mm, grid.base_from_profiler, lines.pass_index)
+
+
+def organised(points: PointSet, x_mm: Float32, z_mm: Float32, base_from_profiler: Float, pass_index: Int) -> Cloud:
+    """Profiles (N, M) as an organised cloud, the stray returns rejected."""
+    keep, frames = np.isfinite(x_mm), len(x_mm)
+    sample = np.unique(np.linspace(0, frames - 1, SAMPLE_FRAMES).astype(int))
+    noise = [noise_sigma(z_mm[i][keep[i]].astype(np.float64)) for i in sample if keep[i].sum() > LEAST_POINTS]
+    tolerance = max(LEAST_TOLERANCE_MM, NOISE_SIGMAS * float(np.median(noise)) if noise else 0.0)
+    keep, isolated, streaks = reject_outliers(z_mm, keep, pass_index, tolerance, WINDOW_FRAMES, JUMP_MM)
+    return Cloud(x_mm, z_mm, keep, base_from_profiler, np.arange(frames, dtype=np.float64), pass_index,
+                 source=points.source, part_id=points.part_id,
+                 rejected={"isolated returns": isolated, "short streaks": streaks})  # fmt: skip

@@ -6,60 +6,166 @@ from typing import Any
 import numpy as np
 import pytest
 
+from workbench.path import read
+from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import displacements, fast_arm, joint_angles
-from workbench.plugins.stiffness.law_kernel import best_law
-from workbench.robot import Cell, forward_kinematics, inverse_kinematics
+from workbench.plugins.stiffness.feasible import Configuration, Examiner
+from workbench.plugins.stiffness.law import RESTLESS_MM, Law, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law_kernel import best_law, stepped
+from workbench.plugins.stiffness.law_nodes import nodes, shift_of
+from workbench.plugins.stiffness.path_points import PathPoints, path_points
+from workbench.plugins.stiffness.relaxed import Grid, relaxed_law
+from workbench.plugins.stiffness.search import search
+from workbench.plugins.stiffness.traversal import traversal
+from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics
 from workbench.units import Float
 
 from .conftest import K
+from .test_posture import PATH, thinned
 
-BAND, RESTLESS, STEP = 1, 1e-3, 0.5
+RESTLESS, STEP, ACCELERATION = 1e-3, 0.5, 0.7
+STEPS = tuple(itertools.product((-1, 0, 1), repeat=2))
 
 
-def cheapest(
-    cost: Float, joints: Float, free: Any, dt: Float, speed: Float, acceleration: float, closed: bool
-) -> float:
-    """The least cost of all ways, one by one."""
-    n, k = cost.shape
-    best = np.inf
-    for first in range(k):
-        for steps in itertools.product((-1, 0, 1), repeat=n - 1):
-            way = first + np.append(0, np.cumsum(steps))
-            way = way % k if closed else way
-            if way.min() < 0 or way.max() >= k or not free[np.arange(n), way].all():
+def cheapest(cost: Float, joints: Float, free: Any, shift: Any, dt: Float, speed: Float) -> float:
+    """The least cost of all ways through windows of nodes, one by one."""
+    n, best = len(cost), np.inf
+    window = cost.shape[1:]
+    for first in itertools.product(*map(range, window)):
+        for steps in itertools.product(STEPS, repeat=n - 1):
+            way = [np.array(first)]
+            for i, step in enumerate(steps, 1):
+                way.append(way[-1] + step - shift[i])
+            at = np.array(way)
+            if (at < 0).any() or (at >= window).any() or not free[np.arange(n), at[:, 0], at[:, 1]].all():
                 continue
-            moved = np.diff(joints[np.arange(n), way], axis=0)
+            moved = np.diff(joints[np.arange(n), at[:, 0], at[:, 1]], axis=0)
             v = moved / dt[1:, None]
-            a = np.diff(v, axis=0) / ((dt[1:-1] + dt[2:]) / 2)[:, None]
-            rests = [step == 0 for step in steps]
+            gentle = (np.abs(np.diff(v, axis=0)) <= ACCELERATION * ((dt[1:-1] + dt[2:]) / 2)[:, None]).all(axis=1)
+            rests = [step == (0, 0) for step in steps]
             moves = (np.abs(moved) <= STEP).all(axis=1) & (np.abs(v) <= speed).all(axis=1)
-            gentle = (np.abs(a) <= acceleration).all(axis=1)
             good = all(ok or rest for ok, rest in zip(moves, rests, strict=True))
             # after a step or before one, the path's own motion counts too
             for i in range(n - 2):
                 if not (rests[i] and rests[i + 1]):
                     good &= bool(gentle[i] and moves[i + 1])
             if good:
-                total = cost[np.arange(n), way].sum() + RESTLESS * sum(step**2 for step in steps)
+                total = cost[np.arange(n), at[:, 0], at[:, 1]].sum() + RESTLESS * float((np.array(steps) ** 2).sum())
                 best = min(best, float(total))
     return best
 
 
-@pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("closed", [False, True])
-def test_the_way_is_the_cheapest_of_all(seed: int, closed: bool) -> None:
-    rng = np.random.default_rng(seed)
-    n, k = 6, 5
-    cost, joints = rng.uniform(0, 1, (n, k)), rng.normal(0, 0.2, (n, k, 2)) + 0.05 * np.arange(k)[:, None]
-    free, dt, speed = rng.random((n, k)) > 0.1, rng.uniform(0.8, 1.2, n), np.array([0.5, 0.6])
-    free[:, 2] = True  # so that there is a way: straight on
-    way = best_law(cost, joints, free, dt, speed, 0.7, STEP, BAND, RESTLESS, closed)
-    steps = np.diff(way)
-    steps = (steps + k // 2) % k - k // 2 if closed else steps
-    total = cost[np.arange(n), way].sum() + RESTLESS * (steps**2).sum()
-    assert free[np.arange(n), way].all()
-    assert np.isclose(total, cheapest(cost, joints, free, dt, speed, 0.7, closed), rtol=1e-12)
-    assert total <= cost[:, 2].sum() + 1e-12
+@pytest.mark.parametrize("seed", range(5))
+def test_the_way_is_the_cheapest_of_all(seed: int) -> None:
+    rng, n, window = np.random.default_rng(seed), 5, (2, 3)
+    cost = rng.uniform(0, 1, (n, *window))
+    joints = rng.normal(0, 0.2, (n, *window, 2)) + 0.05 * np.arange(3)[:, None]
+    free, dt, speed = rng.random((n, *window)) > 0.1, rng.uniform(0.8, 1.2, n), np.array([0.5, 0.6])
+    shift = rng.integers(-1, 2, (n, 2))
+    way = best_law(cost, joints, free, shift, dt, speed, ACCELERATION, STEP, np.array([1, 1]), RESTLESS)
+    least = cheapest(cost, joints, free, shift, dt, speed)
+    if way[0, 0] < 0:
+        assert least == np.inf
+        return
+    steps = np.diff(way, axis=0) + shift[1:]
+    assert np.abs(steps).max() <= 1
+    assert free[np.arange(n), way[:, 0], way[:, 1]].all()
+    total = cost[np.arange(n), way[:, 0], way[:, 1]].sum() + RESTLESS * (steps**2).sum()
+    assert np.isclose(total, least, rtol=1e-12)
+
+
+def test_straight_on_is_always_a_way() -> None:
+    """Rows far apart: only a law that never steps is allowed, and it is found."""
+    rng, n = np.random.default_rng(3), 6
+    joints = np.cumsum(rng.uniform(2, 3, (n, 1, 1, 1)), axis=0) + np.zeros((n, 3, 3, 2))
+    cost = rng.uniform(0, 1, (n, 3, 3))
+    way = best_law(cost, joints, np.ones(cost.shape, bool), np.zeros((n, 2), int), np.ones(n), np.ones(2), 1.0, STEP,
+                   np.array([1, 1]), RESTLESS)  # fmt: skip
+    assert (way == way[0]).all()
+    assert np.isclose(cost[:, way[0, 0], way[0, 1]].sum(), cost.sum(axis=0).min())
+
+
+@pytest.mark.parametrize(("bands", "closed"), [((0, 2), True), ((1, 2), False), ((2, 1), True)])
+def test_a_step_is_the_minimum_over_its_window(bands: tuple[int, int], closed: bool) -> None:
+    rng = np.random.default_rng(5)
+    value = np.where(rng.random((7, 9)) < 0.3, np.inf, rng.random((7, 9)))
+    least, came = np.empty_like(value), np.empty(value.shape, np.int8)
+    stepped(value, np.array(bands), 0.05, closed, least, came)
+    for i, j in np.ndindex(value.shape):
+        reached = {}
+        for e in range(-bands[0], bands[0] + 1):
+            for d in range(-bands[1], bands[1] + 1):
+                if 0 <= i - e < 7 and (closed or 0 <= j - d < 9):
+                    reached[e, d] = value[i - e, (j - d) % 9] + 0.05 * (e * e + d * d)
+        assert np.isclose(least[i, j], min(reached.values()), rtol=1e-15)
+        if np.isfinite(least[i, j]):
+            e, d = np.divmod(int(came[i, j]), 2 * bands[1] + 1) - np.array(bands)
+            assert np.isclose(reached[int(e), int(d)], least[i, j], rtol=1e-15)
+
+
+@pytest.fixture(scope="module")
+def points() -> PathPoints:
+    path = thinned(read(toolpath=PATH), 12)
+    return path_points(path, force(path)[0], load="mean", reach_mm=6.5, planned=0.0)
+
+
+def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points: PathPoints) -> None:
+    """On the whole grid with plain loops over steps; more points than are kept, so that the way back is computed."""
+    longer = points.only(np.repeat(np.arange(len(points.layer)), 4)[:40])
+    examiner = Examiner(cell, fast_arm(cell.chain), longer)
+    grid = Grid(np.radians(np.arange(-180, 180, 15.0)), np.radians(np.arange(-90, -50, 5.0)), np.array([1, 1]), 1e-4)
+    found = relaxed_law(examiner, K, 0, grid, np.inf)
+    assert found is not None
+    turns, tables = np.meshgrid(grid.rotations, grid.tables)
+    each = np.array([nodes(examiner, K, Configuration(0, flip), np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))
+                     [0] for flip in (0, 1)]).min(axis=0)  # fmt: skip
+    value = each[0]
+    for cost in each[1:]:
+        near = [np.roll(value, d, axis=1) + 1e-4 * d * d for d in (-1, 0, 1)]
+        along = np.pad(np.minimum.reduce(near), ((1, 1), (0, 0)), constant_values=np.inf)
+        value = cost + np.minimum.reduce([along[1 + e : 9 + e] + 1e-4 * e * e for e in (-1, 0, 1)])
+    assert np.isclose(found.cost_mm, value.min(), rtol=1e-12)
+    steps = shift_of(found.way, grid)
+    assert np.abs(steps).max() <= 1
+    total = each[np.arange(40), found.way[:, 0], found.way[:, 1]].sum() + 1e-4 * (steps**2).sum()
+    assert np.isclose(total, found.cost_mm, rtol=1e-12)
+    assert relaxed_law(examiner, K, 0, grid, found.cost_mm * 0.999) is None
+
+
+def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limits) -> tuple[Law, Law, float]:
+    """Best constant pair, law and bound on a grid of 2 deg."""
+    examiner, angles = Examiner(cell, fast_arm(cell.chain), points), np.radians(np.arange(-180, 180, 2.0))
+    choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles), whole_map=False)
+    start = constant_law(examiner, K, choice)
+    grid = Grid(angles, angles, np.array(bands), RESTLESS_MM)
+    return start, *improved_law(examiner, K, start, grid, limits)
+
+
+def test_laws_of_both_angles_of_one_and_of_none(cell: Cell, points: PathPoints) -> None:
+    """Each is no worse than the next, no better than its bound, within its steps and free of collision."""
+    limits, model = Limits(np.append(cell.chain.speeds, 0.5), 2.0), CollisionModel(cell)
+    costs = []
+    for bands in ((2, 2), (0, 2)):
+        start, law, bound = law_of(cell, points, bands, limits)
+        assert bound <= law.cost_mm * (1 + 1e-9)
+        assert law.cost_mm < start.cost_mm
+        assert np.ptp(law.table) > 0 if bands[0] else np.ptp(law.table) == 0
+        turned = (np.diff(law.rotation) + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(turned).max() <= np.radians(4) + 1e-9
+        assert np.abs(np.diff(law.table)).max() <= np.radians(4) + 1e-9
+        assert not any(model.collision(q, a) for q, a in zip(law.joints, law.table, strict=True))
+        assert (np.abs(np.diff(law.joints, axis=0)) / points.time_steps_s[1:, None] <= limits.speed[:6]).all()
+        costs += [law.cost_mm, start.cost_mm]
+    assert costs[0] < costs[2] < costs[1]
+    assert costs[1] == costs[3]
+
+
+def test_where_nothing_may_move_the_law_is_the_constant_one(cell: Cell, points: PathPoints) -> None:
+    """Speeds of next to nothing: every step is forbidden, and the bound says so much."""
+    still = Limits(np.full(7, 1e-9), 1e-9)
+    start, law, bound = law_of(cell, points, (2, 2), still)
+    assert np.ptp(law.rotation) == np.ptp(law.table) == 0
+    assert bound < law.cost_mm <= start.cost_mm
 
 
 @pytest.mark.parametrize("branch", range(8))

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from workbench.api import Bool, Float, within_limits
-from workbench.plugins.stiffness.arm import displacements
+from workbench.api import Float
 from workbench.plugins.stiffness.feasible import FREE, MOST_STEP, Configuration, Examiner
 from workbench.plugins.stiffness.law_kernel import best_law
-from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
+from workbench.plugins.stiffness.law_nodes import closed_off, nodes, shift_of, window
+from workbench.plugins.stiffness.relaxed import Grid, Relaxed, relaxed_law
+from workbench.plugins.stiffness.search import Choice
+from workbench.plugins.stiffness.traversal import BRANCHES
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
 RESTLESS_MM = 1e-6  # what a step costs, so that the law rests where nothing is to be gained
-ROUNDS = 3  # of cutter and turntable in turn
-GAIN_MM = 1e-6  # of the mean displacement, worth another round
-Turning = Literal["cutter", "turntable"]
+ROUNDS = 5  # of moving that window along with the law
+NEAR = 1e-3  # relative: a law so near its bound is good enough
+EQUAL = 1e-9  # relative: two costs that are the same but for rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,64 +31,71 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Law:
-    """Cutter rotation (n,) and turntable angle (n,), rad."""
+    """Cutter rotation and turntable angle of n points, and how the robot follows."""
 
-    rotation: Float
-    table: Float
+    rotation: Float  # (n,) rad
+    table: Float  # (n,) rad
+    configuration: Configuration
+    joints: Float  # (n, 6) rad
+    cost_mm: float  # displacements of all points and what the steps cost, summed
 
 
-def improved_law(examiner: Examiner, stiffness: Float, configuration: Configuration, start: Law, rotations: Float,
-                 tables: Float | None, limits: Limits) -> Law:  # fmt: skip
-    """The law of least mean displacement in one configuration, never worse than `start`, free of collision.
+def constant_law(examiner: Examiner, stiffness: Float, choice: Choice) -> Law:
+    """The law that keeps both angles as chosen."""
+    n = len(examiner.points.layer)
+    rotation, table = np.full(n, choice.rotation), np.full(n, choice.table)
+    cost = nodes(examiner, stiffness, choice.configuration, rotation[:, None], table[:, None])[0].sum()
+    return Law(rotation, table, choice.configuration, choice.joints, float(cost))
 
-    Without `tables` it is the optimum over cutter rotations that change by at most BAND grid steps a point, within
-    the limits; where the law rests, the path's own motion counts as allowed. With `tables` cutter and turntable are
-    improved in turn until neither gains: better than either alone, but not proven the best of both together.
+
+def improved_law(examiner: Examiner, stiffness: Float, start: Law, grid: Grid, limits: Limits) -> tuple[Law, float]:
+    """The law of least cost in any one configuration, never worse than `start`; and a bound below any law's cost.
+
+    In each branch of the arm first the best law of the whole grid without regard to speed, acceleration and collision,
+    which is proven; then the best with regard to them in a window that moves along with it. Where the two cost the
+    same, the law is the optimum of the grid. Where they are not even near, the first is sought again, away from what a
+    coarse look at the grid shows as infeasible. The bound says how far the law may be from the optimum.
     """
-    best, mean = start, np.inf
-    for _ in range(ROUNDS if tables is not None else 1):
-        found, reached = _improved(examiner, stiffness, configuration, best, rotations, limits, "cutter")
-        if tables is not None:
-            found, reached = _improved(examiner, stiffness, configuration, found, tables, limits, "turntable")
-        if reached > mean - GAIN_MM:
+    best, bound = start, np.inf
+    for branch in sorted(range(len(BRANCHES)), key=lambda b: b != start.configuration.branch):
+        relaxed = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm)
+        if relaxed is None:
+            continue
+        bound = min(bound, relaxed.cost_mm)
+        for flip in (0, 1):
+            best = _better(best, examiner, stiffness, Configuration(branch, flip), relaxed, grid, limits)
+        for flip in (0, 1):
+            if relaxed.cost_mm >= best.cost_mm * (1 - NEAR):
+                break
+            configuration = Configuration(branch, flip)
+            off = closed_off(examiner, stiffness, configuration, grid)
+            detour = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm, off)
+            if detour is not None:
+                best = _better(best, examiner, stiffness, configuration, detour, grid, limits)
+    return best, min(bound, best.cost_mm)
+
+
+def _better(best: Law, examiner: Examiner, stiffness: Float, configuration: Configuration,
+            relaxed: Relaxed, grid: Grid, limits: Limits) -> Law:  # fmt: skip
+    """The better of a law and the best with all limits near a relaxed one."""
+    if relaxed.cost_mm >= best.cost_mm * (1 - EQUAL):
+        return best
+    way, reached = relaxed.way, np.inf
+    for _ in range(ROUNDS):
+        around, joints, cost, free = window(examiner, stiffness, configuration, way, grid)
+        held = best_law(cost, joints, free, shift_of(way, grid), examiner.points.time_steps_s, limits.speed,
+                        limits.acceleration, MOST_STEP, grid.bands, grid.restless_mm)  # fmt: skip
+        if held[0, 0] < 0:
+            return best
+        at = (np.arange(len(way)), *held.T)
+        way = np.column_stack([part[at] for part in around])
+        steps = shift_of(way, grid)
+        total = float(cost[at].sum() + grid.restless_mm * (steps**2).sum())
+        if total >= reached * (1 - EQUAL):
             break
-        best, mean = found, reached
-    return best
-
-
-def _improved(examiner: Examiner, stiffness: Float, configuration: Configuration, start: Law, grid: Float,
-              limits: Limits, turning: Turning) -> tuple[Law, float]:  # fmt: skip
-    """The best law in one of the two, the other as it is, and its mean displacement."""
-    n, k = len(start.rotation), len(grid)
-    varied, fixed = np.tile(grid, (n, 1)), np.repeat(start.table[:, None], k, axis=1)
-    if turning == "turntable":
-        fixed = np.repeat(start.rotation[:, None], k, axis=1)
-    rotation, table = (varied, fixed) if turning == "cutter" else (fixed, varied)
-    cost, joints, free = _nodes(examiner, stiffness, configuration, rotation, table)
-    points = examiner.points
-    moved = np.diff(grid).mean() if k > 1 else 1.0
-    closed = bool(k > 1 and np.isclose(k * moved, 2 * np.pi) and (turning == "cutter"))
-    held = best_law(cost, joints, free, points.time_steps_s, limits.speed, limits.acceleration, MOST_STEP, BAND,
-                    RESTLESS_MM, closed)  # fmt: skip
-    chosen = grid[held]
-    law = Law(chosen, start.table) if turning == "cutter" else Law(start.rotation, chosen)
-    return law, float(cost[np.arange(n), held].sum() / len(points.loaded))
-
-
-def _nodes(examiner: Examiner, stiffness: Float, configuration: Configuration, rotation: Float,
-           table: Float) -> tuple[Float, Float, Bool]:  # fmt: skip
-    """Displacement (n, k), joint and turntable angles (n, k, 7) and whether each is feasible (n, k)."""
-    n, k = rotation.shape
-    points, cell, arm = examiner.points, examiner.cell, examiner.arm
-    at, alpha = np.repeat(np.arange(n), k), table.reshape(-1)
-    flange = flange_poses(cell, points, at, rotation.reshape(-1), alpha)
-    turned = points.turned(cell, alpha)
-    tip = np.einsum("nij,nj->ni", turned[:, :3, :3], points.base_from_point[at, :3, 3]) + turned[:, :3, 3]
-    force = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
-    shoulder, elbow = BRANCHES[configuration.branch]
-    cost, said = displacements(arm, stiffness, flange, tip, force, shoulder=shoulder, elbow=elbow)
-    joints = configuration.joints(arm, flange)
-    free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
-    free[free] = examiner.screen.hits(joints[free], alpha[free]) < 0
-    seven = np.column_stack([joints, alpha]).reshape(n, k, 7)
-    return np.where(free, cost, np.inf).reshape(n, k), seven, free.reshape(n, k)
+        reached = total
+    if reached >= best.cost_mm * (1 - EQUAL):
+        return best
+    rotation, table = grid.rotations[way[:, 1]], grid.tables[way[:, 0]]
+    followed, cause, _ = examiner.along(configuration, rotation, table)
+    return Law(rotation, table, configuration, followed, reached) if cause == FREE else best

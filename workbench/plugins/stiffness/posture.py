@@ -9,11 +9,12 @@ from pydantic import Field
 
 from workbench.api import DEG, Cell, Chapter, Document, Float, Gate, InputError, Postures, Toolpath, stage
 from workbench.plugins.stiffness.arm import fast_arm
-from workbench.plugins.stiffness.feasible import FREE, Examiner
-from workbench.plugins.stiffness.law import Law, Limits, improved_law
+from workbench.plugins.stiffness.feasible import Examiner
+from workbench.plugins.stiffness.law import BAND, RESTLESS_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import Load, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.posture_document import posture_document
+from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import Choice, PostureMap, search
 from workbench.plugins.stiffness.standing import Case, Found, case_at, postures
 from workbench.plugins.stiffness.traversal import lowest, sample, traversal
@@ -65,7 +66,8 @@ def posture(
     `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
     Cells are examined in the order of their displacement, so the choice is the optimum of the grid: every better cell
     is proven unreachable, out of limits, singular or colliding. `along_path`: then a law of the cutter rotation along
-    the path by dynamic programming, in the same configuration of the arm, never worse. Writes `posture.json`.
+    the path, at the turntable angle that suits it best, or of both angles, by dynamic programming on the whole grid in
+    one configuration of the arm, never worse; the file says how far it can be from the best. Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around.
@@ -74,7 +76,7 @@ def posture(
         force: on the cutter along it.
         gate: of the path's own checks, passed on.
         mode: one pair of angles, or a law along the path.
-        turntable_moves: whether the law moves the turntable too.
+        turntable_moves: whether the law moves the turntable too; else it stands at one angle, chosen for the law.
         cutter_rotation_deg: range of the cutter rotation.
         turntable_deg: range of the turntable angle.
         step_deg: of the grid.
@@ -96,21 +98,19 @@ def posture(
     at = sample(points, sampled_points)
     examiner, some = Examiner(cell, arm, points), points.only(at)
     choice, over = search(examiner, traversal(arm, cell, k, some, rotations, tables), whole_map=whole_map)
-    n = len(points.layer)
-    constant = Law(np.full(n, choice.rotation), np.full(n, choice.table))
-    chosen, joints, warnings = constant, choice.joints, cell.warnings
+    chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
         limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0),
                         acceleration_deg_s2 * DEG)  # fmt: skip
-        moving = tables if turntable_moves and len(tables) > 1 else None
-        chosen = improved_law(examiner, k, choice.configuration, constant, rotations, moving, limits)
-        chosen, joints, more = _kept(examiner, choice, chosen, constant)
-        warnings = warnings + more
-    made = postures(examiner, stiffness, toolpath, chosen, joints, warnings)
+        over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), RESTLESS_MM)
+        chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
+    made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
     found = Found(
         postures=made, points=points, choice=choice, map=over, mode=mode,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)), cases=_cases(examiner, k, choice, over),
         bound_mm=lowest(arm, cell, k, some, rotations, tables).min(axis=1),
+        law_bound_mm=None if bound_mm is None else bound_mm / len(points.loaded),
+        law_gap=None if bound_mm is None else max(chosen.cost_mm / bound_mm - 1, 0.0),
     )  # fmt: skip
     return made, _gate(gate, found), Document("posture.json", posture_document(found)), posture_chapter(cell, found)
 
@@ -135,14 +135,6 @@ def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
     if limits_deg is not None:
         low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
     return grid((low, high), step_deg)
-
-
-def _kept(examiner: Examiner, choice: Choice, law: Law, constant: Law) -> tuple[Law, Float, tuple[str, ...]]:
-    """The law with its joint angles, or the constant one where these would leave their limits on the way."""
-    joints, cause, _ = examiner.along(choice.configuration, law.rotation, law.table)
-    if cause == FREE:
-        return law, joints, ()
-    return constant, choice.joints, ("the law along the path would turn a joint beyond its limits: it stays constant",)
 
 
 def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:

@@ -32,6 +32,8 @@ def posture_document(found: Found) -> bytes:
             "compared": {name: None if case is None else _case(case) for name, case in found.cases.items()},
             "pointwise_bound_mm": float(found.bound_mm.mean()),
             "gap_to_bound": found.gap,
+            "law_bound_mm": found.law_bound_mm,
+            "gap_to_best_law": found.law_gap,
             "warnings": list(made.warnings),
             "points": _rows(made, np.flatnonzero(~air)),
             "travels": _rows(made, np.flatnonzero(air)),

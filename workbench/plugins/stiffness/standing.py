@@ -50,6 +50,8 @@ class Found:
     map: PostureMap
     mode: str
     bound_mm: Float  # (s,) least displacement over the grid of each sampled loaded point, collision aside
+    law_bound_mm: float | None  # no law within its steps has a lower mean displacement; None: constant angles
+    law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
     bound_at: Int  # (s,) which of the loaded points they are
     cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
 
@@ -79,10 +81,10 @@ def case_at(examiner: Examiner, k: Float, rotation: float, table: float) -> Case
     return min(found, key=lambda case: (case.cause, case.displacement_mm.mean()), default=None)
 
 
-def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, law: Law, joints: Float,
-             warnings: tuple[str, ...], *, clearance: bool = True) -> Postures:  # fmt: skip
-    """The postures of a law with joint angles (n, 6); `clearance`: whether distances are measured too."""
-    cell, points = examiner.cell, examiner.points
+def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, law: Law, warnings: tuple[str, ...], *,
+             clearance: bool = True) -> Postures:  # fmt: skip
+    """The postures of a law; `clearance`: whether distances are measured too."""
+    cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
     targets = forward_kinematics(cell.chain, joints) @ flange_from_point
     turned = points.turned(cell, law.table)

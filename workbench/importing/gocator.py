@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.text import as_utf8, cells, decoded, numbered, numbers, read_lines_as_bytes
+from workbench.importing.text import cells, head_text, numbered, numbers, read_lines_as_bytes
 from workbench.units import Float
 
 NAME = "Gocator CSV surface"
@@ -35,7 +35,7 @@ class Surface(NamedTuple):
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the file begins with the block `Info` and its `CSV Version`."""
-    lines = decoded(as_utf8(head[:4096], str(path))).split("\n")
+    lines = head_text(head[:4096]).split("\n")
     return len(lines) > 1 and lines[0].strip(" ,") == "Info" and lines[1].startswith("CSV Version")
 
 

@@ -19,7 +19,7 @@ from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_tables import LENGTH_MM, RawPart, TextPart
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.table import read_table
-from workbench.importing.text import as_utf8, decoded
+from workbench.importing.text import head_text
 from workbench.storage import regular_file
 from workbench.units import AnyArray
 
@@ -36,7 +36,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the mapping says so, or all of the head is whole numbers between tabs, x rising by equal steps."""
     if mapping.keyence_raw is not None and claims(mapping.keyence_raw, path):
         return True
-    lines = decoded(as_utf8(head, str(path))).split("\n")[:-1]
+    lines = head_text(head).split("\n")[:-1]
     rows = [line.strip().split("\t") for line in lines[:FEWEST_ROWS]]
     if len(rows) < FEWEST_ROWS or not all(len(row) > 1 and all(map(_is_whole, row)) for row in rows):
         return False
@@ -52,7 +52,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     if mapping.keyence_raw is not None and claims(mapping.keyence_raw, path):
         return _read_raw(path, mapping.keyence_raw)
     with open(path, "rb") as file:
-        side_by_side = len(decoded(as_utf8(file.readline(), str(path))).strip().split("\t")) - 1
+        side_by_side = len(head_text(file.readline(65_536)).strip().split("\t")) - 1
     if side_by_side != 1:
         raise InputError(
             str(path),

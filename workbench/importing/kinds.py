@@ -10,9 +10,9 @@ from workbench.errors import InputError
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
+from workbench.importing.text import first_bytes
 from workbench.storage import regular_file
 
-HEAD_BYTES = 65_536
 KINDS = ("bags", "gocator", "gopxl", "keyence", "scancontrol", "tables", "poses")  # modules of workbench.importing
 
 
@@ -50,5 +50,4 @@ def _head(path: Path) -> bytes:
     if path.is_dir():
         return b""
     regular_file(path)
-    with open(path, "rb") as file:
-        return file.read(HEAD_BYTES)
+    return first_bytes(path)

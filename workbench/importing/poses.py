@@ -14,10 +14,11 @@ from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, PosesPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.suspicions import check_angles
 from workbench.importing.table import Table, header_names, read_table
+from workbench.importing.text import first_bytes
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.units import DEG, Float
 
-NAME = "table of poses"
+NAME = "table of poses (by the mapping)"
 POSITION = ("x_mm", "y_mm", "z_mm")
 ORIENTATIONS = {  # by their own names; A B C and rx ry rz mean several things and need a mapping
     "quaternion_wxyz": ("qw", "qx", "qy", "qz"),
@@ -59,10 +60,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: a column is missing, a cell is no number or empty, a quaternion not of unit length, angles that
             look like the other unit.
     """
-    part = mapping.poses
-    if part is None:
-        with open(path, "rb") as file:
-            part = known_form(file.read(4096))
+    part = mapping.poses or known_form(first_bytes(path))
     assert part is not None
     table = read_table(path, part, _wanted(part))
     position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]

@@ -15,7 +15,7 @@ from workbench.errors import InputError
 from workbench.importing.grid import gridded
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.text import as_utf8, cells, decoded, numbers, read_lines_as_bytes
+from workbench.importing.text import cells, decoded, head_text, numbers, read_lines_as_bytes
 from workbench.units import Float, Int
 
 NAME = "scanCONTROL profiles"
@@ -28,7 +28,7 @@ Row = tuple[int, Float]  # line in the file, numbers
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the first line is numbers with decimal commas between semicolons, but for a few damaged ones."""
-    first = decoded(as_utf8(head, str(path))).split("\n", 1)[0]
+    first = head_text(head).split("\n", 1)[0]
     row = cells(first, ";")[: -1 if first.count(";") > FEWEST_POINTS else None]
     good = sum(NUMBER.fullmatch(cell) is not None for cell in row)
     return len(row) >= FEWEST_POINTS and good >= GOOD_SHARE * len(row)

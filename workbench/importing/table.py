@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.importing.mapping_tables import Column, TextPart
-from workbench.importing.text import cells, decoded, is_number, read_lines_as_bytes
+from workbench.importing.text import cells, decoded, head_text, is_number, read_lines_as_bytes
 from workbench.units import Bool, Float, Int
 
 EMPTY = ["", "nan", "NaN", "NAN"]
@@ -40,7 +40,7 @@ class Table:
 
 def header_names(head: bytes, part: TextPart) -> list[str]:
     """The column names in the first lines of a file; none where it has no header."""
-    lines = decoded(head).replace("\r\n", "\n").replace("\r", "\n").removeprefix("\ufeff").split("\n")
+    lines = head_text(head).split("\n")
     return cells(lines[part.skip_lines], part.delimiter) if part.header and len(lines) > part.skip_lines else []
 
 

@@ -11,21 +11,34 @@ from workbench.importing.files import claims
 from workbench.importing.gopxl import intensities
 from workbench.importing.grid import bounded, gridded, without
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, ProfilesPart
+from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.table import Table, header_names, read_table
-from workbench.importing.text import cells, numbered, numbers, read_lines_as_bytes
+from workbench.importing.text import cells, first_bytes, numbered, numbers, read_lines_as_bytes
 from workbench.units import Bool, Float
 
-NAME = "table of profiles by the mapping"
+NAME = "table of profiles (by the mapping)"
+HEADER = ["frame", "time_s", "x_mm", "z_mm"]
+
+
+def known_form(head: bytes) -> ProfilesPart | None:
+    """The form of a table whose header leaves no doubt: frame,time_s,x_mm,z_mm and perhaps intensity."""
+    columns = ProfileColumns(x="x_mm", z="z_mm", frame="frame", time="time_s")
+    part = ProfilesPart(length_unit="mm", time_unit="s", frames="column", columns=columns)
+    names = header_names(head, part)
+    if names == [*HEADER, "intensity"]:
+        return part.model_copy(update={"columns": columns.model_copy(update={"intensity": "intensity"})})
+    return part if names == HEADER else None
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether the mapping names the file, or all of its columns stand in the header."""
+    """Whether the mapping names the file, all of its columns stand in the header, or the header is the known one."""
     part = mapping.profiles
-    if part is None or part.files is not None or part.columns is None:
-        return part is not None and claims(part, path)
-    return _wanted(part).keys() != {} and set(_wanted(part).values()) <= set(header_names(head, part))
+    if part is None:
+        return known_form(head) is not None
+    if part.files is not None or part.columns is None:
+        return claims(part, path)
+    return set(_wanted(part).values()) <= set(header_names(head, part))
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -34,7 +47,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     Raises:
         InputError: a column is missing, a cell is no number, a time or travel that changes within a frame.
     """
-    part = mapping.profiles
+    part = mapping.profiles or known_form(first_bytes(path))
     assert part is not None
     return _read_rows(path, part) if part.frames == "rows" else _read_points(path, part)
 

@@ -13,6 +13,7 @@ from workbench.storage import regular_file
 from workbench.units import Float
 
 MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text
+HEAD_BYTES = 65_536
 BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
 
@@ -38,6 +39,12 @@ def read_lines_as_bytes(path: Path) -> bytes:
     return content
 
 
+def first_bytes(path: Path) -> bytes:
+    """Enough of a file to tell what it is."""
+    with open(path, "rb") as file:
+        return file.read(HEAD_BYTES)
+
+
 def as_utf8(content: bytes, where: str) -> bytes:
     """UTF-8 without a mark, plain line ends. Bytes that are no UTF-8 are taken as Windows Western (units like µm)."""
     for mark, encoding in BOMS.items():
@@ -50,6 +57,14 @@ def as_utf8(content: bytes, where: str) -> bytes:
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return content
+
+
+def head_text(head: bytes) -> str:
+    """Text of a file's first bytes, which may end within a character; what cannot be decoded is replaced."""
+    for mark, encoding in BOMS.items():
+        if head.startswith(mark):
+            return head.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    return decoded(head.replace(b"\r\n", b"\n").replace(b"\r", b"\n"))
 
 
 def decoded(content: bytes) -> str:

@@ -24,9 +24,9 @@ class Capability:
     n: int
     mean: float
     s: float  # standard deviation of the measured values
+    s_interval: tuple[float, float]
     u: float  # root of the mean squared standard uncertainty of measurement
     s_part: float  # what is left of s without u: sqrt(s^2 - u^2), 0 where u explains it all
-    s_part_high: float  # upper end of its interval
     cp: float  # tolerance over 6 s
     cp_interval: tuple[float, float]
     cpk: float  # distance of the mean from the nearer limit over 3 s
@@ -43,22 +43,22 @@ class Capability:
 def capability(value: Float, u: Float, lower: float, upper: float) -> Capability:
     """From values in time order with their standard uncertainties and the limits of tolerance; NaN is left out.
 
-    u is taken as independent from part to part. What all parts share, such as an error of the hand-eye pose, is no part
-    of the spread s: s_part is then too small, and lies between the value given and s.
+    `s_part` takes u as independent from part to part. What all parts share (an error of the hand-eye pose, columns that
+    meet the edge alike) is no part of the spread: the parts' own then lies between `s_part` and `s`.
     """
     order = np.flatnonzero(np.isfinite(value) & np.isfinite(u))
     n = len(order)
     if n < LEAST:
         none = (math.nan, math.nan)
         mean = float(value[order].mean()) if n else math.nan
-        return Capability(n, mean, *[math.nan] * 5, none, math.nan, none, math.nan, none)
+        return Capability(n, mean, math.nan, none, math.nan, math.nan, *[math.nan, none] * 3)
     known = value[order]
     mean, s, u_rms = float(known.mean()), float(known.std(ddof=1)), float(np.sqrt(np.mean(u[order] ** 2)))
     s_low, s_high = spread_interval(s, n)
     cp = (upper - lower) / (6 * s) if s else math.inf
     cpk = min(upper - mean, mean - lower) / (3 * s) if s else math.inf
     return Capability(
-        n, mean, s, u_rms, _without(s, u_rms), _without(s_high, u_rms),
+        n, mean, s, (s_low, s_high), u_rms, math.sqrt(max(0.0, s * s - u_rms * u_rms)),
         cp, ((upper - lower) / (6 * s_high), (upper - lower) / (6 * s_low)) if s else (cp, cp),
         cpk, cpk_interval(cpk, n), *line(order.astype(float), known),
     )  # fmt: skip
@@ -90,7 +90,3 @@ def line(x: Float, y: Float) -> tuple[float, tuple[float, float]]:
     error = math.sqrt(float(rest @ rest) / (len(x) - 2) / float(away @ away))
     half = float(stdtrit(len(x) - 2, (1 + CONFIDENCE) / 2)) * error
     return slope, (slope - half, slope + half)
-
-
-def _without(s: float, u: float) -> float:
-    return math.sqrt(max(0.0, s * s - u * u))

@@ -24,6 +24,7 @@ from workbench.errors import one_line
 from workbench.units import Int
 
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
+SHOWN = 25  # of them at once; the others unfold
 SIGNALS = 60  # of run rules in the page
 SIGNIFICANT = 0.01
 
@@ -74,6 +75,7 @@ def page(records: Sequence[Record], title: str) -> str:
         inspected=bool(found),
         total=len(records),
         rows=[row(one, places[one.part], margin, section) for one in ranked[:ROWS]],
+        shown=SHOWN,
         left_out=max(0, len(ranked) - ROWS),
         **(_statistics(records, found) if found else {}),
     )  # fmt: skip
@@ -101,14 +103,15 @@ def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> M
 
     studies = [study(what) for what in found]
     counts = worst_counts(found)
+    signals = [one for each in studies for one in _signals(each, records)]
     return {
         "studies": studies,
         "pictures": [data_address(fleet_charts.control_charts(one.what, one.charts)) for one in studies],
         "trend": data_address(fleet_charts.trend_chart(found)),
         "worst": data_address(fleet_charts.worst_chart(found, counts)),
         "worst_text": worst_text(counts),
-        "signals": [one for each in studies for one in _signals(each, records)][:SIGNALS],
-        "signal_count": sum(len(chart.signals) for one in studies for chart in one.charts),
+        "signals": signals[:SIGNALS],
+        "more_signals": max(0, len(signals) - SIGNALS),
         "expected": sum(len(chart.value) for one in studies for chart in one.charts) * 0.0027,
         "few": max(chart.order.size for one in studies for chart in one.charts) < LEAST,
         "least": LEAST,
@@ -116,11 +119,16 @@ def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> M
 
 
 def _signals(one: Study, records: Sequence[Record]) -> list[dict[str, Any]]:
-    names = {0: "its moving range is beyond the limit"} | {n: f"Nelson {n}: {text}" for n, text in RULES.items()}
+    """What the run rules say, in the order of parts; sections that say the same are one line."""
+    names = {0: "moving range beyond its limit"} | {n: f"Nelson {n}: {text}" for n, text in RULES.items()}
+    by_part: dict[tuple[int, int], list[str]] = {}
+    for k, chart in enumerate(one.charts, 1):
+        for at, rule in chart.signals:
+            by_part.setdefault((int(chart.order[at]), rule), []).append(str(k))
     return [
-        {"what": one.what.name, "section": k + 1, "order": int(chart.order[at]) + 1,
-         "part": records[chart.order[at]].part, "rule": names[rule]}
-        for k, chart in enumerate(one.charts) for at, rule in chart.signals
+        {"what": one.what.name, "sections": ", ".join(sections), "order": place + 1, "part": records[place].part,
+         "rule": names[rule]}
+        for (place, rule), sections in sorted(by_part.items())
     ]  # fmt: skip
 
 

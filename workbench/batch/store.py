@@ -47,9 +47,15 @@ class LocalFolder:
         self.path = path
         self._results = OutputDirectory(path)
 
-    def reserved(self) -> AbstractContextManager[None]:
-        """As Folder."""
-        return self._results.reserved()
+    @contextmanager
+    def reserved(self) -> Iterator[None]:
+        """As Folder; the lock is on the folder itself, so that a process that dies leaves none behind."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(str(self.path), f"cannot be written: {error.strerror}") from None
+        with self._results.reserved():
+            yield
 
     def read(self, name: str) -> bytes | None:
         """As Folder."""

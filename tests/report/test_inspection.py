@@ -161,7 +161,7 @@ def test_a_crash_of_the_drawing_process_leaves_a_report(small, tmp_path, monkeyp
 
 def test_a_missing_library_is_named(small, monkeypatch):
     monkeypatch.setattr("sys.executable", "/nowhere/python")
-    monkeypatch.setattr("workbench.report.rendering.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
+    monkeypatch.setattr("workbench.offscreen.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
     with pytest.warns(RuntimeWarning, match="libnowhere1"):
         pictures = Rendering(section_views(small.cloud, small.edge, small.inspection, 10_000)).pictures()
     assert "libNowhere.so.1" in pictures.problem

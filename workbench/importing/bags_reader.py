@@ -56,6 +56,8 @@ class Bag:
             InputError: a damaged bag, fewer messages than its index says, a type with a strange definition.
         """
         chosen = [c for c in self.reader.connections if c.topic in topics]
+        if not chosen:
+            return  # the library would take it for all
         for connection in chosen:
             self._check_definition(connection)
         count = dict.fromkeys(topics, 0)

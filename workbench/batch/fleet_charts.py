@@ -25,12 +25,15 @@ def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> byte
     """SVG: for each section the values over the moving ranges, with limits; signals stand out."""
     rows = math.ceil(len(charts) / COLUMNS)
     with styled():
-        figure = Figure(figsize=(10.4, 2.5 * rows + 0.3), layout="constrained")
-        grid = figure.add_gridspec(2 * rows, COLUMNS, height_ratios=[3, 1] * rows)
+        height = 2.6 * rows + 0.4
+        figure = Figure(figsize=(10.4, height))  # margins in inches: a layout engine takes as long as the drawing
+        outer = {"left": 0.07, "right": 0.99, "bottom": 0.4 / height, "top": 1 - 0.25 / height}
+        grid = figure.add_gridspec(rows, COLUMNS, hspace=0.28, wspace=0.2, **outer)
         for k, chart in enumerate(charts):
             row, column = divmod(k, COLUMNS)
-            values = figure.add_subplot(grid[2 * row, column])
-            ranges = figure.add_subplot(grid[2 * row + 1, column], sharex=values)
+            inner = grid[row, column].subgridspec(2, 1, height_ratios=[3, 1], hspace=0.1)
+            values = figure.add_subplot(inner[0])
+            ranges = figure.add_subplot(inner[1], sharex=values)
             _draw_values(values, chart, what, f"section {k + 1}")
             _draw_ranges(ranges, chart)
             if column == 0:
@@ -84,7 +87,8 @@ def _span(values: Sequence[float]) -> tuple[float, float]:
 def trend_chart(found: Sequence[Characteristic]) -> bytes:
     """SVG: the mean over each part's sections, the lowest and the highest, and the straight line through the means."""
     with styled():
-        figure = Figure(figsize=(10.4, 2.4 * len(found)), layout="constrained")
+        figure = Figure(figsize=(10.4, 2.4 * len(found)))
+        figure.subplots_adjust(left=0.07, right=0.99, bottom=0.1, top=0.98, hspace=0.08)
         for axes, what in zip(figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0], found, strict=True):
             known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
             inside = what.value[known]
@@ -114,8 +118,8 @@ def part_means(what: Characteristic) -> Float:
 def worst_chart(found: Sequence[Characteristic], counts: Int) -> bytes:
     """SVG: in how many parts each section has the smallest margin; counts (characteristics, sections)."""
     with styled():
-        figure = Figure(figsize=(10.4, 2.3), layout="constrained")
-        axes = figure.subplots()
+        figure = Figure(figsize=(10.4, 2.3))
+        axes = figure.add_axes((0.07, 0.2, 0.78, 0.75))
         sections, base = np.arange(1, counts.shape[1] + 1), np.zeros(counts.shape[1])
         for what, colour, count in zip(found, COLOURS, counts, strict=True):
             axes.bar(sections, count, bottom=base, color=colour, width=0.7, label=what.name)

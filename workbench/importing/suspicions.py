@@ -10,6 +10,7 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.importing.grid import MAX_MM
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_tables import LENGTH_MM
 from workbench.importing.neutral import PoseStream, ProfileFrames
@@ -43,6 +44,12 @@ def check_angles(values: Float, unit: str, where: str) -> None:
 
 def check_profiles(frames: ProfileFrames, mapping: Mapping) -> None:
     """Something is seen, in a field of view and at a distance that a profiler has."""
+    for name, grid in (("x", frames.x_mm), ("z", frames.z_mm)):
+        wild = np.argwhere(np.abs(grid) > MAX_MM)
+        if len(wild):
+            frame, column = wild[0]
+            what = f"expected mm or no return, found {name} = {grid[frame, column]:g} in column {column + 1}"
+            raise InputError(f"{frames.source}: frame {frame + 1}", what)
     seen = np.isfinite(frames.x_mm) & np.isfinite(frames.z_mm)
     if not seen.any():
         raise InputError(frames.source, "expected returns, found none in any profile")

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.importing.columns import parsed
 from workbench.importing.mapping_tables import Column, TextPart
-from workbench.importing.text import cells, decoded, head_text, is_number, read_lines_as_bytes
+from workbench.importing.text import HEAD_BYTES, INK, cells, head_text, numbered, read_lines_as_bytes
 from workbench.units import Bool, Float, Int
 
-EMPTY = ["", "nan", "NaN", "NAN"]
+SLAB_BYTES = 2**25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,31 +49,60 @@ def read_table(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Tabl
         InputError: a column is not there, stands twice or is named twice; a cell is no number; a row is too short or
             too long; an infinity; no rows. With the line.
     """
-    where, content = str(path), read_lines_as_bytes(path)
-    if part.delimiter == " ":
-        content = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content))
-    if b"\n " in content:
-        content = re.sub(rb"(?m)^ +$", b"", content)
-    lines = content.split(b"\n", part.skip_lines + 1)
-    header = (
-        cells(decoded(lines[part.skip_lines]), part.delimiter) if part.header and len(lines) > part.skip_lines else []
-    )
+    where, content = str(path), _plain_blanks(read_lines_as_bytes(path), part)
+    header = header_names(content[:HEAD_BYTES], part)
     skipped = part.skip_lines + bool(part.header)
-    rest = content.split(b"\n", skipped)
-    body = rest[skipped].rstrip(b"\n") if len(rest) > skipped else b""
-    if not body.strip():
+    start = _offset(content, skipped)
+    if INK.search(content, start) is None:
         raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
-    line, after_blank = _rows(body, skipped)
-    count = len(header) or len(cells(decoded(body.lstrip(b"\n").split(b"\n", 1)[0]), part.delimiter))
+    first_row = next(line for number, line in numbered(content[start : start + HEAD_BYTES]))
+    count = len(header) or len(cells(first_row, part.delimiter))
     places = {role: _place(column, header, count, where) for role, column in wanted.items()}
-    columns = _parsed(body, part, places, count, where, skipped)
     names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
-    table = Table(where, columns, names, line, after_blank)
+    slabs, lines = [], skipped
+    for begin, end in _slabs(content, start):
+        body = content[begin:end]
+        slabs.append((parsed(body, part, places, count, where, lines), *_rows(body, lines)))
+        lines += body.count(b"\n")
+    columns = {role: np.concatenate([slab[0].pop(role) for slab in slabs]) for role in places}
+    line = np.concatenate([slab[1] for slab in slabs])
+    table = Table(where, columns, names, line, np.concatenate([slab[2] for slab in slabs]))
     for role, values in columns.items():
-        wild = np.flatnonzero(np.isinf(values))
-        if len(wild):
-            raise InputError(f"{where}: line {line[wild[0]]}", f"column {names[role]}: expected a finite number")
+        if np.isinf(values).any():
+            row = line[np.flatnonzero(np.isinf(values))[0]]
+            raise InputError(f"{where}: line {row}", f"column {names[role]}: expected a finite number")
     return table
+
+
+def _plain_blanks(content: bytes, part: TextPart) -> bytes:
+    """Lines of white space are empty lines; where white space separates, it is one blank."""
+    if part.delimiter == " ":
+        return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content))
+    return re.sub(rb"(?m)^ +$", b"", content) if b"\n " in content else content
+
+
+def _offset(content: bytes, lines: int) -> int:
+    """Where the text after some lines begins."""
+    offset = 0
+    for _ in range(lines):
+        offset = content.find(b"\n", offset) + 1
+        if offset == 0:
+            return len(content)
+    return offset
+
+
+def _slabs(content: bytes, start: int) -> Iterator[tuple[int, int]]:
+    """Stretches of lines, each ending in a row, so that a large file is not held several times over."""
+    end = len(content)
+    while content[end - 1 : end] == b"\n":
+        end -= 1
+    while start < end:
+        cut = content.find(b"\n", start + SLAB_BYTES, end)
+        while cut >= 0 and content[cut - 1 : cut] == b"\n":  # a blank line: it belongs to the row after it
+            cut = content.find(b"\n", cut + 1, end)
+        stop = cut + 1 if cut >= 0 else end
+        yield start, stop
+        start = stop
 
 
 def _rows(body: bytes, skipped: int) -> tuple[Int, Bool]:
@@ -97,54 +124,3 @@ def _place(column: Column, header: list[str], count: int, where: str) -> int:
         what = "stands twice in the header" if found else f"no such column{nearest(column, [n for n in header if n])}"
         raise InputError(f"{where}: column {column!r}", what)
     return found[0]
-
-
-def _parsed(
-    body: bytes, part: TextPart, places: Mapping[str, int], count: int, where: str, skipped: int
-) -> dict[str, Float]:
-    """The columns by pyarrow's reader, which holds a table of 50 million rows."""
-    import pyarrow as pa
-    from pyarrow import csv as arrow_csv
-
-    names = [str(i) for i in range(count)]
-    used = sorted(set(places.values()))
-    try:
-        table = arrow_csv.read_csv(
-            pa.BufferReader(body),
-            read_options=arrow_csv.ReadOptions(column_names=names, block_size=2**24),
-            parse_options=arrow_csv.ParseOptions(delimiter=part.delimiter),
-            convert_options=arrow_csv.ConvertOptions(
-                column_types={str(i): pa.float64() for i in used},
-                include_columns=[str(i) for i in used],
-                null_values=EMPTY,
-                decimal_point=part.decimal,
-            ),
-        )
-    except (pa.ArrowException, ValueError) as error:
-        _refuse(body, part, used, count, where, skipped, error)
-    return {role: table.column(str(at)).to_numpy() for role, at in places.items()}
-
-
-def _refuse(body: bytes, part: TextPart, used: list[int], count: int, where: str, skipped: int, error: Any) -> NoReturn:
-    """The first row that is wrong, looked for slowly."""
-    for number, line in enumerate(decoded(body).split("\n"), skipped + 1):
-        if not line.strip():
-            continue
-        row = next(csv.reader(io.StringIO(line), delimiter=part.delimiter), [])
-        if len(row) != count:
-            raise InputError(f"{where}: line {number}", f"expected {count} cells, found {len(row)}")
-        for i in used:
-            text = row[i].strip()
-            if text not in EMPTY and not _reads(text, part.decimal):
-                shown = repr(text if len(text) <= 30 else text[:27] + "...")
-                raise InputError(
-                    f"{where}: line {number}, cell {i + 1}",
-                    f"expected a number with decimal mark '{part.decimal}', found {shown}",
-                )
-    raise InputError(where, f"expected a table of numbers: {str(error)[:120]}")
-
-
-def _reads(text: str, decimal: str) -> bool:
-    return (
-        is_number(text.replace(",", ".")) if decimal == "," and "." not in text else decimal == "." and is_number(text)
-    )

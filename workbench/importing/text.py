@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from workbench.units import Float
 
 MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text
 HEAD_BYTES = 65_536
+INK = re.compile(rb"\S")
 BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
 
@@ -32,7 +34,7 @@ def read_lines_as_bytes(path: Path) -> bytes:
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     content = as_utf8(content, str(path))
-    if not content.strip():
+    if INK.search(content) is None:
         raise InputError(str(path), "is empty")
     if (zero := content.find(b"\0")) >= 0:
         raise InputError(f"{path}: byte {zero}", "expected text, found a zero byte")

@@ -9,12 +9,5 @@ trap 'rm -rf "$scratch"' EXIT
 python="$scratch/venv/bin/python"
 $python -m pip install --quiet --upgrade pip
 $python -m pip install --quiet --only-binary :all: --dry-run --ignore-installed --report "$scratch/report.json" . --group dev
-$python - "$scratch/report.json" >"$scratch/lock" <<'END'
-import json, sys, tomllib
-print("# Written by `make lock`; every version is tested together.")
-groups = tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]
-marked = {line.split(">=")[0]: " ;" + line.partition(";")[2] for line in groups["dev"] if ";" in line}  # not for every Python
-packages = {p["metadata"]["name"].lower().replace("_", "-"): p["metadata"]["version"] for p in json.load(open(sys.argv[1]))["install"]}
-print("\n".join(f"{name}=={version}{marked.get(name, '')}" for name, version in sorted(packages.items()) if name != "workbench"))
-END
+$python scripts/write_lock.py "$scratch/report.json" >"$scratch/lock"
 mv "$scratch/lock" requirements.lock

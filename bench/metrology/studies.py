@@ -26,6 +26,10 @@ from bench.metrology.planning.result import PlanResult
 from bench.metrology.planning.summary import summarise_plans, worst_plans
 from bench.metrology.planning.table import plan_tables
 from bench.metrology.run import ROOT, Measurement
+from bench.metrology.stiffness.part import measure_stiffness
+from bench.metrology.stiffness.result import StiffnessResult
+from bench.metrology.stiffness.summary import STIFFNESS_CONDITIONS, summarise_stiffness, worst_stiffness
+from bench.metrology.stiffness.table import stiffness_tables
 from bench.metrology.summary import summarise, worst_sections
 from bench.metrology.table import tables
 from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
@@ -98,5 +102,19 @@ STUDIES = {
         worst_calibrations,
         ROOT / "docs" / "calibration_metrology.md",
         "calibration",
+    ),
+    "stiffness": Study(
+        Measurement(
+            measure_stiffness,
+            StiffnessResult,
+            ("workbench/geometry", "workbench/robot", "workbench/plugins/stiffness", "bench/metrology/stiffness"),
+        ),
+        STIFFNESS_CONDITIONS,
+        1000,
+        summarise_stiffness,
+        stiffness_tables,
+        worst_stiffness,
+        ROOT / "docs" / "stiffness_metrology.md",
+        "stiffness",
     ),
 }  # fmt: skip

@@ -1,12 +1,14 @@
 """One posture at a time with pinocchio: inverse kinematics, then J K^-1 J^T f. What one would write without kernels.
 
 Inverse kinematics by pin's own closed-loop algorithm (its example `inverse-kinematics.py`: steps of 0.1, damping
-1e-12, until the error is below 1e-4), or in closed form, called once a posture.
+1e-12, until the error is below 1e-4), by EAIK (Ostermeier, Kuelz, Althoff 2025), which solves all branches of a pose
+at once, or by this project's closed form, called once a posture.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +28,7 @@ class OneByOne:
         self.data = self.model.createData()
         self.flange = self.model.getFrameId("tool0")
         self.chain, self.compliance = chain, 1 / stiffness
+        self.eaik = _eaik(chain)
 
     def clik(self, base_from_flange: Float, start: Float) -> Float | None:
         """Joint angles (6,) by closed-loop inverse kinematics; None: it did not converge."""
@@ -46,6 +49,13 @@ class OneByOne:
         """Joint angles (6,) of one branch."""
         return np.asarray(inverse_kinematics(self.chain, base_from_flange)[branch])
 
+    def all_branches(self, base_from_flange: Float) -> list[Float]:
+        """Joint angles (6,) of each branch that EAIK finds; its least-squares answers left out."""
+        pose = base_from_flange.copy()
+        pose[:3, 3] /= 1e3
+        found = self.eaik.calculate_IK(pose)
+        return [q for q, approximate in zip(found.Q, found.is_LS, strict=True) if not approximate]
+
     def displacement_mm(self, q: Float, point_in_flange_mm: Float, force_n: Float) -> float:
         """Length of J K^-1 J^T f of a flange point; the force in base axes."""
         jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.flange, pin.LOCAL_WORLD_ALIGNED)
@@ -53,3 +63,13 @@ class OneByOne:
         lever = at.rotation @ (point_in_flange_mm / 1e3)
         linear = jacobian[:3] - pin.skew(lever) @ jacobian[3:]
         return float(1e3 * np.linalg.norm(linear @ (self.compliance * (linear.T @ force_n))))
+
+
+def _eaik(chain: Chain) -> Any:
+    """The robot as EAIK has it, in m; None where there is no EAIK."""
+    try:
+        from eaik.pybindings.EAIK import Robot
+    except ImportError:
+        return None
+    points = np.vstack([np.zeros(3), chain.points_mm, chain.base_from_flange_at_zero[:3, 3]]) / 1e3
+    return Robot(chain.axes.T, np.diff(points, axis=0).T, chain.base_from_flange_at_zero[:3, :3], [], True)

@@ -16,7 +16,8 @@ from bench.speed.timing import Row
 PAGE = Path("docs/benchmarks.md")
 
 
-def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
+def inspecting(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
+    """Recordings of several sizes from file to inspection."""
     paths = {}
     for size in sizes:
         print(f"simulating {size} M points", file=sys.stderr, flush=True)
@@ -31,23 +32,38 @@ def measure(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]
         yield from rows.reading(size, path, times)
     yield from rows.linearity(times)
     yield from rows.routes(paths, times, also_largest)
-    yield from rows.planning()
-    yield from rows.calibrating()
-    yield from postures_rows.postures()
+
+
+GROUPS = {
+    "inspection": None,  # wants sizes and a folder
+    "planning": rows.planning,
+    "calibration": rows.calibrating,
+    "posture": postures_rows.postures,
+}
+
+
+def measure(groups: list[str], sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
+    """Rows of the groups asked for."""
+    for name in groups:
+        group = GROUPS[name]
+        yield from inspecting(sizes, folder, also_largest) if group is None else group()
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.speed", description=__doc__)
     parser.add_argument("--sizes", type=int, nargs="+", default=[1, 10, 50], help="million points, smallest first")
     parser.add_argument("--all", action="store_true", help="run Open3D at the largest size too (many minutes, 12 GB)")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page to write")
+    parser.add_argument("--rows", nargs="+", choices=GROUPS, help="only these rows; the page is then not written")
+    parser.add_argument("--out", type=Path, help="the page to write (docs/benchmarks.md, if all rows are measured)")
     arguments = parser.parse_args()
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        for row in measure(sorted(arguments.sizes), Path(folder), arguments.all):
+        for row in measure(arguments.rows or list(GROUPS), sorted(arguments.sizes), Path(folder), arguments.all):
             found.append(row)
             print(line(row), flush=True)
-    arguments.out.write_text(document(found, sys.argv[1:]), encoding="utf-8")
+    page = arguments.out or (None if arguments.rows else PAGE)
+    if page is not None:
+        page.write_text(document(found, sys.argv[1:]), encoding="utf-8")
 
 
 if __name__ == "__main__":

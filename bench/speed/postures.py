@@ -20,18 +20,20 @@ from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import Arm, fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
+from workbench.plugins.stiffness.law import BAND, RESTLESS_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
+from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses, sample, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
-from workbench.robot import Cell, bounding_volumes, clearance_bound_mm, inverse_kinematics, read_cell
+from workbench.robot import Cell, CollisionScreen, bounding_volumes, clearance_bound_mm, inverse_kinematics, read_cell
 from workbench.robot.shapes import ON_BASE, Shape
 from workbench.units import Float
 
 PATH, CELL = Path("data/synthetic/paths/raw_arc.json"), Path("data/robot/cell.json")
 K = np.array(TABLE_2_NM_PER_RAD)
 GRID = np.radians(np.arange(-180, 180.0))
-POINTS, BOXES, LOOPED, BOUNDED = 60, 40, 100, 200_000
+POINTS, BOXES, LOOPED, BOUNDED, SCREENED = 60, 40, 100, 200_000, 50_000
 
 
 def cluttered(cell: Cell) -> Cell:
@@ -73,7 +75,7 @@ def one_by_one(cell: Cell, points: PathPoints) -> dict[str, float]:
     tip = np.einsum("nji,nj->ni", poses[:, :3, :3], load - poses[:, :3, 3])
     act = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
     start = np.radians([0.0, 10.0, 10.0, 10.0, 60.0, 10.0])
-    converged = []
+    converged, solved = [], []
 
     def clik() -> None:
         for i in range(LOOPED):
@@ -88,8 +90,46 @@ def one_by_one(cell: Cell, points: PathPoints) -> dict[str, float]:
             if np.isfinite(q[0]):
                 peer.displacement_mm(q, tip[i], act[i])
 
-    return {"clik_s": timed(clik, 1) / LOOPED, "closed_s": timed(closed, 3) / LOOPED,
-            "converged": float(np.mean(converged))}  # fmt: skip
+    def eaik() -> None:
+        for i in range(LOOPED):
+            branches = peer.all_branches(poses[i])
+            solved.append(len(branches))
+            for q in branches:
+                peer.displacement_mm(q, tip[i], act[i])
+
+    found = {"clik_s": timed(clik, 1) / LOOPED, "closed_s": timed(closed, 3) / LOOPED,
+             "converged": float(np.mean(converged))}  # fmt: skip
+    if peer.eaik is not None:
+        found |= {"eaik_s": timed(eaik, 5) / LOOPED, "eaik_branches": float(np.mean(solved))}
+    return found
+
+
+def certified(cell: Cell, joints: tuple[Float, Float]) -> dict[str, float]:
+    """Seconds a posture to prove it free or not, all pairs of bodies; and the share that bounding volumes decide."""
+    volumes, screen = bounding_volumes(cell), CollisionScreen(cell)
+    few = joints[0][:SCREENED], joints[1][:SCREENED]
+    return {
+        "bound_s": timed(lambda: clearance_bound_mm(cell, volumes, *joints)) / len(joints[0]),
+        "certified": float(np.mean(clearance_bound_mm(cell, volumes, *joints) > 0)),
+        "screen_s": timed(lambda: screen.hits(*few), 3) / SCREENED,
+        "colliding": float(np.mean(screen.hits(*few) >= 0)),
+    }
+
+
+def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
+    """Seconds for the best law of both angles over the whole grid, all points, and its gap to the bound."""
+    examiner = Examiner(cell, arm, points)
+    loaded = points.only(sample(points, POINTS))
+    choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
+    start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), RESTLESS_MM)
+    assert cell.turntable is not None
+    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.radians(100.0))
+    law, bound = improved_law(examiner, K, start, grid, limits)
+    return {
+        "law_s": timed(lambda: improved_law(examiner, K, start, grid, limits), 3),
+        "law_points": len(points.layer), "law_gap": law.cost_mm / bound - 1,
+        "law_gain": 1 - law.cost_mm / start.cost_mm,
+    }  # fmt: skip
 
 
 def measure() -> dict[str, Any]:
@@ -101,7 +141,6 @@ def measure() -> dict[str, Any]:
     loaded = sampled.only(sampled.loaded)
     full = cluttered(cell)
     joints = _postures(cell, points)
-    volumes = bounding_volumes(cell)
     return {
         "points": len(loaded.layer),
         "branches": len(BRANCHES),
@@ -110,7 +149,8 @@ def measure() -> dict[str, Any]:
         "open_cells": optimum(cell, arm, points, sampled),
         "cluttered_s": timed(lambda: optimum(full, arm, points, sampled), 3),
         "cluttered_cells": optimum(full, arm, points, sampled),
-        "bound_s": timed(lambda: clearance_bound_mm(cell, volumes, *joints)) / len(joints[0]),
+        **certified(cell, joints),
+        **along(cell, arm, points),
         **one_by_one(cell, points),
     }
 

@@ -49,8 +49,10 @@ ours has found. scipy's is the maintained library's; the vectorised one evaluate
 Postures (`bench/speed/postures.py`): the shipped path of a raw arc, the shipped cell; the cluttered one has 40 boxes of
 300 mm around the robot. The optimum is searched on the grid of 1 deg x 1 deg, from nothing: traversal, bodies for
 collision, best-first search, all 1,016 points of the chosen cell against all pairs of bodies. The loops
-(`bench/peers/clik.py`) solve one posture at a time and form J K^-1 J^T f with pinocchio's Jacobian; CLIK starts from
-one posture in the middle of the joints' ranges. Processor times on one core.
+(`bench/peers/clik.py`) solve one pose at a time and form J K^-1 J^T f with pinocchio's Jacobian; EAIK's gives all
+branches, each of which is evaluated and counts as a posture; CLIK starts from one posture in the middle of the joints'
+ranges. The law of both angles is sought among all nodes of the grid at all points, with collision and the limits of
+speed and acceleration. Processor times on one core.
 """
 
 

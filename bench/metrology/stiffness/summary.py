@@ -1,0 +1,97 @@
+"""From the results of identifications to the figures of one condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from bench.metrology.calibration.summary import ELLIPSOID, Share
+from bench.metrology.quantity import percentile
+from bench.metrology.stiffness.result import StiffnessResult
+from workbench.units import Float
+
+STIFFNESS_CONDITIONS = ("table_a1", "table_a1_points", "one_lever", "table_a1_planned", "planned", "planned_points")
+HONEST = ("table_a1", "table_a1_points", "planned", "planned_points")  # the goals of errors and coverage hold for these
+RATIO_GOAL, COVER_GOAL = 1.05, (0.93, 0.97)
+PLANNED_GOAL, LOADS_GOAL = 0.05, 40  # all six joints within 5 % in 95 % of cases, loads a posture
+
+
+@dataclass(frozen=True, slots=True)
+class StiffnessSummary:
+    """The figures of one condition; arrays over the six joints, relative."""
+
+    condition: str
+    trials: int
+    loads: list[int]  # at each posture
+    refused: list[StiffnessResult]
+    crashed: list[StiffnessResult]
+    bound: Float  # (6,)
+    rmse: Float  # (6,)
+    stated: Float  # (6,) RMS of the stated standard uncertainties
+    bias: Float  # (6,) mean error
+    covered: Share
+    within: Share  # trials whose worst joint is within PLANNED_GOAL, joints one by one
+    put_aside: int  # loads and points, in all trials
+    warned: int
+    identify_ms: float
+
+    @property
+    def rmse_ratio(self) -> Float:
+        return self.rmse / self.bound
+
+    @property
+    def stated_ratio(self) -> Float:
+        return self.stated / self.bound
+
+    @property
+    def least_ratio(self) -> float:
+        """What the number of trials leaves open: the ratio of all joints together is above this (95 %)."""
+        n = 6 * (self.trials - len(self.refused) - len(self.crashed))
+        pooled = float(np.sqrt(np.mean(self.rmse_ratio**2)))
+        return pooled * float(np.sqrt(n / chi2.ppf(0.975, n)))
+
+    @property
+    def shortcomings(self) -> Iterable[str]:
+        """In words, what does not reach its goal."""
+        return [f"{self.condition}: {words}" for wrong, words in self._checks() if wrong]
+
+    def _checks(self) -> Iterator[tuple[bool, str]]:
+        yield bool(self.crashed), f"{len(self.crashed)} crashed"
+        if self.condition not in HONEST:
+            return
+        yield bool(self.refused), f"{len(self.refused)} refused"
+        yield self.least_ratio > RATIO_GOAL, "errors over their bound"
+        yield bool(self.stated_ratio.max() > RATIO_GOAL), "stated uncertainty over the bound"
+        yield self.covered.outside(*COVER_GOAL), "coverage of the ellipsoid"
+        if self.condition.startswith("planned"):
+            yield bool(2 * self.bound.max() > PLANNED_GOAL), "a joint beyond 5 %"
+            yield max(self.loads) > LOADS_GOAL, "too many loads at a posture"
+
+
+def summarise_stiffness(condition: str, results: list[StiffnessResult]) -> StiffnessSummary:
+    """All figures of one condition."""
+    results = sorted(results, key=lambda r: r.seed)
+    good = [r for r in results if not (r.refused or r.crashed)]
+    error, stated = (np.array([getattr(r, name) for r in good]).reshape(-1, 6) for name in ("error", "stated"))
+    inside = np.abs(error) <= PLANNED_GOAL
+    worst = int(inside.sum(axis=0).argmin()) if len(good) else 0
+    return StiffnessSummary(
+        condition=condition, trials=len(results), loads=results[0].loads,
+        refused=[r for r in results if r.refused], crashed=[r for r in results if r.crashed],
+        bound=np.array(results[0].bound), rmse=np.sqrt(np.mean(error**2, axis=0)),
+        stated=np.sqrt(np.mean(stated**2, axis=0)), bias=error.mean(axis=0),
+        covered=Share(sum((r.nees or 0) < ELLIPSOID for r in good), len(good)),
+        within=Share(int(inside[:, worst].sum()), len(good)), put_aside=sum(r.put_aside for r in good),
+        warned=sum(r.warned for r in good),
+        identify_ms=percentile([1e3 * r.seconds["identify"] for r in good], 50),
+    )  # fmt: skip
+
+
+def worst_stiffness(results: list[StiffnessResult], count: int) -> Iterator[str]:
+    """The trials whose error is largest in units of their stated covariance, as lines."""
+    known = [r for r in results if r.nees is not None]
+    for r in sorted(known, key=lambda r: -(r.nees or 0))[:count]:
+        yield f"{r.condition}, seed {r.seed}: chi-square {r.nees:.1f}, errors {', '.join(f'{e:.2%}' for e in r.error)}"

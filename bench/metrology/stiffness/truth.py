@@ -1,0 +1,121 @@
+"""Loading tests whose truth is known, and the Cramer-Rao bound of what they tell.
+
+Written apart from the identification: derivatives are differences of the robot's balance under load, which is solved.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from workbench.plugins.stiffness import plan_loads
+from workbench.plugins.stiffness.simulate import simulate_tests
+from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
+from workbench.robot import Cell, abb_angles, read_cell
+from workbench.robot.cell import LoadingSetup
+from workbench.units import Float
+
+CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
+K = np.array(TABLE_2_NM_PER_RAD)
+FORCE_N, LEVER_MM, TARGETS = 200.0, 100.0, 4
+STEP, STEP_N = 1e-3, 1.0  # of differences: relative, of a stiffness; N and Nm, of a wrench
+
+
+@dataclass(frozen=True)
+class Known:
+    """Tests without noise, and the bound on each joint's relative standard error."""
+
+    cell: Cell
+    setup: LoadingSetup
+    exact: LoadingTests
+    bound: Float  # (6,)
+
+
+@lru_cache(maxsize=8)
+def known(condition: str) -> Known:
+    """The tests of a condition; the same in all trials but for their noise."""
+    cell = read_cell(CELL)
+    assert cell.loading is not None
+    targets = TARGETS if condition.endswith("points") else 0
+    labels, joints, wrench = _planned(cell, condition, targets) if "planned" in condition else _paper(cell, condition)
+    exact = simulate_tests(cell.chain, cell.loading, K, joints, wrench, labels, targets=targets)
+    return Known(cell, cell.loading, exact, _bound(cell, cell.loading, exact, targets))
+
+
+def noisy(truth: Known, seed: int) -> LoadingTests:
+    """The tests with the cell's noise on wrench and displacement."""
+    rng, setup, exact = np.random.default_rng(seed), truth.setup, truth.exact
+    wrench = exact.wrench + rng.normal(size=exact.wrench.shape) * _wrench_noise(setup)
+    if exact.targets_mm is not None:
+        moved = exact.targets_mm + rng.normal(size=exact.targets_mm.shape) * setup.target_noise_mm
+        return dataclasses.replace(exact, wrench=wrench, targets_mm=moved)
+    assert exact.displacement is not None
+    moved = exact.displacement + rng.normal(size=exact.displacement.shape) * _row_noise(setup, 0)
+    return dataclasses.replace(exact, wrench=wrench, displacement=moved)
+
+
+def _paper(cell: Cell, condition: str) -> tuple[tuple[str, ...], Float, Float]:
+    """Table A1's postures: opposite forces along the sensor's axes at the load points, or at one lateral lever."""
+    setup = cell.loading
+    assert setup is not None
+    at = setup.load_points_mm - setup.flange_from_sensor[:3, 3]
+    if condition == "one_lever":
+        at = np.array([[LEVER_MM, 0.0, 0.0]])
+    rows = [
+        (str(i), q, np.concatenate([f, np.cross(p, f) / 1e3]))
+        for i, q in enumerate(abb_angles(np.radians(TABLE_A1_DEG), "dh"), 1)
+        for p in at
+        for f in FORCE_N * np.vstack([np.eye(3), -np.eye(3)])
+    ]
+    labels, joints, wrench = zip(*rows, strict=True)
+    return labels, np.array(joints), np.array(wrench)
+
+
+def _planned(cell: Cell, condition: str, targets: int) -> tuple[tuple[str, ...], Float, Float]:
+    """Loads as `stiffness.plan_loads` proposes them, at postures of its own or at Table A1's."""
+    given = None if condition.startswith("planned") else [tuple(map(float, row)) for row in TABLE_A1_DEG]
+    stiffness = JointStiffness(K, np.zeros((6, 6)), 0.0, 0, 0, "Table 2")
+    plan, _ = plan_loads(cell, stiffness, postures_deg=given, angle_convention="dh" if given else "abb",
+                         targets=targets)  # fmt: skip
+    return plan.labels, plan.joints, plan.wrench
+
+
+def _bound(cell: Cell, setup: LoadingSetup, exact: LoadingTests, targets: int) -> Float:
+    """From the information about the logarithms of the stiffness: sum of D^T S^-1 D over the loads.
+
+    D: derivative of the displacement; S: noise of the displacement and of the wrench, which acts through the robot.
+    """
+
+    def moved(k: Float, wrench: Float) -> Float:
+        tests = simulate_tests(cell.chain, setup, k, exact.joints, wrench, exact.labels, targets=targets)
+        rows = tests.displacement if targets == 0 else tests.targets_mm
+        assert rows is not None
+        return rows.reshape(len(exact.joints), -1)
+
+    def difference(j: int) -> Float:
+        up, down = K.copy(), K.copy()
+        up[j], down[j] = K[j] * np.exp(STEP), K[j] * np.exp(-STEP)
+        return (moved(up, exact.wrench) - moved(down, exact.wrench)) / (2 * STEP)
+
+    def by_wrench(j: int) -> Float:
+        step = STEP_N * np.eye(6)[j]
+        return (moved(K, exact.wrench + step) - moved(K, exact.wrench - step)) / (2 * STEP_N)
+
+    d = np.stack([difference(j) for j in range(6)], axis=-1)
+    through = np.stack([by_wrench(j) for j in range(6)], axis=-1) * _wrench_noise(setup)
+    noise = through @ np.swapaxes(through, 1, 2) + np.diag(_row_noise(setup, targets) ** 2)
+    return np.sqrt(np.diag(np.linalg.inv((np.swapaxes(d, 1, 2) @ np.linalg.solve(noise, d)).sum(axis=0))))
+
+
+def _wrench_noise(setup: LoadingSetup) -> Float:
+    return np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3)
+
+
+def _row_noise(setup: LoadingSetup, targets: int) -> Float:
+    if targets:
+        return np.full(3 * targets, setup.target_noise_mm)
+    return np.array([setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3)

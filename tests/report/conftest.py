@@ -31,7 +31,6 @@ from workbench.artefacts import (
     Toolpath,
     Travel,
 )
-from workbench.report.rendering import Pictures
 from workbench.units import DEG
 
 THICKNESS_MM, ROOT_MM, BEVEL_DEG = 10.0, 1.5, 40.0
@@ -318,13 +317,5 @@ def hostile():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Leaves the drawing process out: for what does not depend on its pictures."""
-
-    class Nothing:
-        def __init__(self, views):
-            self.views = views
-
-        def pictures(self):
-            return Pictures(dict.fromkeys(self.views, b"\x89PNG"))
-
-    monkeypatch.setattr("workbench.report.rendering.Rendering", Nothing)
+    """Leaves the views in space undrawn: for what does not depend on their pictures."""
+    monkeypatch.setattr("workbench.report.picture.picture", lambda view: b"\x89PNG")

@@ -26,9 +26,8 @@ def inspection(
 
     The cloud coloured by face with the section planes; each section's points and fitted lines, root and angle
     dimensioned; root size and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and
-    uncertainty bands; what was rejected. Uncertainties are expanded, U = 2 u. The views in space are drawn by VTK
-    offscreen in a process of its own, and in a simpler manner where VTK cannot start (the chapter then says why).
-    The same input gives the same chapter but for the pixels of the views in space.
+    uncertainty bands; what was rejected; and the part to be turned in a browser. Uncertainties are expanded,
+    U = 2 u. The same input gives the same chapter.
 
     Args:
         cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.
@@ -44,7 +43,7 @@ def inspection(
     from workbench.report.aside import plan_view
     from workbench.report.drawing import section_drawings
     from workbench.report.inspection_text import inspection_html
-    from workbench.report.rendering import Rendering
+    from workbench.report.picture import pictures
     from workbench.report.scenes import inspection_scene
     from workbench.report.section_views import section_views
 
@@ -52,18 +51,17 @@ def inspection(
         raise InputError(cloud.source or "inspection", "expected at least one section to report")
     if not np.isfinite(edge.position_mm).all(axis=1).any():
         raise InputError(cloud.source or "edge", "expected an edge of which something was measured")
-    rendering = Rendering(section_views(cloud, edge, inspection, points))  # draws while the charts are made
-    charts = {
+    drawn = {
+        **pictures(section_views(cloud, edge, inspection, points)),
         "sections": section_drawings(cloud, edge, inspection),
         "root": root_chart(edge, inspection),
         "angle": angle_chart(edge, inspection),
     }
     aside = plan_view(cloud, edge, inspection)
     scene = inspection_scene(cloud, edge, inspection, points)
-    pictures = rendering.pictures()
     return Chapter(
         title="Inspection",
-        html=inspection_html(cloud, edge, inspection, pictures, charts, aside),
+        html=inspection_html(cloud, edge, inspection, drawn, aside),
         verdict=inspection.verdict,
         summary=one_line(inspection.reason),
         part=cloud.part_id or "",

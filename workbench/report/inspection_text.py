@@ -9,24 +9,21 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection
 from workbench.report.aside import PlanView
 from workbench.report.colours import FACES, REJECTED, VERDICTS
-from workbench.report.rendering import Pictures
 from workbench.report.section_views import of_interest
 from workbench.report.tables import decision_rule, facts, plan_note, section_rows, set_aside, summary
 from workbench.report.template import data_address, render
 
 
 def inspection_html(
-    cloud: Cloud, edge: Edge, inspection: Inspection, pictures: Pictures, charts: Mapping[str, bytes], aside: PlanView
+    cloud: Cloud, edge: Edge, inspection: Inspection, drawn: Mapping[str, bytes], aside: PlanView
 ) -> str:
-    """The chapter; `charts`: SVG of `sections`, `root` and `angle`."""
-    drawn = {**pictures.png, **charts, "plan": aside.svg}
+    """The chapter; `drawn`: PNG or SVG of `overview`, `close_up`, `sections`, `root` and `angle`."""
     return render(
         "inspection.html.j2",
         facts=list(facts(cloud, edge)),
         summary=summary(inspection),
         decision_rule=decision_rule(inspection.guard_factor),
-        pictures={name: data_address(content) for name, content in drawn.items()},
-        problem=pictures.problem,
+        pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
         of_interest=of_interest(inspection).index,
         sections=section_rows(inspection),
         set_aside=list(set_aside(cloud, edge)),

@@ -47,11 +47,11 @@ def plan(
     # Matplotlib and jinja2 cost time to import: only where a report is made.
     from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
     from workbench.report.path_views import path_views
+    from workbench.report.picture import pictures
     from workbench.report.plan_text import plan_html, plan_summary
     from workbench.report.planned import whole_run
     from workbench.report.procedure import procedure_views
     from workbench.report.ramp import feed_scale, layer_scale
-    from workbench.report.rendering import Rendering
     from workbench.report.scenes import plan_scene
     from workbench.report.stepping import stepped_section, stepping_drawing
 
@@ -63,21 +63,21 @@ def plan(
         raise InputError(toolpath.source or "path", "expected at least one layer")
     run = whole_run(toolpath)
     views = {**procedure_views(cloud, edge, toolpath, points), **path_views(cloud, edge, toolpath, run, points)}
-    rendering = Rendering(views)  # draws while the charts are made
-    charts = {
+    drawn = {
+        **pictures(views),
         "d": edges_in_plane(cloud, edge),
         "layer_scale": layer_scale(toolpath),
         "feed_scale": feed_scale(run),
         "feed_chart": feed_chart(edge, toolpath),
     }
     if stepped := stepped_section(edge, toolpath):
-        charts["section"] = stepping_drawing(cloud, edge, toolpath, stepped)
+        drawn["section"] = stepping_drawing(cloud, edge, toolpath, stepped)
     if engagement is not None:
-        charts["engagement"] = engagement_chart(edge, toolpath, engagement)
+        drawn["engagement"] = engagement_chart(edge, toolpath, engagement)
     scene = plan_scene(cloud, edge, toolpath, run, points)
     return Chapter(
         title="Plan",
-        html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, rendering.pictures(), charts),
+        html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, drawn),
         verdict="" if gate is None else "pass" if gate.passed else "fail",
         summary=plan_summary(toolpath, run, gate),
         part=toolpath.part_id or cloud.part_id or "",

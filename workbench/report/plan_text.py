@@ -19,7 +19,6 @@ from workbench.report.plan_tables import (
 )
 from workbench.report.planned import Run
 from workbench.report.procedure import AXIS_MM, TOOL_AXIS_MM, shown_stretch
-from workbench.report.rendering import Pictures
 from workbench.report.stepping import Stepped
 from workbench.report.tables import facts
 from workbench.report.template import data_address, render
@@ -33,10 +32,9 @@ def plan_html(
     moves: Moves | None,
     gate: Gate | None,
     stepped: Stepped | None,
-    pictures: Pictures,
-    charts: Mapping[str, bytes],
+    drawn: Mapping[str, bytes],
 ) -> str:
-    """The chapter; `charts`: SVG by name, `engagement` and `section` only where there is something to show."""
+    """The chapter; `drawn`: PNG or SVG by name, `engagement` and `section` only where there is something to show."""
     stretch = shown_stretch(edge)
     return render(
         "plan.html.j2",
@@ -47,8 +45,7 @@ def plan_html(
         refused=list(refused(edge, toolpath, gate)),
         from_scan=edge.position_u_mm is not None,
         calibrated=edge.hand_eye_u_mm is not None,
-        pictures={name: data_address(content) for name, content in {**pictures.png, **charts}.items()},
-        problem=pictures.problem,
+        pictures={name: data_address(content) for name, content in drawn.items()},
         stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
         whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),
         axis_mm=f"{AXIS_MM:g}",

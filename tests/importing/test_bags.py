@@ -221,20 +221,34 @@ def test_zeros_and_infinities_as_the_mapping_says(recording: Recording, tmp_path
     assert (kept.z_mm[:, 5] == 0).all()
 
 
-def test_profiles_of_different_length(recording: Recording, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_points_that_a_driver_left_out_leave_their_columns_free(
+    recording: Recording, tmp_path: Path, sign: int
+) -> None:
+    """Only what gave a return is sent, as most drivers do: the grid is what it was, up to its first column."""
     ros = Ros("rosbag1")
     entries: list[Entry] = []
-    for i, time_s in enumerate(recording.time_s):
-        length = (100, 98, 0)[i % 3]
-        fields = {"x": np.full(length, 0.1, np.float32), "z": np.full(length, 0.2, np.float32)}
+    for x, z, time_s in zip(sign * recording.x_mm, recording.z_mm, recording.time_s, strict=True):
+        seen = np.isfinite(z)
+        seen[[0, 50, 51]] &= time_s > recording.time_s[3]
+        fields = {"x": x[seen] / np.float32(1e3), "z": z[seen] / np.float32(1e3)}
+        fields = {name: values[:0] for name, values in fields.items()} if time_s == recording.time_s[7] else fields
         entries.append(("/profiles", CLOUD, round(time_s * 1e9), ros.cloud(time_s, fields)))
-    path = ros.write(tmp_path / "uneven.bag", entries)
-    with pytest.raises(InputError, match=r"/profiles\[1\]: expected 100 points as before, found 98; .*uneven"):
-        imported(path)
-    found = imported(path, uneven="pad")
+    path = ros.write(tmp_path / "ragged.bag", entries)
+    found = imported(path)
     assert found.profiles is not None
-    np.testing.assert_array_equal(np.isnan(found.profiles.z_mm).sum(axis=1), [0, 2, 100] * 10)
-    assert any("10 messages without points" in note for note in found.notes)
+    expected = recording.z_mm.copy()
+    expected[:4, [0, 50, 51]] = np.nan
+    expected[7] = np.nan
+    begin = int(np.flatnonzero(np.isfinite(expected).any(axis=0))[0])
+    end = begin + found.profiles.z_mm.shape[1]
+    np.testing.assert_allclose(found.profiles.z_mm, expected[:, begin:end], atol=2e-5)
+    assert np.isnan(expected[:, end:]).all()
+    assert any("columns by the gaps in x" in note for note in found.notes)
+    assert any("1 messages without points" in note for note in found.notes)
+    counted = imported(path, ragged="count").profiles
+    assert counted is not None
+    assert np.isfinite(counted.z_mm[0, :90]).all()
 
 
 def test_intensity_that_is_no_count_is_left_out(recording: Recording, tmp_path: Path) -> None:

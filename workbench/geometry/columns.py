@@ -15,12 +15,16 @@ def columns_by_count(first: Bool) -> Int:
     return np.asarray(np.arange(len(first)) - np.repeat(starts, np.diff(np.append(starts, len(first)))))
 
 
-def columns_by_spacing(x_mm: Float, first: Bool) -> Int | None:
+def columns_by_spacing(
+    x_mm: Float, first: Bool, *, pitch_mm: float | None = None, origin: float | None = None
+) -> Int | None:
     """Columns (R,) of points `x_mm` (R,), a gap of k usual spacings leaving k - 1 columns free.
 
     Args:
         x_mm: lateral coordinates, frame after frame.
         first: (R,) True at each frame's first point.
+        pitch_mm: the usual step where these are some frames of many; None: the median step.
+        origin: x / pitch_mm of column 0, likewise; None: the least of these frames.
 
     Returns:
         Columns from 0, distinct and rising within a frame, alike for alike x in all frames; None where x does not run
@@ -30,13 +34,13 @@ def columns_by_spacing(x_mm: Float, first: Bool) -> Int | None:
     inside = ~first & np.isfinite(step)
     if not np.isfinite(x_mm).all() or not inside.any():
         return None
-    pitch = float(np.median(step[inside]))
+    pitch = float(np.median(step[inside])) if pitch_mm is None else pitch_mm
     if pitch == 0 or (step[inside] * np.sign(pitch) <= 0).any():
         return None
     strides = np.where(first, 0, np.maximum(1, np.round(step / pitch)))
     start = x_mm[first] / pitch
     along = np.cumsum(strides)
     frame = np.cumsum(first) - 1
-    column = along - along[first][frame] + np.round(start - start.min())[frame]
+    column = along - along[first][frame] + np.round(start - (start.min() if origin is None else origin))[frame]
     most = columns_by_count(first).max() + 1
     return column.astype(np.int64) if column.max() < MOST_WIDER * most else None

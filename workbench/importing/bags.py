@@ -52,6 +52,8 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
         raise InputError(str(bag.path), f"expected topics of profiles or poses, found {there}")
     tree = read_frames(bag, part) if source == "tf" or part.profiler_frame is not None else None
     poses, notes = read_poses(bag, source, part, tree, mapping.base_dir) if source else (None, [])
+    if part.profiler_frame is not None and mapping.hand_eye is not None:
+        raise InputError("mapping: $.bag.profiler_frame", "stands beside $.hand_eye: expected one of them")
     if not topics:
         return Imported(poses=poses, notes=tuple(notes))
     found = read_profiles(bag, topics, part)
@@ -60,4 +62,6 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
     if tree is not None and part.profiler_frame is not None:
         hand_eye = hand_eye_from_frames(tree, part, found.ros_from_profiler)
         notes.append(f"hand-eye: '{part.profiler_frame}' on '{part.flange_frame}' in /tf")
+    elif tree is not None and found.frame_id in tree.names and mapping.hand_eye is None:
+        notes.append(f"hand-eye: not taken from /tf; profiler_frame '{found.frame_id}' in the mapping would take it")
     return Imported(found.profiles, poses, tuple(notes), hand_eye)

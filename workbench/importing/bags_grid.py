@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.importing.bags_ragged import ragged_columns
 from workbench.importing.neutral import ProfileFrames
 from workbench.units import AnyArray, Float, Float32, Int
 
@@ -16,11 +17,10 @@ NOTHING = np.zeros(0, np.float32)
 
 @dataclass(slots=True)
 class Grid:
-    """Rows of x and z (mm, NaN = no return) in float32, of one length unless `pad` fills them up at their end."""
+    """Rows of x and z (mm, NaN = no return) in float32, and of intensity where all rows have it."""
 
-    pad: bool
+    by_spacing: bool  # columns of rows of different length: by gaps in x, or counted
     length_unit: str = "mm"  # that the lengths were read from, for messages
-    columns: int = 0
     time_s: list[float] = field(default_factory=list)
     topic: list[int] = field(default_factory=list)
     x_mm: list[Float32] = field(default_factory=list)
@@ -28,19 +28,13 @@ class Grid:
     intensity: list[AnyArray] = field(default_factory=list)
     no_intensity: str = ""  # why there is none
     empty: int = 0
-    uneven: bool = False
+    ragged: str = ""  # how rows of different length were laid out
 
     def append(self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None,
                where: str) -> None:  # fmt: skip
-        """Add a profile. Raises InputError where its length is another than before."""
-        if len(x_mm) and self.columns and len(x_mm) != self.columns:
-            if not self.pad:
-                hint = 'filled up with missing points by "uneven": "pad" in $.bag of the mapping'
-                raise InputError(where, f"expected {self.columns} points as before, found {len(x_mm)}; {hint}")
-            self.uneven = True
+        """Add a profile. Raises InputError where it is too long."""
         if len(x_mm) > MAX_COLUMNS:
             raise InputError(where, f"expected a profile of at most {MAX_COLUMNS} points, found {len(x_mm)}")
-        self.columns = max(self.columns, len(x_mm))
         self.empty += not len(x_mm)
         self.time_s.append(time_s)
         self.topic.append(topic)
@@ -64,18 +58,34 @@ class Grid:
 
     def frames(self, source: str, pass_gap_s: float | None) -> ProfileFrames:
         """The whole grid; the rows are given up as they are copied. Raises InputError where nothing was seen."""
-        if not self.columns:
+        if not any(map(len, self.x_mm)):
             raise InputError(source, "expected profiles with points, found none")
-        has_intensity = not self.no_intensity
-        made = ProfileFrames(
-            source=source,
-            x_mm=_stacked(self.x_mm, self.columns, np.nan), z_mm=_stacked(self.z_mm, self.columns, np.nan),
-            time_s=np.array(self.time_s), pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
-            intensity=_stacked(self.intensity, self.columns, 0) if has_intensity else None,
-        )  # fmt: skip
-        if np.isnan(made.z_mm).all():
+        if not any(np.isfinite(row).any() for row in self.z_mm):
             raise InputError(source, "expected returns in the profiles, found none")
-        return made
+        columns = self._columns()
+        width = 1 + max(int(row.max(initial=0)) for row in columns)
+        if width > MAX_COLUMNS:
+            raise InputError(source, f"expected profiles of at most {MAX_COLUMNS} columns, found {width} by gaps in x")
+        return ProfileFrames(
+            source=source,
+            x_mm=_stacked(self.x_mm, columns, width, np.nan), z_mm=_stacked(self.z_mm, columns, width, np.nan),
+            time_s=np.array(self.time_s), pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
+            intensity=None if self.no_intensity else _stacked(self.intensity, columns, width, 0),
+        )  # fmt: skip
+
+    def _columns(self) -> list[AnyArray]:
+        """Columns of each row's points."""
+        lengths = {len(row) for row in self.x_mm} - {0}
+        if len(lengths) == 1:
+            every = np.arange(lengths.pop())
+            return [every[: len(row)] for row in self.x_mm]
+        for i, z in enumerate(self.z_mm):  # what was seen alone tells the spacing
+            seen = np.isfinite(z)
+            self.x_mm[i], self.z_mm[i] = self.x_mm[i][seen], z[seen]
+            if not self.no_intensity:
+                self.intensity[i] = self.intensity[i][seen]
+        columns, self.ragged = ragged_columns(self.x_mm, self.by_spacing)
+        return columns
 
     def _passes(self, gap_s: float | None) -> Int | None:
         """Passes (N,) from 0: a new one with each topic and after each gap longer than `gap_s`; None: there is one."""
@@ -88,15 +98,14 @@ class Grid:
     def notes(self) -> list[str]:
         """What the user should know of it."""
         empty = [f"{self.empty} messages without points: frames without returns"] if self.empty else []
-        uneven = ["profiles of different length, filled up at their end: a column is no pixel"] if self.uneven else []
-        return [f"intensity: {self.no_intensity or 'taken'}", *empty, *uneven]
+        return [f"intensity: {self.no_intensity or 'taken'}", *empty, *([self.ragged] if self.ragged else [])]
 
 
-def _stacked(rows: list[AnyArray], columns: int, missing: float) -> AnyArray:
+def _stacked(rows: list[AnyArray], columns: list[AnyArray], width: int, missing: float) -> AnyArray:
     """All rows (N, M), emptying the list as it goes, so that the peak stays at one grid and a bit."""
-    made = np.full((len(rows), columns), missing, rows[0].dtype)
+    made = np.full((len(rows), width), missing, rows[0].dtype)
     for i in range(len(rows)):
-        made[i, : len(rows[i])] = rows[i]
+        made[i, columns[i]] = rows[i]
         rows[i] = NOTHING  # not a slice: that would keep the row alive
     rows.clear()
     return made

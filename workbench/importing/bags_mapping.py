@@ -30,8 +30,8 @@ class BagPart(Part):
     no_return: list[NoReturn] | None = Field(
         default=None, description="points that mean no return, besides NaN: all coordinates 0, an infinite one"
     )
-    uneven: Literal["refuse", "pad"] = Field(
-        default="refuse", description="profiles of different length: refused, or filled up with missing points"
+    ragged: Literal["spacing", "count"] = Field(
+        default="spacing", description="columns of profiles with fewer points: by gaps in x, or simply counted from 0"
     )
     row_period_s: float | None = Field(
         default=None, gt=0, description="time from row to row of a cloud of several rows; its time is the first row's"

@@ -59,7 +59,7 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
     usual = AXES[bag.types[topics[0]]]
     lateral, upward = part.lateral or usual[0], part.range or usual[1]
     ros_from_profiler = _axes(lateral, upward, str(bag.path))
-    grid, frame_id = Grid(part.uneven == "pad", part.length_unit), ""
+    grid, frame_id = Grid(part.ragged == "spacing", part.length_unit), ""
     for number, topic in enumerate(topics):
         for message in bag.messages([topic]):
             frame_id = frame_id or message.value.header.frame_id

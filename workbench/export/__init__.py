@@ -1,1 +1,7 @@
 """Clouds, sections and measurements as files that other programs read."""
+
+from workbench.export.cloud import cloud
+from workbench.export.inspection import inspection
+from workbench.export.sections import sections
+
+__all__ = ["cloud", "inspection", "sections"]

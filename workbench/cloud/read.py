@@ -1,0 +1,96 @@
+"""`cloud.read`: a point cloud from the file of another scanner or program."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import PointSet, frozen
+from workbench.cloud.readers import READERS
+from workbench.errors import InputError
+from workbench.stage import InputFile, stage
+from workbench.units import Float
+
+Unit = Literal["mm", "m", "inch"]
+
+MM = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
+OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
+LEAST_POINTS = 100
+LEAST_MM, MOST_MM = 3.0, 30_000.0  # longest side of a part's cloud
+FAR_MM = 1e6  # no robot reaches a point a kilometre away
+OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
+FORMATS = "PLY, PCD, XYZ (or txt, asc, csv), STL, OBJ, LAS, LAZ, E57"
+
+
+@stage("cloud.read")
+def read(
+    *,
+    file: InputFile,
+    unit: Annotated[
+        Unit | None, Field(description="of the file's coordinates; null: what its format prescribes (E57: m), else mm")
+    ] = None,
+) -> PointSet:
+    """Read a cloud without a grid: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
+
+    Coordinates are in the robot's base, or in any other frame that results shall be in. They keep double precision where
+    the file has it, and the order of the file, which may show the scanner's own lines. Points without coordinates (NaN)
+    are left out; scans of an E57 file are placed by their poses.
+
+    Args:
+        file: the cloud; its name's ending tells the format.
+        unit: of its coordinates.
+
+    Raises:
+        InputError: an unknown or damaged file, no points, or a size that no part has in that unit.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in READERS:
+        raise InputError(str(file), f"expected a cloud as {FORMATS}, found the ending '{file.suffix}'")
+    used: Unit = unit or OF_FORMAT.get(suffix, "mm")
+    points = in_process(file) * MM[used]
+    points = points[~np.isnan(points).any(axis=1)]
+    _check(points, used, str(file))
+    return PointSet(frozen(points), str(file))
+
+
+def in_process(file: Path) -> Float:
+    """The file's points (n, 3), in its unit, read by a process of its own.
+
+    Raises InputError with the reason where that process ends early, or where a library complains.
+    """
+    with tempfile.TemporaryDirectory(prefix="workbench-cloud-") as folder:
+        out = Path(folder) / "points.npy"
+        command = [sys.executable, "-m", "workbench.cloud.readers", str(file.absolute()), str(out)]
+        child = subprocess.run(command, capture_output=True, check=False)
+        said = child.stdout.decode(errors="replace")
+        complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]
+        if child.returncode == 0 and not complaints:
+            return np.asarray(np.load(out), dtype=np.float64).reshape(-1, 3)
+        lines = said.strip().splitlines()
+        why = complaints[-1] if complaints else lines[-1] if lines and child.returncode == 1 else "its reader crashed"
+    raise InputError(str(file), f"expected a whole {file.suffix[1:].upper()} file: {why.replace(str(file.absolute()), 'it')}")
+
+
+def _check(points_mm: Float, unit: Unit, where: str) -> None:
+    """Refuse what cannot be the cloud of a part in this unit."""
+    if len(points_mm) < LEAST_POINTS:
+        raise InputError(where, f"expected a cloud of at least {LEAST_POINTS} points, found {len(points_mm)}")
+    far = ~(np.abs(points_mm) < FAR_MM).all(axis=1)
+    if far.any():
+        at = int(far.argmax())
+        place = ", ".join(f"{v:.6g}" for v in points_mm[at] / MM[unit])
+        raise InputError(f"{where}: point {at + 1}", f"expected coordinates in {unit}, found ({place})")
+    low, high = np.percentile(points_mm, [0.5, 99.5], axis=0)
+    size = float((high - low).max())
+    if not LEAST_MM <= size <= MOST_MM:
+        fits = [u for u in MM if LEAST_MM <= size / MM[unit] * MM[u] <= MOST_MM]
+        guess = f"; are its coordinates in {' or '.join(fits)}? Then say so: \"unit\"" if fits else ""
+        raise InputError(where, f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of {size:.3g} mm "
+                         f"with coordinates in {unit}{guess}")  # fmt: skip

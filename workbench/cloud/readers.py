@@ -1,0 +1,137 @@
+"""Points of a file in one of the formats that scanners and viewers write: run as a process of its own by `cloud.read`.
+
+Open3D, libE57 and their like crash on damaged files, or print a warning and go on with what they have. Here that costs a
+child process, and what it prints is the reason of the refusal: `python -m workbench.cloud.readers FILE OUT.npy`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from workbench.units import Float
+
+CPU_SECONDS, BYTES_A_SECOND = 60, 200_000  # what a reader may take: at least, and for each so many bytes one more
+PCD_LINE = 65_536  # bytes, of a header's line
+MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
+
+
+def main() -> int:
+    """Read FILE, write its points (n, 3), in the file's own unit, to OUT.npy. What goes wrong is said in one line."""
+    file, out = sys.argv[1:]
+    _confine(os.path.getsize(file))
+    try:
+        np.save(out, READERS[Path(file).suffix.lower()](file))
+    except MemoryError:
+        print("it declares more points than it can hold")
+        return 1
+    except Exception as error:  # whatever a library makes of a damaged file
+        print(str(error).splitlines()[0] if str(error) else type(error).__name__)
+        return 1
+    return 0
+
+
+def _confine(size: int) -> None:
+    """No core file, and no more time and memory than a file of so many bytes can ask for."""
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for what, most in ((resource.RLIMIT_CPU, CPU_SECONDS + size // BYTES_A_SECOND),
+                       (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size)):  # fmt: skip
+        _, hard = resource.getrlimit(what)
+        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _point_cloud(file: str) -> Float:
+    import open3d as o3d
+
+    return np.asarray(o3d.io.read_point_cloud(file, remove_nan_points=True, remove_infinite_points=False).points)
+
+
+def _pcd(file: str) -> Float:
+    """By Open3D's newer reader, since the older one misreads double coordinates beside other fields."""
+    import open3d as o3d
+
+    _check_pcd(file)
+    points = o3d.t.io.read_point_cloud(file, remove_infinite_points=False).point
+    return np.asarray(points.positions.numpy(), dtype=np.float64) if "positions" in points else np.empty((0, 3))
+
+
+def _check_pcd(file: str) -> None:
+    """Compare what the header declares with the file's length: Open3D allocates it unseen."""
+    with open(file, "rb") as stream:
+        header: dict[str, list[str]] = {}
+        while "DATA" not in header:
+            line = stream.readline(PCD_LINE)
+            if not line:
+                raise ValueError("its header has no DATA line")
+            name, *values = line.decode("ascii", errors="replace").split() or [""]
+            header[name] = values
+        left = os.path.getsize(file) - stream.tell()
+    points = int(header["POINTS"][0])
+    record = sum(int(size) * int(n) for size, n in zip(header["SIZE"], header["COUNT"], strict=True))
+    need = {"binary": points * record, "ascii": 2 * points}.get(header["DATA"][0], 0)
+    if left < need:
+        raise ValueError(f"{points} points are declared, too many for the {left} bytes that follow")
+
+
+def _mesh_vertices(file: str) -> Float:
+    """Each vertex once: STL repeats it for every triangle."""
+    import open3d as o3d
+
+    points = np.asarray(o3d.io.read_triangle_mesh(file).vertices)
+    return points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+
+
+def _table(file: str) -> Float:
+    """The first three columns, separated by spaces, tabs, commas or semicolons; lines with # are comments."""
+    with open(file, encoding="utf-8") as lines:
+        first = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
+    mark = next((mark for mark in ",;" if mark in first), None)
+    return np.loadtxt(file, usecols=(0, 1, 2), delimiter=mark, ndmin=2)
+
+
+def _las(file: str) -> Float:
+    import laspy
+
+    with laspy.open(file) as reader:
+        whole, points = reader.header.point_count, reader.read()
+    if len(points) != whole:
+        raise ValueError(f"{whole} points are declared, {len(points)} are there")
+    return np.asarray(points.xyz)
+
+
+def _e57(file: str) -> Float:
+    """All scans, each placed by its own pose; points marked as invalid left out."""
+    import pye57
+
+    scans = pye57.E57(file)
+    found = [scans.read_scan(i, ignore_missing_fields=True) for i in range(scans.scan_count)]
+    if not found:
+        raise ValueError("it holds no scan")
+    return np.concatenate([np.stack([scan[f"cartesian{k}"] for k in "XYZ"], axis=1) for scan in found])
+
+
+READERS: dict[str, Callable[[str], Float]] = {
+    ".ply": _point_cloud,
+    ".pcd": _pcd,
+    ".xyz": _table,
+    ".txt": _table,
+    ".asc": _table,
+    ".csv": _table,
+    ".stl": _mesh_vertices,
+    ".obj": _mesh_vertices,
+    ".las": _las,
+    ".laz": _las,
+    ".e57": _e57,
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

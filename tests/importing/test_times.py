@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from tests.importing.conftest import poses_part, profiles_part, write_poses, write_profiles
+from tests.importing import makers
+from tests.importing.conftest import poses_part, profiles_part, turned, write_poses, write_profiles
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
@@ -168,3 +170,49 @@ def test_pose_times_rise(tmp_path: Path, light: Recording, imported: Import, map
     scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", back)
     with pytest.raises(InputError, match=r"robot.csv: pose 2: expected times that rise"):
         imported(scan, robot, mapping=mapped(profiles=profiles_part(), poses=poses_part()))
+
+
+def matrices(translation: Any, rotation: Rotation) -> np.ndarray:
+    pose = np.broadcast_to(np.eye(4), (*np.shape(translation)[:-1], 4, 4)).copy()
+    pose[..., :3, :3], pose[..., :3, 3] = rotation.as_matrix(), translation
+    return pose
+
+
+def test_poses_of_a_tool_in_a_user_frame(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
+    """base_from_flange = base_from_frame @ frame_from_tool @ inverse(flange_from_tool)."""
+    tool = matrices([120.0, -30.0, 250.0], Rotation.from_euler("xyz", [10, 70, -30], degrees=True))
+    frame = matrices([900.0, 400.0, -80.0], Rotation.from_euler("xyz", [5, -3, 140], degrees=True))
+    flange = matrices(light.robot_position_mm, turned(light.robot_quaternion_wxyz))
+    logged = np.linalg.inv(frame) @ flange @ tool
+    told = replace(
+        light,
+        robot_position_mm=logged[:, :3, 3],
+        robot_quaternion_wxyz=np.roll(Rotation.from_matrix(logged[:, :3, :3]).as_quat(), 1, axis=1),
+    )
+    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", told, "fanuc_wpr")
+    poses = poses_part("fanuc_wpr", flange_from_tool=tool.tolist(), base_from_frame=frame.tolist())
+    made = imported(scan, robot, mapping=mapped(profiles=profiles_part(), poses=poses))
+    np.testing.assert_allclose(frame_poses(made), frame_poses(light), atol=1e-9)
+
+
+def test_postures_of_a_calibration(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """A file a posture, a pose a posture: a pass each."""
+    scans = [makers.write_gopxl(tmp_path / f"{i}.csv", i) for i in range(3)]
+    (tmp_path / "robot.csv").write_text("X,Y,Z,o0,o1,o2,o3\n" + "".join(f"{900 + i},0,500,0,1,0,0\n" for i in range(3)))
+    poses = poses_part(time=None, time_unit=None)
+    mapping = mapped(poses=poses, times={"source": "pose_each"}, sphere_diameter_mm=25.4)
+    made = imported(*scans, tmp_path / "robot.csv", mapping=mapping)
+    np.testing.assert_array_equal(made.pass_index, [0, 1, 2])
+    np.testing.assert_array_equal(made.robot_pass, [0, 1, 2])
+    np.testing.assert_array_equal(made.robot_position_mm[:, 0], [900, 901, 902])
+    assert made.sphere_diameter_mm == 25.4
+
+
+def test_one_pose_a_frame_over_two_passes(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    scan = makers.write_gocator(tmp_path / "scan.csv", surfaces=2)
+    rows = "".join(f"{900 + 3 * i},0,500,0,1,0,0\n" for i in range(2 * makers.FRAMES))
+    (tmp_path / "robot.csv").write_text(f"X,Y,Z,o0,o1,o2,o3\n{rows}")
+    mapping = mapped(poses=poses_part(time=None, time_unit=None), times={"source": "pose_each"})
+    made = imported(scan, tmp_path / "robot.csv", mapping=mapping)
+    np.testing.assert_array_equal(made.robot_pass, np.repeat([0, 1], makers.FRAMES))
+    np.testing.assert_array_equal(frame_poses(made)[:, 0, 3], 900 + 3 * np.arange(2 * makers.FRAMES))

@@ -12,9 +12,10 @@ from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames
-from workbench.importing.passes import chosen_poses, joined, poses_by_pass
+from workbench.importing.passes import joined, poses_by_pass
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
 from workbench.importing.times import TimedPass, on_linear_axis, timed
+from workbench.importing.windows import around, within
 from workbench.scan.checks import checked
 from workbench.scan.hand_eye import read_hand_eye
 from workbench.units import Bool, Float
@@ -26,11 +27,12 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     Raises:
         InputError: something is missing, contradictory or implausible, with the source and what was expected.
     """
-    frames = joined([source.profiles for source in sources if source.profiles is not None])
+    profiles = [source.profiles for source in sources if source.profiles is not None]
+    frames = joined(profiles, each_a_pass=mapping.sphere_diameter_mm is not None)
     check_profiles(frames, mapping)
     streams = [source.poses for source in sources if source.poses is not None]
     passes = _passes(frames, streams, mapping)
-    kept = [_within(one, mapping, frames.source) for one in passes.values()]
+    kept = [within(one, mapping, frames.source) for one in passes.values()]
     lost = sum(int((~inside).sum()) for inside in kept)
     flange_from_profiler, origin = _hand_eye(sources, mapping)
     recording = _recording(frames, passes, kept, flange_from_profiler, mapping)
@@ -58,9 +60,10 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
         raise InputError(frames.source, "expected poses too: a file of poses, or linear_axis in the mapping")
     for stream in streams:
         check_poses(stream, mapping)
+    pose_each = mapping.times is not None and mapping.times.source == "pose_each"
     return {
         number: timed(_of_pass(frames, number), poses, mapping)
-        for number, poses in poses_by_pass(streams, frames).items()
+        for number, poses in poses_by_pass(streams, frames, pose_each).items()
     }
 
 
@@ -77,24 +80,6 @@ def _of_pass(frames: ProfileFrames, number: int) -> ProfileFrames:
         travel_mm=None if frames.travel_mm is None else frames.travel_mm[chosen],
         intensity=None,
         pass_index=None,
-    )
-
-
-def _within(one: TimedPass, mapping: Mapping, source: str) -> Bool:
-    """Which frames lie within the poses' times; frames outside are refused unless the mapping trims them."""
-    pose_time_s = one.poses.time_s
-    assert pose_time_s is not None
-    inside = (one.time_s >= pose_time_s[0]) & (one.time_s <= pose_time_s[-1])
-    if mapping.sphere_diameter_mm is not None and len(pose_time_s) == 1:
-        return np.ones(len(inside), bool)
-    if inside.all() or (mapping.outside == "trim" and inside.any()):
-        return np.asarray(inside)
-    row = int(np.flatnonzero(~inside)[0])
-    raise InputError(
-        f"{source}: frame {row + 1}",
-        f"{(~inside).sum()} of {len(inside)} frames lie outside the poses of {one.poses.source}: expected "
-        f"{pose_time_s[0]:.9g} to {pose_time_s[-1]:.9g} s, found {one.time_s[row]:.9g} s "
-        '(other clock, or "outside": "trim" in the mapping)',
     )
 
 
@@ -128,7 +113,7 @@ def _recording(
     whole = len(order) == len(frames.z_mm) and (np.diff(order) == 1).all()
     pick = slice(None) if whole else order
     time_s = np.concatenate([one.time_s[k] for one, k in zip(passes.values(), kept, strict=True)])
-    poses = [_around(one, k) for one, k in zip(passes.values(), kept, strict=True)]
+    poses = [around(one, k) for one, k in zip(passes.values(), kept, strict=True)]
     values = {
         "time_s": time_s,
         "pass_index": frames.pass_index[pick],
@@ -149,13 +134,3 @@ def _recording(
         part_id=mapping.part_id,
         **fields,
     )
-
-
-def _around(one: TimedPass, inside: Bool) -> PoseStream:
-    """The poses from the last before the first frame to the first after the last one."""
-    pose_time_s = one.poses.time_s
-    assert pose_time_s is not None
-    time_s = one.time_s[inside]
-    begin = max(0, int(np.searchsorted(pose_time_s, time_s.min(), side="right")) - 1)
-    end = int(np.searchsorted(pose_time_s, time_s.max(), side="left")) + 1
-    return chosen_poses(one.poses, slice(begin, max(end, begin + 1)))

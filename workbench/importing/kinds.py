@@ -10,7 +10,7 @@ from workbench.errors import InputError
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
-from workbench.importing.text import first_bytes
+from workbench.importing.text import first_bytes, head_text
 from workbench.storage import regular_file
 
 KINDS = ("bags", "gocator", "gopxl", "keyence", "scancontrol", "tables", "poses")  # modules of workbench.importing
@@ -40,8 +40,10 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
     found = [reader for reader in readers if reader.recognises(path, head, mapping)]
     if len(found) != 1:
         names = ", ".join(reader.NAME for reader in (found or readers))
-        what = f"may be {names}: name it by 'files' in the mapping" if found else f"is none of: {names}"
-        raise InputError(str(path), f"{what} (docs/importing.md)")
+        if found:
+            raise InputError(str(path), f"may be {names}: name it by 'files' in the mapping (docs/importing.md)")
+        first_line = head_text(head).split("\n", 1)[0][:60]
+        raise InputError(str(path), f"is none of: {names} (docs/importing.md); its first line: {first_line!r}")
     return found[0].read(path, mapping)
 
 

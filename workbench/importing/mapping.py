@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeGuard, get_args
+from typing import Literal, TypeGuard, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.importing.bags_mapping import BagPart
-from workbench.importing.mapping_tables import PosesPart, ProfilesPart, RawPart
+from workbench.importing.mapping_tables import Matrix, PosesPart, ProfilesPart, RawPart
 from workbench.importing.part import Part
 from workbench.parameters import check_parameters
 from workbench.strict_json import read_json
 
 MAX_BYTES = 1_000_000
-Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 Suspicion = Literal["length_unit", "angle_unit", "time_unit", "still", "direction"]
 
 
@@ -102,7 +101,7 @@ def read_mapping(path: Path) -> Mapping:
         _check_names(tree, Mapping, f"{path}: $")
         mapping = Mapping(**check_parameters(Mapping, tree, f"{path}: $"))
     except PipelineError as error:
-        raise InputError(error.where, error.expected) from None
+        raise InputError(error.where, error.expected.split(", got {")[0]) from None  # not the whole object again
     mapping._base_dir = path.parent
     return mapping
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from workbench.errors import nearest
 from workbench.geometry.orientations import CONVENTIONS, USUAL_ANGLE_UNIT, components
+from workbench.geometry.poses import is_rigid
 from workbench.importing.part import Part
 
 LengthUnit = Literal["mm", "m", "um", "0.01um", "inch"]
@@ -15,6 +17,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 LENGTH_MM: dict[str, float] = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "0.01um": 1e-5, "inch": 25.4}
 TIME_S: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=0)]  # a header's name, or a place from 0
+Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 Three = tuple[Column, Column, Column]
 
 
@@ -105,11 +108,17 @@ class PosesPart(TextPart):
     angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of Euler angles and rotation vectors")
     time: Column | None = Field(default=None, description="on the robot's clock")
     scan_pass: Column | None = Field(default=None, description="number of the scanning pass")
+    flange_from_tool: Matrix | None = Field(default=None, description="4x4: the poses are a tool's, not the flange's")
+    base_from_frame: Matrix | None = Field(default=None, description="4x4: the poses are in a frame, not in the base")
 
     @model_validator(mode="after")
     def _complete(self) -> PosesPart:
         if self.convention not in CONVENTIONS:
             raise ValueError(f"unknown convention '{self.convention}'{nearest(self.convention, CONVENTIONS)}")
+        for name in ("flange_from_tool", "base_from_frame"):
+            pose = getattr(self, name)
+            if pose is not None and not is_rigid(np.array(pose)):
+                raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
         count = components(self.convention)
         if len(self.orientation) != count:
             raise ValueError(f"expected {count} orientation columns for {self.convention}, got {len(self.orientation)}")

@@ -12,8 +12,12 @@ from workbench.importing.neutral import PoseStream, ProfileFrames
 from workbench.units import Float, Float32, Int
 
 
-def joined(sources: Sequence[ProfileFrames]) -> ProfileFrames:
+def joined(sources: Sequence[ProfileFrames], each_a_pass: bool = False) -> ProfileFrames:
     """All frames: a source is a pass; sources of one frame each are the frames of one pass, in the order given.
+
+    Args:
+        sources: frames of each source.
+        each_a_pass: sources of one frame each are passes too (postures held still, for calibration).
 
     Raises:
         InputError: no source, frames alone among whole passes, times or travel in some sources only.
@@ -37,7 +41,7 @@ def joined(sources: Sequence[ProfileFrames]) -> ProfileFrames:
         intensity=_light(light, width) if len(light) == len(sources) else None,
         time_s=_all_or_none(sources, "time_s", "times"),
         travel_mm=_all_or_none(sources, "travel_mm", "travel"),
-        pass_index=np.zeros(len(sources), np.int64) if max(counts) == 1 else _numbered(sources),
+        pass_index=(np.zeros(len(sources), np.int64) if max(counts) == 1 and not each_a_pass else _numbered(sources)),
     )
 
 
@@ -70,19 +74,24 @@ def _numbered(sources: Sequence[ProfileFrames]) -> Int:
     return np.concatenate(numbers)
 
 
-def poses_by_pass(streams: Sequence[PoseStream], frames: ProfileFrames) -> dict[int, PoseStream]:
+def poses_by_pass(
+    streams: Sequence[PoseStream], frames: ProfileFrames, pose_each: bool = False
+) -> dict[int, PoseStream]:
     """The poses of each pass.
 
-    One stream serves all passes (by its own pass numbers where it has them); as many streams as passes serve one each,
-    in the order given.
+    One stream serves all passes (by its own pass numbers where it has them; in order, where `pose_each` says that it
+    has one pose a frame); as many streams as passes serve one each, in the order given.
 
     Raises:
         InputError: another number of streams, or a pass without poses.
     """
     assert frames.pass_index is not None
     numbers = [int(number) for number in np.unique(frames.pass_index)]
-    if len(streams) == 1:
-        return {number: _of_pass(streams[0], number) for number in numbers}
+    alone = streams[0] if len(streams) == 1 else None
+    if alone and pose_each and alone.pass_index is None and len(alone.position_mm) == len(frames.pass_index):
+        return {n: chosen_poses(alone, np.flatnonzero(frames.pass_index == n)) for n in numbers}
+    if alone:
+        return {number: _of_pass(alone, number) for number in numbers}
     if len(streams) != len(numbers):
         what = f"expected poses once for all or once for each of {len(numbers)} passes, found {len(streams)} sources"
         raise InputError(streams[-1].source if streams else frames.source, what)

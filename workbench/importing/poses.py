@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
+from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.importing.files import claims
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, PosesPart
@@ -64,7 +65,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     assert part is not None
     table = read_table(path, part, _wanted(part))
     position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]
-    quaternion_wxyz = _orientations(table, part, mapping)
+    position_mm, quaternion_wxyz = of_flange_in_base(position_mm, _orientations(table, part, mapping), part)
     time_s = table.present("time") * TIME_S[part.time_unit or "s"] if part.time is not None else None
     stream = PoseStream(
         table.where,
@@ -76,6 +77,17 @@ def read(path: Path, mapping: Mapping) -> Imported:
         time_unit=part.time_unit or "s",
     )
     return Imported(poses=stream, notes=(_note(part, table),))
+
+
+def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: PosesPart) -> tuple[Float, Float]:
+    """Flange poses in the base, where the table tells of a tool or of another frame."""
+    if part.flange_from_tool is None and part.base_from_frame is None:
+        return position_mm, quaternion_wxyz
+    frame_from_tool = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)
+    base_from_frame = np.eye(4) if part.base_from_frame is None else np.array(part.base_from_frame)
+    flange_from_tool = np.eye(4) if part.flange_from_tool is None else np.array(part.flange_from_tool)
+    base_from_flange = base_from_frame @ frame_from_tool @ inverse(flange_from_tool)
+    return base_from_flange[:, :3, 3], quaternion_from_rotation(base_from_flange[:, :3, :3])
 
 
 def _wanted(part: PosesPart) -> dict[str, str | int]:
@@ -128,4 +140,5 @@ def _note(part: PosesPart, table: Table) -> str:
     names = ", ".join(table.names.values())
     units = f"lengths in {part.length_unit}" + (f", angles in {angles}" if angles else "")
     times = f"times in {part.time_unit or 's'}" if part.time is not None else "no times"
-    return f"poses: {names}; orientation {part.convention}; {units}, {times}"
+    told = [f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None]
+    return "; ".join([f"poses: {names}; orientation {part.convention}; {units}, {times}", *told])

@@ -50,7 +50,7 @@ def _by_file(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> Timed
     if frames.time_s is None:
         raise InputError(frames.source, "has no times: expected another 'times.source' than 'file' in the mapping")
     _pose_times(poses)
-    offset = f", {part.clock_offset_s:g} s taken off" if part.clock_offset_s else ""
+    offset = f", {part.clock_offset_s:g} s taken off" if part.clock_offset_s else ", taken as the robot's clock"
     return TimedPass(frames.time_s - part.clock_offset_s, poses, f"the file's{offset}")
 
 

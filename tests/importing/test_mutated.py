@@ -120,7 +120,7 @@ def test_tables(which: int, convention: str, tmp_path: Path, milled: Recording, 
     assert tried(tmp_path, paths, which, mapping, count, seed) < count
 
 
-@pytest.fixture(params=[pytest.param((25, 3), id="few"), pytest.param((2000, 4), id="many", marks=pytest.mark.slow)])
+@pytest.fixture(params=[pytest.param((25, 3), id="few"), pytest.param((1000, 4), id="many", marks=pytest.mark.slow)])
 def effort(request: pytest.FixtureRequest) -> tuple[int, int]:
     return request.param  # type: ignore[no-any-return]
 

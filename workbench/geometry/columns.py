@@ -6,6 +6,8 @@ import numpy as np
 
 from workbench.units import Bool, Float, Int
 
+REFINEMENTS = 2
+NEAR = 4  # strides: over a longer gap the profile may have turned away, and x with it
 MOST_WIDER = 4  # columns for the longest row's points: beyond it the spacing tells nothing
 
 
@@ -37,7 +39,13 @@ def columns_by_spacing(
     pitch = float(np.median(step[inside])) if pitch_mm is None else pitch_mm
     if pitch == 0 or (step[inside] * np.sign(pitch) <= 0).any():
         return None
-    strides = np.where(first, 0, np.maximum(1, np.round(step / pitch)))
+    for _ in range(
+        REFINEMENTS
+    ):  # the median leans to where points are dense: over whole strides the pitch averages out
+        strides = np.where(inside, np.maximum(1, np.round(step / pitch)), 0)
+        near = strides <= NEAR
+        pitch = float(step[inside & near].sum() / strides[near].sum())
+    strides = np.where(inside, np.maximum(1, np.round(step / pitch)), 0)
     start = x_mm[first] / pitch
     along = np.cumsum(strides)
     frame = np.cumsum(first) - 1

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 
 from tests.importing.bag_files import (
     CLOUD,
@@ -96,8 +98,6 @@ def test_a_chain_of_frames_gives_poses_and_hand_eye(recording: Recording, tmp_pa
     pedestal = pose_from(rotation_from_quaternion(np.array([0.6, 0, 0.8, 0])), np.array([10.0, -200.0, 900.0]))
     flange = pose_from(rotation_from_quaternion(recording.robot_quaternion_wxyz), recording.robot_position_mm)
     moved = inverse(pedestal) @ flange
-    from scipy.spatial.transform import Rotation
-
     q = Rotation.from_matrix(moved[:, :3, :3]).as_quat(scalar_first=True)
     moving = replace(recording, robot_position_mm=moved[:, :3, 3], robot_quaternion_wxyz=q)
     entries = [*profile_entries(ros, recording)]
@@ -155,6 +155,20 @@ def test_units_and_axes_as_the_mapping_says(recording: Recording, tmp_path: Path
     agrees(imported(path, length_unit="mm", lateral="y", range="-x"), recording)
     with pytest.raises(InputError, match=r"/profiles\[0\]: expected points in the plane"):
         imported(path, length_unit="mm")
+
+
+def test_poses_of_a_tool_in_a_frame(recording: Recording, tmp_path: Path) -> None:
+    ros = Ros("mcap")
+    tool = pose_from(rotation_from_quaternion(np.array([0.6, 0.8, 0, 0])), np.array([0.0, 50.0, 200.0]))
+    table = pose_from(rotation_from_quaternion(np.array([0.8, 0, 0, 0.6])), np.array([900.0, 0.0, 300.0]))
+    flange = pose_from(rotation_from_quaternion(recording.robot_quaternion_wxyz), recording.robot_position_mm)
+    logged = inverse(table) @ flange @ tool
+    q = Rotation.from_matrix(logged[:, :3, :3]).as_quat(scalar_first=True)
+    moved = replace(recording, robot_position_mm=logged[:, :3, 3], robot_quaternion_wxyz=q)
+    path = ros.write(tmp_path / "bag", [*profile_entries(ros, recording), *pose_entries(ros, moved)])
+    agrees(imported(path, flange_from_tool=tool.tolist(), base_from_frame=table.tolist()), recording)
+    with pytest.raises(ValidationError, match="rigid motion"):
+        imported(path, flange_from_tool=(2 * tool).tolist())
 
 
 def test_a_laser_scan_is_a_profile(tmp_path: Path, recording: Recording) -> None:

@@ -11,7 +11,7 @@ from workbench.errors import InputError
 from workbench.importing import bags
 from workbench.importing.mapping import Mapping
 
-MUTATIONS = 100  # of each kind of bag
+MUTATIONS = 60  # of each kind of bag
 BAG = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
 MAPPING = Mapping.model_validate({"format": "import-mapping", "version": 1, "bag": BAG})
 

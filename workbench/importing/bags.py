@@ -51,13 +51,13 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
         there = ", ".join(f"{topic} ({name})" for topic, name in sorted(bag.types.items())[:12])
         raise InputError(str(bag.path), f"expected topics of profiles or poses, found {there}")
     tree = read_frames(bag, part) if source == "tf" or part.profiler_frame is not None else None
-    poses, notes = read_poses(bag, source, part, tree, mapping.base_dir) if source else (None, [])
+    poses, note = read_poses(bag, source, part, tree, mapping.base_dir) if source else (None, "poses: none in the bag")
     if part.profiler_frame is not None and mapping.hand_eye is not None:
         raise InputError("mapping: $.bag.profiler_frame", "stands beside $.hand_eye: expected one of them")
     if not topics:
-        return Imported(poses=poses, notes=tuple(notes))
+        return Imported(poses=poses, notes=(note,))
     found = read_profiles(bag, topics, part)
-    notes = [*found.notes, f"times: of the {part.time}", *notes]
+    notes = [*found.notes, f"times: of the {part.time}", note]
     hand_eye = None
     if tree is not None and part.profiler_frame is not None:
         hand_eye = hand_eye_from_frames(tree, part, found.ros_from_profiler)

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import AfterValidator, Field
 
+from workbench.geometry.poses import is_rigid
+from workbench.importing.mapping_tables import Matrix
 from workbench.importing.part import Part
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 NoReturn = Literal["nan", "zero", "inf"]
 LENGTH_MM = {"m": 1e3, "mm": 1.0}
+
+
+def _rigid(pose: Matrix) -> Matrix:
+    if not is_rigid(np.array(pose)):
+        raise ValueError("expected a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+    return pose
+
+
+RigidMotion = Annotated[Matrix, AfterValidator(_rigid)]
 
 
 class BagPart(Part):
@@ -42,4 +54,6 @@ class BagPart(Part):
     profiler_frame: str | None = Field(
         default=None, description="the profiles' frame, fixed to the flange in /tf: the hand-eye pose"
     )
+    flange_from_tool: RigidMotion | None = Field(default=None, description="4x4: the poses are a tool's")
+    base_from_frame: RigidMotion | None = Field(default=None, description="4x4: the poses are in a frame, not the base")
     urdf: str | None = Field(default=None, description="the robot's URDF for JointState, relative to the mapping file")

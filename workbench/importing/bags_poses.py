@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from workbench.importing.bags_tf import is_static, poses_from_frames
 from workbench.importing.bags_times import in_order, stamp_s
 from workbench.importing.joint_states import JointModel
 from workbench.importing.neutral import PoseStream
+from workbench.importing.poses import of_flange_in_base
 from workbench.scan.checks import normalised
 from workbench.units import Float
 
@@ -51,8 +53,8 @@ def pose_source(bag: Bag, part: BagPart) -> str | None:
 
 
 def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None,
-               base_dir: Path) -> tuple[PoseStream, list[str]]:  # fmt: skip
-    """The flange in the base, from the source that `pose_source` names, and notes on it.
+               base_dir: Path) -> tuple[PoseStream, str]:  # fmt: skip
+    """The flange in the base, from the source that `pose_source` names, and a note on it.
 
     Args:
         tree: the bag's frames, for 'tf'.
@@ -63,13 +65,17 @@ def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None,
     """
     if tree is not None and source == "tf":
         time_s, poses = poses_from_frames(tree, part)
+        stream = _stream(bag, time_s, poses, part)
         note = f"poses: {len(time_s)} of /tf, '{part.flange_frame}' in '{part.base_frame}'{_dense(time_s)}"
-        return _stream(bag, time_s, poses, part), [note]
-    read = _joints if bag.types[source] == JOINTS else _stamped
-    return read(bag, source, part, base_dir)
+    else:
+        read = _joints if bag.types[source] == JOINTS else _stamped
+        stream, note = read(bag, source, part, base_dir)
+    position_mm, quaternion = of_flange_in_base(stream.position_mm, stream.quaternion_wxyz, part)
+    told = [f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None]
+    return replace(stream, position_mm=position_mm, quaternion_wxyz=quaternion), "; ".join([note, *told])
 
 
-def _stamped(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, list[str]]:
+def _stamped(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
     """Poses that stand in the messages; all of the same two frames, and of the mapping's where it names them."""
     where, rows, frames = f"{bag.path}: {source}", [], (part.flange_frame, part.base_frame)
     for message in bag.messages([source]):
@@ -81,7 +87,7 @@ def _stamped(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[Pose
     stream = PoseStream(str(bag.path), values[:, :3], quaternion, time_s, length_unit=part.pose_length_unit)
     flange = f"'{frames[0]}'" if frames[0] else "the flange"
     note = f"poses: {listed(bag, [source])}, {flange} in '{frames[1]}', in {part.pose_length_unit}"
-    return stream, [note + _dense(time_s, repeats)]
+    return stream, note + _dense(time_s, repeats)
 
 
 def _same_frames(message: Message, before: tuple[str | None, str | None]) -> tuple[str | None, str | None]:
@@ -103,7 +109,7 @@ def _pose(message: Message, scale_mm: float) -> list[float]:
     return pose_row(pose.position, pose.orientation, scale_mm, message.where)
 
 
-def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, list[str]]:
+def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
     """Poses through the robot's URDF."""
     where = f"{bag.path}: {source}"
     if part.urdf is None or part.base_frame is None or part.flange_frame is None:
@@ -123,7 +129,7 @@ def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseS
         f"poses: {listed(bag, [source])}, joints {', '.join(model.names)}, '{part.flange_frame}' in "
         f"'{part.base_frame}' by {part.urdf}{f'; {others} messages of other joints' if others else ''}"
     )
-    return _stream(bag, time_s, model.base_from_flange(joints), part), [note + _dense(time_s, repeats)]
+    return _stream(bag, time_s, model.base_from_flange(joints), part), note + _dense(time_s, repeats)
 
 
 def _dense(time_s: Float, repeats: int = 0) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.importing.bags_mapping import BagPart
 from workbench.importing.files import claims
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, PosesPart
@@ -79,8 +80,8 @@ def read(path: Path, mapping: Mapping) -> Imported:
     return Imported(poses=stream, notes=(_note(part, table),))
 
 
-def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: PosesPart) -> tuple[Float, Float]:
-    """Flange poses in the base, where the table tells of a tool or of another frame."""
+def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: PosesPart | BagPart) -> tuple[Float, Float]:
+    """Flange poses in the base, where the mapping tells of a tool or of another frame."""
     if part.flange_from_tool is None and part.base_from_frame is None:
         return position_mm, quaternion_wxyz
     frame_from_tool = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)

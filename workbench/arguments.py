@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ RUN_EXAMPLES = """examples:
 VALUE is read as JSON if it parses, else as a text. A relative path is relative to the working directory here,
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
-OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache")
+OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache",
+           "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
@@ -31,6 +33,8 @@ BATCH_EXAMPLES = """examples:
 
 Started again, it runs only the parts whose results are not there, not whole, or rest on other inputs or versions.
 exit status: 0 all parts passed, 1 some were rejected, 2 some have no results (or unusable arguments)"""
+
+NEGATIVE = re.compile(r"-\.?\d")  # argparse's own takes -10,20 for an option
 
 
 class Parser(argparse.ArgumentParser):
@@ -90,7 +94,26 @@ def build_parser() -> Parser:
     imported.add_argument("--mapping", metavar="MAP.json", help="what the files do not say about themselves")
     samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
     samples.add_argument("directory", metavar="DIR")
+    viewed = command("view", "show the report and the results in DIR in a browser, served on 127.0.0.1 until Ctrl-C")
+    viewed.add_argument("directory", metavar="DIR")
+    viewed.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
+    viewed.add_argument("--no-browser", action="store_true", help="print the address only")
+    shown = command("view-cell", "draw a robot cell in a posture; tell its limits, reach, warnings and clearance")
+    shown._negative_number_matcher = NEGATIVE
+    shown.add_argument("cell", metavar="CELL", help="the cell file, JSON or YAML (data/robot/README.md)")
+    shown.add_argument(
+        "--posture", default="0,0,0,0,0,0", metavar="Q1,...,Q6", help="joint angles, deg (default: all 0)"
+    )
+    shown.add_argument("--turntable-deg", type=float, default=0.0, metavar="A", help="turntable's angle (default: 0)")
+    shown.add_argument("--out", required=True, metavar="PICTURE.png", help="the picture to write")
     return parser
+
+
+def _port(text: str) -> int:
+    """A port's number, 0 for any free one; argparse tells what is wrong with another."""
+    if not text.isdecimal() or int(text[:6]) > 65_535:
+        raise argparse.ArgumentTypeError(f"expected a port from 0 to 65535, got '{text}'")
+    return int(text)
 
 
 def _count(text: str) -> int:

@@ -141,6 +141,31 @@ def import_(options: argparse.Namespace) -> int:
     return 0
 
 
+def view_cell(options: argparse.Namespace) -> int:
+    """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
+    from workbench.robot.view_cell import view_cell
+
+    printed(print, "\n".join(view_cell(options.cell, options.posture, options.turntable_deg, options.out)))
+    return 0
+
+
+def view(options: argparse.Namespace) -> int:
+    """Serve the results in a directory to a browser on this machine, until Ctrl-C."""
+    from pathlib import Path
+
+    from workbench.view import serve
+
+    def tell(address: str) -> None:
+        printed(print, f"view: {address}\nCtrl-C ends it")
+
+    try:
+        serve(Path(options.directory), options.port, browser=not options.no_browser, tell=tell)
+    except KeyboardInterrupt as stop:
+        if stop.args:  # not Ctrl-C: a signal that asks for the end
+            raise
+    return 0
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
     "batch": batch,
@@ -150,6 +175,8 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "simulate": simulate,
     "import": import_,
     "samples": samples,
+    "view": view,
+    "view-cell": view_cell,
 }
 
 

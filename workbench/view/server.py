@@ -1,0 +1,157 @@
+"""A web server for one directory of results, for this machine's user alone.
+
+It listens on the loopback interface only. Its address holds a random token, which other users of the machine and pages
+from elsewhere do not know; a request must name this server as its host, so that a foreign name that is made to point
+here (DNS rebinding) reads nothing. It answers GET and HEAD, and only with files inside the directory.
+"""
+
+from __future__ import annotations
+
+import hmac
+import http.server
+import os
+import secrets
+import shutil
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from http import HTTPStatus
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from workbench.errors import InputError, OutputError
+from workbench.view.folder import FIRST, NotServedError, content_type, listing, opened, within
+
+LOOPBACK = "127.0.0.1"
+TOKEN_BYTES = 24
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self' data: 'unsafe-inline'; connect-src 'none'; object-src 'none'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",  # the address holds the token
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class ResultServer(http.server.ThreadingHTTPServer):
+    """Serves `directory` under `/token/`."""
+
+    daemon_threads = True
+
+    def __init__(self, directory: Path, port: int = 0) -> None:
+        """`port` 0: any free one.
+
+        Raises:
+            InputError: not a directory, or one without any file.
+            OutputError: the port cannot be had.
+        """
+        if not directory.is_dir():
+            raise InputError(str(directory), "expected a directory with the results of a run")
+        self.root = directory.resolve()
+        if not any(self.root.iterdir()):
+            raise InputError(str(directory), "expected a directory with the results of a run, got an empty one")
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        try:
+            super().__init__((LOOPBACK, port), Handler)
+        except OSError as error:
+            raise OutputError(f"--port {port}", f"expected a free port of {LOOPBACK}: {error.strerror}") from None
+
+    @property
+    def hosts(self) -> set[str]:
+        """What a request may call this server."""
+        return {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A browser that went away is no news; anything else is told in one line."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, (ConnectionError, TimeoutError)):
+            print(f"warning: a request was not answered: {error!r}", file=sys.stderr)
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    """Answers one request."""
+
+    server: ResultServer
+    timeout = 30.0  # s without a word
+    server_version, sys_version = "workbench", ""
+
+    def do_GET(self) -> None:
+        """A file, or the listing of a directory."""
+        self._answer(send_body=True)
+
+    def do_HEAD(self) -> None:
+        """The same without its body."""
+        self._answer(send_body=False)
+
+    def _refuse_method(self) -> None:
+        self._send(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"GET and HEAD only\n", {"Allow": "GET, HEAD"})
+
+    do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse_method  # noqa: N815
+
+    def _answer(self, *, send_body: bool) -> None:
+        address = urlsplit(self.path).path
+        token, _, inside = address.removeprefix("/").partition("/")
+        known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
+        if not known or self.headers.get("Host", "").lower() not in self.server.hosts:
+            return self._send(HTTPStatus.FORBIDDEN, "text/plain", b"forbidden\n" * send_body)
+        try:
+            path = within(self.server.root, inside)
+            if not path.is_dir():
+                return self._send_file(path, send_body)
+        except NotServedError:
+            return self._send(HTTPStatus.NOT_FOUND, "text/plain", b"not found\n" * send_body)
+        if not address.endswith("/"):  # relative links start at the directory
+            return self._send(HTTPStatus.PERMANENT_REDIRECT, "text/plain", b"", {"Location": address + "/"})
+        page = listing(self.server.root, path)
+        return self._send(HTTPStatus.OK, "text/html; charset=utf-8", page if send_body else b"", length=len(page))
+
+    def _send_file(self, path: Path, send_body: bool) -> None:
+        file, size = opened(path)
+        with file:
+            self._head(HTTPStatus.OK, content_type(path), size)
+            if send_body:
+                shutil.copyfileobj(file, self.wfile)
+
+    def _send(
+        self, status: HTTPStatus, kind: str, body: bytes, more: dict[str, str] | None = None, length: int | None = None
+    ) -> None:
+        self._head(status, kind, len(body) if length is None else length, more)
+        self.wfile.write(body)
+
+    def _head(self, status: HTTPStatus, kind: str, length: int, more: dict[str, str] | None = None) -> None:
+        self.send_response(status)
+        for name, value in {"Content-Type": kind, "Content-Length": str(length), **HEADERS, **(more or {})}.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Requests are not logged: their addresses hold the token."""
+
+
+def address_of(server: ResultServer) -> str:
+    """Where a browser starts: the report, else the fleet's page, else the list of what is there."""
+    first = next((name for name in FIRST if (server.root / name).is_file()), "")
+    return f"http://{LOOPBACK}:{server.server_port}/{server.token}/{first}"
+
+
+def serve(directory: Path, port: int, *, browser: bool, tell: Callable[[str], None]) -> None:
+    """Serve until interrupted; `tell` gets the address.
+
+    Raises:
+        InputError, OutputError: as ResultServer.
+        KeyboardInterrupt: somebody ended it.
+    """
+    with ResultServer(directory, port) as server:
+        address = address_of(server)
+        tell(address)
+        if browser and _has_screen():
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+        server.serve_forever()
+
+
+def _has_screen() -> bool:
+    """Whether a browser could show itself: in a terminal alone, one would take the terminal."""
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -17,6 +17,26 @@ def columns_by_count(first: Bool) -> Int:
     return np.asarray(np.arange(len(first)) - np.repeat(starts, np.diff(np.append(starts, len(first)))))
 
 
+def usual_pitch(x_mm: Float, first: Bool) -> float | None:
+    """The step from column to column of points `x_mm` (R,), frame after frame, `first` (R,) at each frame's first.
+
+    The median step leans to where points are dense; over whole strides the pitch averages out. None where x does not
+    run one way.
+    """
+    step = np.diff(x_mm, prepend=x_mm[:1])
+    inside = ~first & np.isfinite(step)
+    if not np.isfinite(x_mm).all() or not inside.any():
+        return None
+    pitch = float(np.median(step[inside]))
+    if pitch == 0 or (step[inside] * np.sign(pitch) <= 0).any():
+        return None
+    for _ in range(REFINEMENTS):
+        strides = np.where(inside, np.maximum(1, np.round(step / pitch)), 0)
+        near = strides <= NEAR
+        pitch = float(step[inside & near].sum() / strides[near].sum())
+    return pitch
+
+
 def columns_by_spacing(
     x_mm: Float, first: Bool, *, pitch_mm: float | None = None, origin: float | None = None
 ) -> Int | None:
@@ -25,27 +45,18 @@ def columns_by_spacing(
     Args:
         x_mm: lateral coordinates, frame after frame.
         first: (R,) True at each frame's first point.
-        pitch_mm: the usual step where these are some frames of many; None: the median step.
+        pitch_mm: the usual step where these are some frames of many; None: theirs (`usual_pitch`).
         origin: x / pitch_mm of column 0, likewise; None: the least of these frames.
 
     Returns:
         Columns from 0, distinct and rising within a frame, alike for alike x in all frames; None where x does not run
         one way or the gaps are out of proportion.
     """
+    pitch = usual_pitch(x_mm, first) if pitch_mm is None else pitch_mm
     step = np.diff(x_mm, prepend=x_mm[:1])
-    inside = ~first & np.isfinite(step)
-    if not np.isfinite(x_mm).all() or not inside.any():
+    if pitch is None or not np.isfinite(x_mm).all() or (step[~first] * np.sign(pitch) <= 0).any():
         return None
-    pitch = float(np.median(step[inside])) if pitch_mm is None else pitch_mm
-    if pitch == 0 or (step[inside] * np.sign(pitch) <= 0).any():
-        return None
-    for _ in range(
-        REFINEMENTS
-    ):  # the median leans to where points are dense: over whole strides the pitch averages out
-        strides = np.where(inside, np.maximum(1, np.round(step / pitch)), 0)
-        near = strides <= NEAR
-        pitch = float(step[inside & near].sum() / strides[near].sum())
-    strides = np.where(inside, np.maximum(1, np.round(step / pitch)), 0)
+    strides = np.where(first, 0, np.maximum(1, np.round(step / pitch)))
     start = x_mm[first] / pitch
     along = np.cumsum(strides)
     frame = np.cumsum(first) - 1

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.geometry.columns import columns_by_spacing
-from workbench.units import AnyArray, Float32
+from workbench.geometry.columns import columns_by_spacing, usual_pitch
+from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK = 64  # profiles
-SAMPLE = 1000  # profiles that the usual step is taken from
+SAMPLE = 100  # profiles that the usual step is taken from
 
 
 def ragged_columns(rows_mm: list[Float32], by_spacing: bool) -> tuple[list[AnyArray], str]:
@@ -26,21 +26,24 @@ def ragged_columns(rows_mm: list[Float32], by_spacing: bool) -> tuple[list[AnyAr
 
 def _by_spacing(rows_mm: list[Float32]) -> list[AnyArray] | None:
     seen = [row for row in rows_mm if len(row)]
-    steps = [np.diff(row) for row in seen[:: 1 + len(seen) // SAMPLE]]
-    pitch_mm = float(np.median(np.concatenate(steps))) if sum(map(len, steps)) else 0.0
-    if pitch_mm == 0:
+    pitch_mm = usual_pitch(*_in_one(seen[:: 1 + len(seen) // SAMPLE]))
+    if pitch_mm is None:
         return None
     origin = min(float(row[0]) / pitch_mm for row in seen)
     columns: list[AnyArray] = []
     for begin in range(0, len(rows_mm), BLOCK):
         block = rows_mm[begin : begin + BLOCK]
-        ends = np.cumsum([len(row) for row in block])
-        first = np.zeros(ends[-1], bool)
-        first[[end - len(row) for end, row in zip(ends, block, strict=True) if len(row)]] = True
-        x_mm = np.concatenate(block).astype(float)
-        # A block without two points in a row has no step: the function says None, and all are counted.
+        x_mm, first = _in_one(block)
         found = columns_by_spacing(x_mm, first, pitch_mm=pitch_mm, origin=origin) if len(x_mm) else first
         if found is None:
             return None
-        columns += [part.astype(np.int32) for part in np.split(found, ends[:-1])]
+        columns += [part.astype(np.int32) for part in np.split(found, np.cumsum([len(row) for row in block])[:-1])]
     return columns
+
+
+def _in_one(rows_mm: list[Float32]) -> tuple[Float, Bool]:
+    """All points (R,) of some rows, and which are a row's first."""
+    ends = np.cumsum([len(row) for row in rows_mm])
+    first = np.zeros(ends[-1], bool)
+    first[[end - len(row) for end, row in zip(ends, rows_mm, strict=True) if len(row)]] = True
+    return np.concatenate(rows_mm).astype(float), first

@@ -19,6 +19,7 @@ from workbench.robot.kinematics import (
 )
 from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
+from workbench.robot.triangles import cell_triangles
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
 from workbench.strict_json import read_json
 
@@ -36,6 +37,7 @@ __all__ = [
     "abb_angles",
     "bounding_volumes",
     "cell",
+    "cell_triangles",
     "clearance_bound_mm",
     "forward_kinematics",
     "inverse_kinematics",

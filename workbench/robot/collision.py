@@ -16,13 +16,16 @@ from workbench.robot.kinematics import motions
 from workbench.robot.shapes import ON_TURNTABLE, Shape
 from workbench.units import Float
 
+POINTS_FIT_MM = 0.1  # how exactly fcl's nearest points have to fit its distance
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Clearance:
     """The smallest distance between two bodies that must not touch; 0 where they do."""
 
     distance_mm: float
     pair: tuple[str, str]
+    points_mm: Float | None = None  # (2, 3) the nearest points, in the base, where they are known
 
 
 class CollisionModel:
@@ -41,6 +44,17 @@ class CollisionModel:
             if self._near(a, b):
                 return self.names(a, b)
         return None
+
+    def gaps(self, joints: Float, turntable: float = 0.0) -> list[Clearance]:
+        """The distance of every pair of bodies that must not touch, at joint angles (6,), rad; the nearest first."""
+        self._place(joints, turntable)
+        least: dict[tuple[str, str], Clearance] = {}
+        for a, b in self.pairs:
+            pair = self.names(a, b)
+            distance, points = (0.0, None) if self._touch(a, b) else self._nearest_points(a, b)
+            if pair not in least or distance < least[pair].distance_mm:
+                least[pair] = Clearance(distance, pair, points)
+        return sorted(least.values(), key=lambda gap: gap.distance_mm)
 
     def clearance(self, joints: Float, turntable: float = 0.0) -> Clearance | None:
         """The smallest distance and its pair at joint angles (6,), rad; None where nothing could touch."""
@@ -77,6 +91,14 @@ class CollisionModel:
 
     def _distance(self, a: int, b: int) -> float:
         return max(float(fcl.distance(self._objects[a], self._objects[b], fcl.DistanceRequest())), 0.0)
+
+    def _nearest_points(self, a: int, b: int) -> tuple[float, Float | None]:
+        """The distance, and fcl's two nearest points if they are as far apart."""
+        result, request = fcl.DistanceResult(), fcl.DistanceRequest(enable_nearest_points=True)
+        distance = max(float(fcl.distance(self._objects[a], self._objects[b], request, result)), 0.0)
+        points = np.array(result.nearest_points)
+        fits = abs(np.linalg.norm(points[1] - points[0]) - distance) < POINTS_FIT_MM
+        return distance, points if fits else None
 
     def _place(self, joints: Float, turntable: float) -> None:
         moved = motions(self._cell.chain, joints)

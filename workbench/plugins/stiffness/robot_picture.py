@@ -1,4 +1,4 @@
-"""The robot cell as triangles, for pictures of postures (Fig. 17c, d). mm, in the base."""
+"""Pictures of the robot cell in a posture, for the chapter of postures (Fig. 17c, d). mm, in the base."""
 
 from __future__ import annotations
 
@@ -7,21 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import Cell, Float, motions, turntable_pose
+from workbench.api import Cell, Float, cell_triangles
 
-ROUND = 16  # sides of a round body
 COLOURS = {"tool": "#c8553d", "turntable": "#7a8b99", "workpiece": "#b59b6a"}
 ROBOT, AROUND = "#e8a33d", "#b9c2c9"
-
-
-def cell_triangles(cell: Cell, joints: Float, turntable: float) -> list[tuple[str, Float]]:
-    """Body and triangles (t, 3, 3) of every shape at joint angles (6,) and a turntable angle, rad."""
-    moved, turned = motions(cell.chain, joints), turntable_pose(cell, turntable)
-    found = []
-    for shape in cell.shapes:
-        pose = (turned if shape.link == 7 else moved[max(shape.link, 0)]) @ shape.pose
-        found.append((shape.body, _triangles(shape) @ pose[:3, :3].T + pose[:3, 3]))
-    return found
 
 
 def robot_picture(cell: Cell, joints: Float, turntable: float, path_mm: Float, middle_mm: Float,
@@ -50,33 +39,3 @@ def robot_picture(cell: Cell, joints: Float, turntable: float, path_mm: Float, m
     drawing = io.BytesIO()
     figure.savefig(drawing, format="png", dpi=110, metadata={"Software": None})
     return drawing.getvalue()
-
-
-def _triangles(shape: Any) -> Float:
-    """Triangles (t, 3, 3) of a shape in its own frame."""
-    if shape.kind == "mesh":
-        return np.asarray(shape.vertices_mm[shape.triangles])
-    if shape.kind == "box":
-        half = np.array(shape.size_mm) / 2
-        ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
-        return _skin(np.array([np.column_stack([ring * s, np.full(4, z)]) for s, z in
-                               ((0, -half[2]), (1, -half[2]), (1, half[2]), (0, half[2]))]))  # fmt: skip
-    radius = shape.size_mm[0]
-    length = shape.size_mm[1] if len(shape.size_mm) > 1 else 0.0
-    if shape.kind == "cylinder":
-        outline = np.array([[0, -length / 2], [radius, -length / 2], [radius, length / 2], [0, length / 2]])
-    else:
-        bow = np.linspace(0, np.pi / 2, 6)
-        cap = np.column_stack([radius * np.sin(bow), length / 2 + radius * np.cos(bow)])
-        outline = np.vstack([cap * (1, -1), cap[::-1]])
-    angles = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    return _skin(np.array([np.column_stack([r * circle, np.full(ROUND, z)]) for r, z in outline]))
-
-
-def _skin(rings: Float) -> Float:
-    """Triangles between rings (r, k, 3) one above the other."""
-    a, b = rings[:-1], rings[1:]
-    a_next, b_next = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
-    return np.concatenate([np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, a_next, b_next),
-                                                                                       (a, b_next, b))])  # fmt: skip

@@ -1,0 +1,127 @@
+"""`workbench view-cell`: what it tells against numbers by hand, and a picture that shows it."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from workbench.errors import InputError, OutputError
+from workbench.robot import Cell, CollisionModel, read_cell
+from workbench.robot.description import described, reach_mm, singularities
+from workbench.robot.picture import _view
+from workbench.robot.triangles import cell_triangles
+from workbench.robot.view_cell import view_cell
+from workbench.units import DEG
+
+COLLIDING = "0,40,20,0,30,0"  # the forearm in the turntable
+
+
+def test_reach_is_that_of_the_stretched_arm(cell: Cell, arms: Any) -> None:
+    """320 mm to axis 2, the upper arm at its limit of 85 deg, the forearm's 200 and 1592.5 mm level and outwards."""
+    reach, what = reach_mm(cell.chain)
+    assert what == "wrist centre"
+    assert abs(reach - (320 + 1280 * np.sin(85 * DEG) + np.hypot(200, 1592.5))) < 1.0
+    assert abs(reach_mm(arms("puma"))[0] - np.hypot(0.4318 + np.hypot(0.0203, 0.4331), 0.2435 - 0.0934) * 1e3) < 0.5
+
+
+def test_lines_on_the_shipped_cell(cell: Cell) -> None:
+    lines = described(cell, np.zeros(6), 0.0)
+    assert lines[2] == "reach: 3200 mm from axis 1 (wrist centre)"
+    assert "joint_2 -65 to 85, joint_3 -180 to 70" in lines[1]
+    assert "tool: tip at (260, 0, 140) mm in the flange, cutter's axis 90 deg to the flange's z" in lines
+    assert "singular: axes 4, 5 and 6 lie in a plane, the wrist cannot turn in every direction" in lines
+    nearest = CollisionModel(cell).clearance(np.zeros(6))
+    assert nearest is not None
+    assert f"clearance: {nearest.distance_mm:.1f} mm, {' to '.join(nearest.pair)}" in lines
+
+
+def test_coaxial_spindle_is_told(cell_file: Any) -> None:
+    straight = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 200], [0, 0, 0, 1]]
+    lines = described(read_cell(cell_file(lambda t: t["tool"].update(flange_from_cutter=straight))), np.zeros(6), 0.0)
+    assert any(line.startswith("warning: the spindle is coaxial with the flange") for line in lines)
+
+
+def test_stretched_arm_is_singular(cell: Cell) -> None:
+    stretched = np.array([0.3, 0.5, -np.arctan2(1592.5, 200), 0.4, 1.0, 0.2])
+    assert singularities(cell.chain, stretched) == ["joints 1 to 3 cannot move the wrist's centre in every direction"]
+    assert singularities(cell.chain, np.array([0.3, 0.5, -0.2, 0.4, 1.0, 0.2])) == []
+
+
+def test_gaps_are_those_of_the_clearance_with_points_on_the_bodies(cell: Cell) -> None:
+    q = np.radians([20.0, 10, 10, 30, 60, 10])
+    model = CollisionModel(cell)
+    gaps = model.gaps(q, 0.3)
+    clearance = model.clearance(q, 0.3)
+    assert clearance is not None
+    assert (gaps[0].distance_mm, gaps[0].pair) == (clearance.distance_mm, clearance.pair)
+    assert [gap.distance_mm for gap in gaps] == sorted(gap.distance_mm for gap in gaps)
+    assert len({gap.pair for gap in gaps}) == len(gaps)
+    corners = {}
+    for body, triangles in cell_triangles(cell, q, 0.3, 64):
+        corners.setdefault(body, []).append(triangles.reshape(-1, 3))
+    for gap in gaps[:3]:
+        assert gap.points_mm is not None
+        for point, body in zip(gap.points_mm, gap.pair, strict=True):
+            low, high = np.vstack(corners[body]).min(axis=0), np.vstack(corners[body]).max(axis=0)
+            assert ((low - 1 < point) & (point < high + 1)).all()
+
+
+def test_colliding_bodies_are_red_and_frames_where_they_belong(cell: Cell) -> None:
+    q = np.radians([float(angle) for angle in COLLIDING.split(",")])
+    view = _view(cell, q, 0.0)
+    red = {name for name, colour in zip(view.names, view.colours, strict=True) if colour == "#d11f1f"}
+    assert red == {"link_4", "link_5", "link_6", "tool", "turntable"}
+    assert view.frames == ("base", "flange", "cutter", "sensor", "turntable")
+    flange, cutter = view.base_from_frame[1], view.base_from_frame[2]
+    assert np.allclose(np.linalg.inv(flange) @ cutter, cell.flange_from_cutter)
+
+
+def test_picture_and_lines(cell_file: Any, tmp_path: Path) -> None:
+    out = tmp_path / "cell.png"
+    lines = view_cell(str(cell_file()), COLLIDING, 0.0, str(out))
+    assert "collision: tool with turntable" in lines
+    assert not any(line.startswith("clearance") for line in lines)
+    assert lines[-1] == f"picture: {out}"
+    picture = matplotlib.image.imread(io.BytesIO(out.read_bytes()))[..., :3]
+    assert picture.shape == (1500, 2000, 3)
+    red = (picture[..., 0] > 0.4) & (picture[..., 1:].max(axis=-1) < 0.3 * picture[..., 0])
+    for quarter in (red[:750, :1000], red[:750, 1000:], red[750:, :1000], red[750:, 1000:]):
+        assert quarter.mean() > 0.005
+    assert sorted(path.name for path in tmp_path.glob("*png*")) == ["cell.png"]
+
+
+@pytest.mark.parametrize(
+    ("posture", "turntable_deg", "out", "message"),
+    [
+        ("0,90,0,0,0,0", 0.0, "x.png", "joint_2: expected -65 to 85 deg, got 90 deg"),
+        ("0,0,0,0,0,0", 181.0, "x.png", "turntable: expected -180 to 180 deg, got 181 deg"),
+        ("0,0,0,0,0,0", float("nan"), "x.png", "turntable: expected -180 to 180 deg"),
+        ("0,0,0,0,0", 0.0, "x.png", "expected six joint angles"),
+        ("0,0,0,0,0,nan", 0.0, "x.png", "expected six joint angles"),
+        ("0,0,0,0,0,0", 0.0, "x.jpg", "ends in .png"),
+    ],
+)
+def test_unusable_arguments(
+    cell_file: Any, tmp_path: Path, posture: str, turntable_deg: float, out: str, message: str
+) -> None:
+    with pytest.raises(Exception, match="expected") as caught:
+        view_cell(str(cell_file()), posture, turntable_deg, str(tmp_path / out))
+    assert message in str(caught.value)
+    assert not (tmp_path / out).exists()
+
+
+def test_cell_without_turntable_takes_no_angle(cell_file: Any, tmp_path: Path) -> None:
+    path = cell_file(lambda tree: tree.update(turntable=None))
+    with pytest.raises(InputError, match="the cell has no turntable"):
+        view_cell(str(path), "0,0,0,0,0,0", 10.0, str(tmp_path / "x.png"))
+
+
+def test_missing_libraries_are_named_and_nothing_is_written(cell_file: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    monkeypatch.setattr("workbench.offscreen.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
+    with pytest.raises(OutputError, match="apt-get install libnowhere1"):
+        view_cell(str(cell_file()), "0,0,0,0,0,0", 0.0, str(tmp_path / "x.png"))
+    assert list(tmp_path.glob("*png*")) == []

@@ -45,6 +45,10 @@ def other_sense(tests: LoadingTests, cell: Cell) -> LoadingTests:
 MISTAKES: list[tuple[str, int, Change, str]] = [
     ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
     ("signs, points", 4, scaled("wrench", slice(None), -1), "opposite signs"),
+    ("z of the displacement reversed", 0, scaled("displacement", 2, -1), "column dz_mm is of the wrong sign"),
+    ("fy reversed", 0, scaled("wrench", 1, -1), "column fy_n is of the wrong sign"),
+    ("torques reversed", 0, scaled("wrench", slice(3, 6), -1), "columns tx_nm to tz_nm are of the wrong sign"),
+    ("p3z reversed", 4, scaled("targets_mm", (2, 2), -1), "column p3z_mm is of the wrong sign"),
     ("dx in m", 0, scaled("displacement", 0, 1e-3), "column dx_mm is 1,000 times too small: in m?"),
     ("dz in micrometres", 0, scaled("displacement", 2, 1e3), "column dz_mm is 1,000 times too large"),
     ("rx in rad", 0, scaled("displacement", 3, np.pi / 180), "column rx_deg is 57.296 times too small: in rad?"),

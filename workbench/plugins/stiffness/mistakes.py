@@ -15,11 +15,13 @@ from workbench.api import Chain, Float, LoadingSetup, abb_angles, forward_kinema
 from workbench.plugins.stiffness.equations import Equations, covariances, equations
 from workbench.plugins.stiffness.estimate import Estimate, solve
 from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.observability import SURE
 from workbench.plugins.stiffness.values import LoadingTests
 
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend
-SURE = 3.0  # standard uncertainties by which a compliance counts as negative
 EXPLAINED = 0.3  # share of the displacements' square that may be left over, for a reading that makes sense
+TURNED = ("", -1.0)  # unit and factor: an axis reversed
+LENGTHS = (("m", 1e3), ("micrometres", 1e-3))
 PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
 
 
@@ -99,9 +101,9 @@ def _turned(tests: LoadingTests, of_wrench: Float | None, of_displacement: Float
 
 
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
-    """Single columns and groups of columns that are a factor off."""
+    """Single columns and groups of columns that are a factor off, or of the other sign."""
     yield "the wrench is 1,000 times too small: in kN and kNm?", dataclasses.replace(tests, wrench=1e3 * tests.wrench)
-    of_wrench = {"n": (("kN", 1e3), ("mN", 1e-3)), "nm": (("Nmm", 1e-3), ("kNm", 1e3))}
+    of_wrench = {"n": (TURNED, ("kN", 1e3), ("mN", 1e-3)), "nm": (TURNED, ("Nmm", 1e-3), ("kNm", 1e3))}
     for columns, factor, unit in _factors(WRENCH, of_wrench):
         scaled = tests.wrench.copy()
         scaled[:, [WRENCH.index(name) for name in columns]] *= factor
@@ -109,14 +111,14 @@ def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     if tests.displacement is not None:
         both = tests.displacement * ([1e3] * 3 + [180 / np.pi] * 3)
         yield "displacements are in m and rad, not mm and deg", dataclasses.replace(tests, displacement=both)
-        kinds = {"mm": (("m", 1e3), ("micrometres", 1e-3)), "deg": (("rad", 180 / np.pi), ("mrad", 0.18 / np.pi))}
+        kinds = {"mm": (TURNED, *LENGTHS), "deg": (TURNED, ("rad", 180 / np.pi), ("mrad", 0.18 / np.pi))}
         for columns, factor, unit in _factors(DISPLACEMENT, kinds):
             scaled = tests.displacement.copy()
             scaled[:, [DISPLACEMENT.index(name) for name in columns]] *= factor
             yield _in_words(columns, factor, unit), dataclasses.replace(tests, displacement=scaled)
     elif tests.targets_mm is not None:
         names = tuple(f"p{k + 1}{x}_mm" for k in range(tests.targets_mm.shape[1]) for x in "xyz")
-        for columns, factor, unit in _factors(names, {"mm": (("m", 1e3), ("micrometres", 1e-3))}):
+        for columns, factor, unit in _factors(names, {"mm": (TURNED, *LENGTHS)}):
             flat = tests.targets_mm.reshape(len(tests.lines), -1).copy()
             flat[:, [names.index(name) for name in columns]] *= factor
             yield (_in_words(columns, factor, unit),
@@ -136,5 +138,7 @@ def _factors(
 
 def _in_words(columns: tuple[str, ...], factor: float, unit: str) -> str:
     which = f"column {columns[0]} is" if len(columns) == 1 else f"columns {columns[0]} to {columns[-1]} are"
+    if factor < 0:
+        return f"{which} of the wrong sign: is the axis reversed?"
     times = f"{factor:,.5g} times too small" if factor > 1 else f"{1 / factor:,.5g} times too large"
     return f"{which} {times}: in {unit}?"

@@ -10,6 +10,7 @@ from workbench.plugins.stiffness.estimate import Estimate
 from workbench.plugins.stiffness.values import LoadingTests
 
 ALIKE = 0.9  # correlation above which two joints count as not told apart
+SURE = 3.0  # standard uncertainties by which a compliance counts as negative
 LITTLE = 0.02  # torque over force times reach below which a load does not turn a joint
 
 
@@ -41,6 +42,11 @@ def reason(joint: int, found: Estimate, eq: Equations, chain: Chain, setup: Load
         names = " and ".join(str(j + 1) for j in partners)
         return f"its share cannot be told from that of joint {names}: use postures and directions that part them"
     u = found.u[joint] * np.sqrt(max(found.scale2, 1.0))
+    if found.compliance[joint] < -SURE * u:
+        return (
+            f"it would give way against its load, compliance {found.compliance[joint]:.2g} +- {u:.2g} rad/Nm: the axes "
+            "of wrench and displacement do not belong together"
+        )
     return (
         f"its loads are too small for the noise: torques up to {torque.max():.3g} Nm, compliance "
         f"{found.compliance[joint]:.2g} +- {u:.2g} rad/Nm"

@@ -1,0 +1,93 @@
+"""Deviations as a chapter of the report."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.artefacts import Chapter
+from workbench.compare import html
+from workbench.compare.deviation_pictures import course_picture, map_picture
+from workbench.compare.statistics import Summary
+from workbench.compare.surface_values import Deviations, Registration, Surface
+
+NO_FRAMES = "the points' frames are not known: errors that a frame's points share count as independent noise"
+
+
+def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, reference: Surface,
+                      registration: Registration | None, position_u_mm: float) -> Chapter:  # fmt: skip
+    """Finding, maps, course, sections, registration."""
+    pieces = [
+        html.facts_html(_facts(summary, found, scan, reference)),
+        html.figure_html(map_picture(found, summary), "Map of the deviations",
+                         "As seen from outside: arc length to the right, across the part upwards. Of the changes shown "
+                         "below 5 % at most are false, on average."),
+        html.figure_html(course_picture(found, summary), "Deviations along the part, and their histogram",
+                         "The level of detection is 1.96 standard uncertainties of one place."),
+        html.heading("Sections"), _sections(summary),
+        html.heading("Percentiles"), _percentiles(summary),
+        html.heading("Registration"), *_registration(registration, position_u_mm),
+    ]  # fmt: skip
+    unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
+    warnings = (*(registration.warnings if registration else ()), *((NO_FRAMES,) if unknown else ()))
+    return Chapter("Deviation from the reference", "\n".join(pieces), summary=f"{summary.in_words}.",
+                   part=scan.part_id or "", warnings=warnings)  # fmt: skip
+
+
+def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:
+    return [
+        ("Finding", summary.in_words), ("Scan", scan.source), ("Reference", reference.source),
+        ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
+        ("Mean", f"{summary.mean_mm:+.4f} mm"), ("Root mean square", f"{summary.rms_mm:.4f} mm"),
+        ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),
+        ("Places beyond their level of detection", f"{100 * summary.significant:.1f} % (5 % by chance)"),
+    ]  # fmt: skip
+
+
+def _sections(summary: Summary) -> str:
+    head = (
+        "Section",
+        "Arc length, mm",
+        "Places",
+        "Mean, mm",
+        "Least, mm",
+        "Most, mm",
+        "Detectable, mm",
+        "Beyond it, %",
+    )
+    rows = [(f"{one.index}", f"{one.arc_length_mm:.1f}", f"{one.places}",
+             *(_signed(value) for value in (one.mean_mm, one.least_mm, one.most_mm)), _number(one.detectable_mm),
+             "–" if math.isnan(one.significant) else f"{100 * one.significant:.0f}")
+            for one in summary.sections]  # fmt: skip
+    return html.table_html(head, rows, f"Arc length along {summary.along}")
+
+
+def _percentiles(summary: Summary) -> str:
+    head = ("", *(f"{k} %" for k in summary.percentiles_mm))
+    return html.table_html(head, [("Distance, mm", *(_signed(value) for value in summary.percentiles_mm.values()))])
+
+
+def _registration(found: Registration | None, position_u_mm: float) -> list[str]:
+    if found is None:
+        return [html.paragraph("None: both are taken as they lie in the base; the scan's place along a normal is known "
+                               f"to {position_u_mm:g} mm (1 u).")]  # fmt: skip
+    back = np.linalg.inv(found.reference_from_scan)
+    shift = found.pivot_mm - (back[:3, :3] @ found.pivot_mm + back[:3, 3])
+    turn = math.degrees(math.acos(float(np.clip((np.trace(back[:3, :3]) - 1) / 2, -1.0, 1.0))))
+    u = np.sqrt(np.diagonal(found.covariance))
+    facts = [
+        ("Shift of the scan's middle, mm", ", ".join(f"{x:+.3f} ± {s:.3f}" for x, s in zip(shift, u, strict=False))),
+        ("Turn", f"{turn:.4f}° ± {math.degrees(float(np.linalg.norm(u[3:]))):.4f}°"),
+        ("Overlap", f"{100 * found.overlap:.0f} % of the scan"), ("RMS of matched places", f"{found.rms_mm:.4f} mm"),
+        ("Open directions", "; ".join(found.held) or "none"),
+    ]  # fmt: skip
+    return [html.facts_html(facts), html.note("± is one standard uncertainty. In an open direction nothing is fitted.")]
+
+
+def _signed(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:+.4f}"
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.4f}"

@@ -1,0 +1,131 @@
+"""`compare.register`: a scan laid on a reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Document
+from workbench.compare.covariance import covariance_of
+from workbench.compare.icp import OPEN, Equations, coarse, refine
+from workbench.compare.open_directions import in_words
+from workbench.compare.surface import rigid
+from workbench.compare.surface_values import Registration, Surface
+from workbench.compare.surfels import Surfels, surfels, thinned
+from workbench.compare.target import target_of
+from workbench.errors import InputError
+from workbench.stage import stage
+from workbench.strict_json import strict_json
+
+LEAST_PLACES = 30
+MOST_PLACES = 20_000  # that a mesh is sampled at
+
+
+@stage("compare.register")
+def register(
+    scan: Surface,
+    reference: Surface,
+    *,
+    initial: Annotated[
+        list[list[float]] | None, Field(description="pose (4x4, mm) to start from; null: both are in the base")
+    ] = None,
+    open_directions: Annotated[
+        Literal["refuse", "hold"],
+        Field(description="what to do where the shapes leave a direction open: refuse, or hold the initial pose"),
+    ] = "refuse",
+    held_u_mm: Annotated[
+        float, Field(gt=0, le=100, description="standard uncertainty of the initial pose, in directions that are held")
+    ] = 0.5,
+    reach_mm: Annotated[
+        float, Field(gt=0, le=50, description="largest distance of places that belong together, at the end")
+    ] = 1.0,
+    spacing_mm: Annotated[float, Field(gt=0, le=20, description="between the places that are matched")] = 0.8,
+    radius_mm: Annotated[float, Field(gt=0, le=20, description="of the neighbourhood that makes a local plane")] = 0.8,
+    least_overlap: Annotated[
+        float, Field(gt=0, le=1, description="share of the scan that must lie on the reference")
+    ] = 0.5,
+    largest_rms_mm: Annotated[float, Field(gt=0, le=10, description="of the distances along the normal")] = 0.15,
+) -> tuple[Registration, Document]:
+    """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), coarse to fine, robust.
+
+    The scan's local planes are matched with the reference's; places at corners do not count. A straight edge slides
+    along itself: such open directions are named, and refused or held. The covariance comes from the normal equations
+    and from the residuals of stretches of the part, whose errors hang together.
+
+    Args:
+        scan: from `compare.surface`.
+        reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
+        initial: reference_from_scan to start from.
+        open_directions: refuse or hold.
+        held_u_mm: how well the initial pose is known in held directions; it enters the covariance.
+        reach_mm: matches farther apart do not count.
+        spacing_mm: of the matched places.
+        radius_mm: of local planes.
+        least_overlap: a smaller overlap is refused.
+        largest_rms_mm: a larger RMS is refused.
+
+    Raises:
+        InputError: open directions, a small overlap, a poor fit.
+    """
+    start = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
+    source = surfels(scan, thinned(scan.points_mm, spacing_mm), radius_mm)
+    pose = coarse(source, _sampled(reference, spacing_mm, radius_mm), start, reach_mm)
+    target = target_of(reference, spacing_mm, radius_mm)
+    pose, equations = refine(source, target, pose, start, reach_mm, open_directions == "hold")
+    overlap = _overlap(source, equations)
+    rms = float(np.sqrt(np.average(equations.residual_mm**2, weights=equations.weight))) if overlap else math.nan
+    _check(scan, equations, overlap, rms, least_overlap, largest_rms_mm)
+    size, vectors = equations.directions()
+    loose = [in_words(vectors[:, k], equations, scan) for k in np.flatnonzero(size <= OPEN)]
+    if loose and open_directions == "refuse":
+        raise InputError(scan.source or "compare.register", f"the shapes leave open: {'; '.join(loose)}: expected "
+                         "shapes that fix it, or open_directions 'hold' to keep the initial pose there")  # fmt: skip
+    found = Registration(pose, covariance_of(equations, held_u_mm), equations.pivot_mm, overlap, rms, tuple(loose),
+                         len(equations.weight), tuple(f"held at the initial pose: {one}" for one in loose))  # fmt: skip
+    return found, _document(found, scan, reference)
+
+
+def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
+    """Local planes of a reference; of a mesh, points on it with their normals."""
+    if reference.triangles is None:
+        return surfels(reference, thinned(reference.points_mm, spacing_mm), radius_mm)
+    corners = reference.points_mm[reference.triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = 0.5 * np.linalg.norm(normal, axis=1)
+    rng = np.random.default_rng(0)
+    count = int(np.clip(area.sum() / spacing_mm**2, 1000, MOST_PLACES))
+    chosen = rng.choice(len(area), count, p=area / area.sum())
+    u, v = rng.random((2, count))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    a, b, c = (corners[chosen, k] for k in range(3))
+    points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+    return Surfels(points, normal[chosen] / (2.0 * area[chosen, None]), np.ones(count, bool))
+
+
+def _overlap(source: Surfels, equations: Equations) -> float:
+    """Share of the scan's flat places that found their match."""
+    return float(equations.use.sum() / max(int(source.flat.sum()), 1))
+
+
+def _check(scan: Surface, equations: Equations, overlap: float, rms_mm: float, least: float, most_mm: float) -> None:
+    where = scan.source or "compare.register"
+    if equations.use.sum() < LEAST_PLACES or overlap < least:
+        raise InputError(where, f"only {100 * overlap:.0f} % of the scan lies on the reference ({equations.use.sum()} "
+                                f"places), expected at least {100 * least:.0f} %: another part, or too far off to "
+                                "start")  # fmt: skip
+    if rms_mm > most_mm:
+        raise InputError(where, f"the scan does not fit the reference: RMS distance {rms_mm:.3f} mm, expected at most "
+                                f"{most_mm:g} mm")  # fmt: skip
+
+
+def _document(found: Registration, scan: Surface, reference: Surface) -> Document:
+    content = {
+        "format": "cloud-registration", "version": 1, "scan": scan.source, "reference": reference.source,
+        "reference_from_scan": found.reference_from_scan, "pivot_mm": found.pivot_mm, "covariance": found.covariance,
+        "overlap": found.overlap, "rms_mm": found.rms_mm, "places": found.points, "held": list(found.held),
+        "warnings": list(found.warnings),
+    }  # fmt: skip
+    return Document("registration.json", strict_json(content))

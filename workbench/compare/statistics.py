@@ -1,0 +1,119 @@
+"""What many deviations say together: percentiles, sections, and whether anything changed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erfc
+
+from workbench.compare.surface_values import Deviations
+from workbench.units import Bool, Float
+
+PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
+FALSE_DISCOVERIES = 0.05
+BINS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class SectionDeviation:
+    """Deviations near one section; NaN: none was compared."""
+
+    index: int  # from 1
+    arc_length_mm: float
+    places: int
+    mean_mm: float
+    least_mm: float
+    most_mm: float
+    detectable_mm: float  # median level of detection of a place
+    significant: float  # share of places
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Summary:
+    """Of all places that were compared."""
+
+    compared: int
+    mean_mm: float
+    rms_mm: float
+    percentiles_mm: dict[int, float]
+    significant: float  # share of places beyond their own level of detection: about 0.05 where nothing changed
+    changed: Bool  # (c,) changed, with 5 % false discoveries among these
+    detectable_mm: float  # median level of detection
+    sections: tuple[SectionDeviation, ...]
+    counts: Float  # (b,) of the histogram
+    edges_mm: Float  # (b + 1,)
+    along: str  # what arc length counts along
+
+    @property
+    def in_words(self) -> str:
+        """The finding, one line."""
+        if not self.changed.any():
+            return (
+                f"No significant change at {self.compared} places; {self.detectable_mm:.3f} mm would be detected (95 %)"
+            )
+        many = f"{int(self.changed.sum())} of {self.compared}"
+        return (f"Significant change at {many} places; mean {self.mean_mm:+.3f} mm, "
+                f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)")  # fmt: skip
+
+
+def summarise(found: Deviations, sections: int, half_width_mm: float, along: str) -> Summary:
+    """The summary of deviations, by `sections` along the part."""
+    seen = np.isfinite(found.distance_mm)
+    values = found.distance_mm[seen]
+    if not len(values):
+        values = np.array([math.nan])
+    counts, edges = np.histogram(values, bins=BINS, range=_range(values))
+    return Summary(
+        int(seen.sum()), float(values.mean()), float(np.sqrt(np.mean(values**2))),
+        {k: float(np.percentile(values, k)) for k in PERCENTILES}, _share(found.significant[seen]),
+        changed(found.distance_mm, found.u_mm), _median(found.detectable_mm[seen]),
+        _sections(found, seen, sections, half_width_mm), counts.astype(float), edges, along,
+    )  # fmt: skip
+
+
+def changed(distance_mm: Float, u_mm: Float) -> Bool:
+    """(c,) places of significant change, at most 5 % of them false on average.
+
+    Benjamini and Hochberg (J. R. Stat. Soc. B 57, 1995): two-sided p values, sorted, against their rank's share of 5 %.
+    """
+    found = np.zeros(len(distance_mm), bool)
+    seen = np.flatnonzero(np.isfinite(distance_mm) & (u_mm > 0))
+    p = erfc(np.abs(distance_mm[seen]) / u_mm[seen] / math.sqrt(2.0))
+    order = np.argsort(p)
+    below = np.flatnonzero(p[order] <= FALSE_DISCOVERIES * np.arange(1, len(p) + 1) / max(len(p), 1))
+    if below.size:
+        found[seen[order[: below[-1] + 1]]] = True
+    return found
+
+
+def _sections(found: Deviations, seen: Bool, count: int, half_width_mm: float) -> tuple[SectionDeviation, ...]:
+    """Section i lies at (i - 1/2)/n of the stretch that was compared."""
+    arc = found.arc_length_mm
+    low, high = (float(arc[seen].min()), float(arc[seen].max())) if seen.any() else (0.0, 0.0)
+    rows = []
+    for k in range(count):
+        at = low + (k + 0.5) / count * (high - low)
+        mine = seen & (np.abs(arc - at) <= half_width_mm)
+        values = found.distance_mm[mine] if mine.any() else np.array([math.nan])
+        rows.append(SectionDeviation(k + 1, at, int(mine.sum()), float(values.mean()), float(values.min()),
+                                     float(values.max()), _median(found.detectable_mm[mine]),
+                                     _share(found.significant[mine])))  # fmt: skip
+    return tuple(rows)
+
+
+def _median(values: Float) -> float:
+    return float(np.median(values)) if len(values) else math.nan
+
+
+def _share(flags: Bool) -> float:
+    return float(flags.mean()) if len(flags) else math.nan
+
+
+def _range(values: Float) -> tuple[float, float]:
+    """From the 0.5th to the 99.5th percentile and a little beyond, 0 inside."""
+    low, high = (float(x) for x in np.nan_to_num(np.percentile(values, [0.5, 99.5])))
+    low, high = min(low, 0.0), max(high, 0.0)
+    room = max(0.1 * (high - low), 1e-4)
+    return low - room, high + room

@@ -1,0 +1,158 @@
+"""`compare.surface`, `compare.mesh`, `compare.plan`: what is compared, as one kind of value."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, PointSet, Toolpath
+from workbench.compare.strip import finished_bevel
+from workbench.compare.surface_values import Surface
+from workbench.errors import InputError
+from workbench.geometry.poses import is_rigid, rotation_from_quaternion
+from workbench.stage import InputFile, stage
+from workbench.units import Float, Int
+
+MESHES = (".stl", ".ply", ".obj")
+MOST_BYTES = 2**31
+TO_MM = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
+
+
+@stage("compare.surface")
+def surface(
+    cloud: Cloud | None = None,
+    points: PointSet | None = None,
+    *,
+    most_points: Annotated[
+        int, Field(ge=1000, le=20_000_000, description="number of points that are used; of more, evenly thinned frames")
+    ] = 400_000,
+) -> Surface:
+    """Take the points of a scan for comparison: an organised cloud's, or those of a cloud without a grid.
+
+    Args:
+        cloud: the organised cloud; each point keeps the number of its frame, whose points share the robot's error.
+        points: or a cloud without a grid.
+        most_points: a larger scan is thinned evenly.
+
+    Raises:
+        InputError: neither or both; fewer than 100 points.
+    """
+    if (cloud is None) == (points is None):
+        raise InputError("compare.surface", "expected either an organised cloud or a set of points: name one by 'from'")
+    if cloud is not None:
+        made = _of_cloud(cloud, most_points)
+    else:
+        assert points is not None
+        step = -(-len(points.points_mm) // most_points)
+        made = Surface(points.points_mm[::step], source=points.source, part_id=points.part_id)
+    if len(made.points_mm) < 100:
+        raise InputError(made.source or "compare.surface", f"expected 100 points or more, found {len(made.points_mm)}")
+    return made
+
+
+@stage("compare.mesh")
+def mesh(
+    *,
+    mesh: Annotated[InputFile, Field(description="STL, PLY or OBJ with triangles, counter-clockwise from outside")],
+    unit: Annotated[
+        str, Field(pattern="^(mm|m|inch)$", description="unit of length in the file: mm, m or inch")
+    ] = "mm",
+    base_from_mesh: Annotated[
+        list[list[float]] | None, Field(description="pose (4x4, mm) of the mesh in the base; null: it is there")
+    ] = None,
+) -> Surface:
+    """Read a triangle mesh to compare with: a CAD model, or another program's surface.
+
+    Args:
+        mesh: the file (read by Open3D).
+        unit: of its coordinates.
+        base_from_mesh: rigid motion from the mesh's coordinates to the base.
+
+    Raises:
+        InputError: unreadable, no triangles, not finite, no rigid motion.
+    """
+    points, triangles = _read_mesh(mesh)
+    points = points * TO_MM[unit]
+    if base_from_mesh is not None:
+        pose = rigid(base_from_mesh, "compare.mesh.base_from_mesh")
+        points = points @ pose[:3, :3].T + pose[:3, 3]
+    return Surface(points, triangles=triangles, source=str(mesh))
+
+
+@stage("compare.plan")
+def plan(toolpath: Toolpath) -> Surface:
+    """The bevel face as planned: the strip that the last layer of the milling path finishes, in the base.
+
+    Args:
+        toolpath: from `path.layers`, or read by `path.read`.
+
+    Raises:
+        InputError: the last layer does not cut.
+    """
+    layer = toolpath.layers[-1]
+    axes = rotation_from_quaternion(layer.quaternion_wxyz)
+    if toolpath.base_from_workobject is not None:
+        axes = toolpath.base_from_workobject[:3, :3] @ axes
+    points, triangles = finished_bevel(toolpath.in_base(layer.position_mm), axes, layer.width_mm, layer.cutting)
+    if not len(triangles):
+        raise InputError(toolpath.source or "toolpath", "expected a last layer that cuts, found none")
+    along = layer.cutting & (layer.width_mm > 0)
+    course = toolpath.in_base(layer.position_mm[along])
+    return Surface(points, triangles=triangles, course_mm=course, source=toolpath.source or "toolpath",
+                   part_id=toolpath.part_id)  # fmt: skip
+
+
+def rigid(rows: list[list[float]], where: str) -> Float:
+    """A parameter as a rigid motion (4, 4)."""
+    pose = np.array(rows, float) if all(len(row) == 4 for row in rows) else np.empty(0)
+    if pose.shape != (4, 4) or not is_rigid(pose):
+        raise InputError(where, "expected a rigid motion, 4x4")
+    return pose
+
+
+def _of_cloud(cloud: Cloud, most_points: int) -> Surface:
+    from workbench.geometry import grids
+
+    step = max(1, -(-int(cloud.keep.sum()) // most_points))
+    frames = slice(None, None, step)
+    poses = np.ascontiguousarray(cloud.base_from_profiler[frames])
+    origin = poses[:, :3, 3].mean(axis=0)
+    local = grids.fuse(
+        np.ascontiguousarray(cloud.x_mm[frames]), np.ascontiguousarray(cloud.z_mm[frames]), poses, origin
+    )
+    row, column = np.nonzero(cloud.keep[frames])
+    number: Int = np.arange(len(cloud.keep))[frames][row]
+    view = poses[:, :3, 2].mean(axis=0)
+    return Surface(local[row, column].astype(float) + origin, frame=number, range_axis=view / np.linalg.norm(view),
+                   source=cloud.source, part_id=cloud.part_id)  # fmt: skip
+
+
+def _read_mesh(path: Path) -> tuple[Float, Int]:
+    """Vertices (n, 3) and triangles (k, 3) of a file."""
+    if path.suffix.lower() not in MESHES:
+        raise InputError(str(path), f"expected a mesh as {', '.join(MESHES)}")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
+    if not 0 < size <= MOST_BYTES:
+        raise InputError(str(path), f"expected 1 to {MOST_BYTES} bytes, found {size}")
+    import open3d
+
+    o3d: Any = open3d  # its stubs know less than it does
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        try:
+            read = o3d.io.read_triangle_mesh(str(path))
+        except (RuntimeError, ValueError) as error:
+            raise InputError(str(path), f"cannot be read as a mesh: {str(error).splitlines()[0]}") from None
+    points, triangles = np.asarray(read.vertices, float), np.asarray(read.triangles, np.int64)
+    if not len(triangles) or not len(points):
+        raise InputError(str(path), "expected a mesh with triangles, found none")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(str(path), "expected triangles between its own vertices")
+    if not np.isfinite(points).all() or np.abs(points).max() > 1e7:
+        raise InputError(str(path), "expected finite coordinates within 1e7")
+    return points, triangles

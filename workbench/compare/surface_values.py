@@ -1,0 +1,56 @@
+"""Surfaces, registrations and deviations: what the comparison of shapes exchanges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.units import Bool, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """Something to compare: points of a scan, or a mesh of triangles between its points. mm, in the base."""
+
+    points_mm: Float  # (n, 3)
+    triangles: Int | None = None  # (k, 3) counter-clockwise from outside; None: points of a scan
+    frame: Int | None = None  # (n,) in which each point was measured; None: not known
+    range_axis: Float | None = None  # (3,) mean direction of the profiler's z, of either sense; None: not known
+    course_mm: Float | None = None  # (m, 3) along which arc length counts; None: none is known
+    source: str = ""
+    part_id: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registration:
+    """Where a scan lies against a reference.
+
+    The covariance is that of a small motion about `pivot_mm`: x_true = x + dt + w x (x - pivot), in the reference's
+    frame (the base). In directions that the shapes leave open the scan was held at its initial pose.
+    """
+
+    reference_from_scan: Float  # (4, 4)
+    covariance: Float  # (6, 6) dt in mm, w in rad
+    pivot_mm: Float  # (3,)
+    overlap: float  # share of the scan's points that lie on the reference
+    rms_mm: float  # of their distances along the normal
+    held: tuple[str, ...]  # directions that the shapes leave open, in words
+    points: int  # that it rests on
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviations:
+    """Signed distances of a scan from a reference at c places, positive outside; NaN where either is missing."""
+
+    position_mm: Float  # (c, 3) on the scan, registered
+    normal: Float  # (c, 3) unit, outwards
+    distance_mm: Float  # (c,)
+    u_mm: Float  # (c,) standard uncertainty, registration included
+    detectable_mm: Float  # (c,) level of detection at 95 %: below, no change is significant
+    arc_length_mm: Float  # (c,) along the course
+    across_mm: Float  # (c,) from the course, over the surface: for the map
+
+    @property
+    def significant(self) -> Bool:
+        """(c,) whether the distance exceeds its level of detection."""
+        return abs(self.distance_mm) > self.detectable_mm

@@ -1,0 +1,80 @@
+"""Local planes through the points of a scan: centroid, normal and how flat it is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from workbench.compare.surface_values import Surface
+from workbench.units import Bool, Float, Int
+
+LEAST_POINTS = 8
+FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
+BATCH = 20_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surfels:
+    """c local planes."""
+
+    centre_mm: Float  # (c, 3) mean of the neighbourhood
+    normal: Float  # (c, 3) unit, outwards
+    flat: Bool  # (c,) enough points, and no corner among them
+
+
+def thinned(points_mm: Float, spacing_mm: float) -> Float:
+    """The point nearest to the mean of every cube of `spacing_mm` that holds points (n, 3)."""
+    cell = np.floor((points_mm - points_mm.min(axis=0)) / spacing_mm).astype(np.int64)
+    _, index = np.unique(cell, axis=0, return_inverse=True)
+    count = np.bincount(index)
+    middle = np.stack([np.bincount(index, points_mm[:, k]) / count for k in range(3)], axis=1)
+    distance = ((points_mm - middle[index]) ** 2).sum(axis=1)
+    order = np.lexsort((distance, index))
+    return np.asarray(points_mm[order[np.r_[0, np.cumsum(count)[:-1]]]])
+
+
+def surfels(surface: Surface, at_mm: Float, radius_mm: float) -> Surfels:
+    """Principal axes of the points within `radius_mm` of each place (c, 3)."""
+    tree = cKDTree(surface.points_mm)
+    parts = [_planes(surface.points_mm, tree, at_mm[k : k + BATCH], radius_mm) for k in range(0, len(at_mm), BATCH)]
+    centre, normal, flat = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Surfels(centre, outwards(normal, centre, flat, surface.range_axis), flat)
+
+
+def neighbours(tree: cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:
+    """Indices of the points near each place, one list after the other, and where each list begins (c + 1,)."""
+    lists = tree.query_ball_point(at_mm, radius_mm)
+    start = np.concatenate([[0], np.cumsum([len(one) for one in lists])])
+    return np.fromiter((i for one in lists for i in one), np.int64, start[-1]), start
+
+
+def _planes(points: Float, tree: cKDTree, at: Float, radius: float) -> tuple[Float, Float, Bool]:
+    index, start = neighbours(tree, at, radius)
+    count = np.diff(start)
+    owner = np.repeat(np.arange(len(at)), count)
+    off = points[index] - at[owner]
+    safe = np.maximum(count, 1)[:, None]
+    mean = np.stack([np.bincount(owner, off[:, k], len(at)) for k in range(3)], axis=1) / safe
+    off = off - mean[owner]
+    moment = np.empty((len(at), 3, 3))
+    for i in range(3):
+        for j in range(3):
+            moment[:, i, j] = np.bincount(owner, off[:, i] * off[:, j], len(at)) / safe[:, 0]
+    size, axes = np.linalg.eigh(moment)
+    flat = (count >= LEAST_POINTS) & (size[:, 0] <= FLAT * size[:, 1])
+    return at + mean, axes[:, :, 0], flat
+
+
+def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None) -> Float:
+    """Normals (c, 3) turned to the side from which a convex edge is seen.
+
+    Away from the middle of a convex body is outside. Summed over all places this gives the direction of view, or which
+    sense of the profiler's range axis it is, and each normal is turned towards that.
+    """
+    use = flat if flat.any() else np.ones(len(normal), bool)
+    away = ((centre - centre[use].mean(axis=0)) * normal).sum(axis=1)
+    guess = (np.sign(away)[:, None] * np.abs(away)[:, None] * normal)[use].sum(axis=0)
+    view = guess if range_axis is None else range_axis * (1.0 if range_axis @ guess >= 0 else -1.0)
+    return np.asarray(normal * np.where(normal @ view >= 0, 1.0, -1.0)[:, None])

@@ -100,6 +100,29 @@ def test_travel_of_an_encoder(
         np.testing.assert_allclose(made.time_s, light.time_s, atol=1e-9)
 
 
+def test_travel_is_not_lengthened_by_noise_or_waiting(
+    tmp_path: Path, light: Recording, imported: Import, mapped: Mapped
+) -> None:
+    """250 poses a second with 0.01 mm of noise, and two seconds of waiting at both ends."""
+    rng = np.random.default_rng(8)
+    time_s = np.arange(-2.0, 9.16, 0.004)
+    moving_s = np.clip(time_s + 1.0, light.robot_time_s[0], light.robot_time_s[-1])
+    first, last = light.robot_position_mm
+    share = (moving_s - moving_s[0]) / np.ptp(moving_s)
+    dense = replace(
+        light,
+        robot_time_s=time_s,
+        robot_position_mm=first + share[:, None] * (last - first) + rng.normal(0, 0.01, (len(time_s), 3)),
+        robot_quaternion_wxyz=np.tile(light.robot_quaternion_wxyz[:1], (len(time_s), 1)),
+    )
+    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", dense)
+    exact = frame_poses(light)[:, :3, 3]
+    way_mm = np.linalg.norm(np.diff(exact, axis=0), axis=1)
+    times = {"source": "travel", "start_mm": 0.0, "pitch_mm": float(way_mm.mean())}
+    made = imported(scan, robot, mapping=mapped(profiles=profiles_part(**NO_TIME), poses=poses_part(), times=times))
+    np.testing.assert_allclose(frame_poses(made)[:, :3, 3], exact, atol=0.06)
+
+
 def test_one_pose_a_frame(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
     """Stop and go: no times anywhere, a pose for each frame."""
     from workbench.geometry.poses import quaternion_from_rotation

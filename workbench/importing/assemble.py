@@ -11,10 +11,11 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, PoseStream, ProfileFrames
+from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.passes import joined, poses_by_pass
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
-from workbench.importing.times import TimedPass, on_linear_axis, timed
+from workbench.importing.times import timed
+from workbench.importing.travel import on_linear_axis
 from workbench.importing.windows import around, within
 from workbench.scan.checks import checked
 from workbench.scan.hand_eye import read_hand_eye
@@ -37,8 +38,7 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     flange_from_profiler, origin = _hand_eye(sources, mapping)
     recording = _recording(frames, passes, kept, flange_from_profiler, mapping)
     if not mapping.linear_axis and mapping.sphere_diameter_mm is None:
-        has_clock = all("no clock" not in one.note and "none:" not in one.note for one in passes.values())
-        check_motion(recording, has_clock, mapping)
+        check_motion(recording, all(one.has_clock for one in passes.values()), mapping)
     notes = [f"times: {'; '.join(dict.fromkeys(one.note for one in passes.values()))}", f"hand-eye: {origin}"]
     if lost:
         notes.insert(1, f"left out: {lost} of {len(frames.z_mm)} frames, outside the poses' times")
@@ -68,14 +68,13 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
 
 
 def _of_pass(frames: ProfileFrames, number: int) -> ProfileFrames:
+    """Times and travel of one pass's frames; their points, which are large, stay where they are."""
     assert frames.pass_index is not None
     chosen = frames.pass_index == number
-    if chosen.all():
-        return frames
     return replace(
         frames,
-        x_mm=frames.x_mm[chosen],
-        z_mm=frames.z_mm[chosen],
+        x_mm=frames.x_mm[chosen, :0],
+        z_mm=frames.z_mm[chosen, :0],
         time_s=None if frames.time_s is None else frames.time_s[chosen],
         travel_mm=None if frames.travel_mm is None else frames.travel_mm[chosen],
         intensity=None,

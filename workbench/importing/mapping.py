@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, TypeGuard, get_args
 
+import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from workbench.errors import InputError, PipelineError, nearest
+from workbench.geometry.poses import is_rigid
 from workbench.importing.bags_mapping import BagPart
 from workbench.importing.mapping_tables import Matrix, PosesPart, ProfilesPart, RawPart
 from workbench.importing.part import Part
@@ -47,7 +49,13 @@ class LinearAxisPart(Part):
     """No robot: the profiler, or the part, went along a straight axis."""
 
     direction: tuple[float, float, float] = Field(description="of the profiler's motion, in the profiler frame")
-    speed_mm_s: float = Field(gt=0)
+    speed_mm_s: float = Field(gt=0, description="of the axis; times follow from it")
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> LinearAxisPart:
+        if not any(self.direction):
+            raise ValueError("expected a direction, found 0, 0, 0")
+        return self
 
 
 class HandEyePart(Part):
@@ -60,6 +68,8 @@ class HandEyePart(Part):
     def _one(self) -> HandEyePart:
         if (self.flange_from_profiler is None) == (self.file is None):
             raise ValueError("expected one of flange_from_profiler, file")
+        if self.flange_from_profiler is not None and not is_rigid(np.array(self.flange_from_profiler)):
+            raise ValueError("expected flange_from_profiler as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
         return self
 
 

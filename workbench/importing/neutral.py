@@ -6,6 +6,7 @@ N frames of M columns, K poses. Lengths in mm, times in s; profiler frame and ba
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from workbench.units import AnyArray, Float, Float32, Int
 
@@ -46,3 +47,12 @@ class Imported:
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
     flange_from_profiler: Float | None = None  # (4, 4) where the source itself carries it
+
+
+class TimedPass(NamedTuple):
+    """One pass on the robot's clock."""
+
+    time_s: Float  # (n,) of its frames
+    poses: PoseStream  # with times
+    note: str  # how the times came about
+    has_clock: bool = True  # False: the times only count frames or mm

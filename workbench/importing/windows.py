@@ -6,9 +6,8 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import PoseStream
+from workbench.importing.neutral import PoseStream, TimedPass
 from workbench.importing.passes import chosen_poses
-from workbench.importing.times import TimedPass
 from workbench.units import Bool
 
 

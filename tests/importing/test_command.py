@@ -63,6 +63,7 @@ REFUSED = {
     "a directory": (["."], "is none of"),
     "not a recording's name": (["a.csv", "--out", "a.csv"], "a.csv: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),
+    "a source twice": (["a.csv", "./a.csv"], "./a.csv: stands twice among the sources"),
     "no poses": (["a.csv"], "a.csv: expected poses too: a file of poses, or linear_axis in the mapping"),
     "no such folder": (["a.csv", "--mapping", "map.json", "--out", "none/a.h5"], "none/a.h5: cannot be written"),
     "an unknown option": (["a.csv", "--maping", "map.json"], "unknown option '--maping'; did you mean '--mapping'"),

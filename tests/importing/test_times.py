@@ -185,7 +185,12 @@ def test_what_is_missing_is_asked_for(tmp_path: Path, light: Recording, imported
     with pytest.raises(InputError, match=r"expected a file of profiles, found none"):
         imported(robot, mapping=mapped(poses=poses))
     with pytest.raises(InputError, match=r"expected poses once for all or once for each of 1 passes, found 2"):
-        imported(scan, robot, robot, mapping=mapped(profiles=profiles_part(), poses=poses))
+        imported(
+            scan,
+            robot,
+            write_poses(tmp_path / "robot2.csv", light),
+            mapping=mapped(profiles=profiles_part(), poses=poses),
+        )
 
 
 def test_pose_times_rise(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:

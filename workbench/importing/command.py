@@ -36,10 +36,7 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
         OutputError: the recording cannot be written.
     """
     target = Path(out)
-    if target.suffix != ".h5":
-        raise InputError(str(out), "expected the name of a recording to write, ending in .h5")
-    if any(Path(source).resolve() == target.resolve() for source in sources):
-        raise InputError(str(out), "is one of the sources: expected another name for the recording")
+    _check_names(sources, target)
     chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
     found = [read_source(Path(source), chosen) for source in sources]
     recording, notes = assemble(found, chosen)
@@ -52,6 +49,17 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     )
     read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
     return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording))))
+
+
+def _check_names(sources: Sequence[str | Path], target: Path) -> None:
+    if target.suffix != ".h5":
+        raise InputError(str(target), "expected the name of a recording to write, ending in .h5")
+    places = [Path(source).resolve() for source in sources]
+    if target.resolve() in places:
+        raise InputError(str(target), "is one of the sources: expected another name for the recording")
+    twice = next((source for i, source in enumerate(sources) if places[i] in places[:i]), None)
+    if twice is not None:
+        raise InputError(str(twice), "stands twice among the sources")
 
 
 def summary(recording: Recording) -> list[str]:

@@ -16,6 +16,8 @@ KINDS: tuple[Kind, ...] = ("mcap", "sqlite3", "rosbag1")
 CLOUD, SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
 POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
 ODOMETRY, JOINTS, TF = "nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
+ZSTD = (rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+LZ4 = (rosbag1.Writer.CompressionFormat.LZ4,)
 Entry = tuple[str, str, int, Any]  # topic, type, time of recording in ns, message
 
 
@@ -101,13 +103,19 @@ class Ros:
             position=np.array(list(named.values()), float), velocity=none, effort=none,
         )  # fmt: skip
 
-    def write(self, path: Path, entries: Iterable[Entry], **options: Any) -> Path:
-        """Write a bag in the order of recording; returns what to import (a directory for rosbag2)."""
+    def write(self, path: Path, entries: Iterable[Entry], compression: tuple[Any, ...] = ()) -> Path:
+        """Write a bag in the order of recording; returns what to import (a directory for rosbag2).
+
+        `compression` is what the writer of this kind takes for it.
+        """
         connections: dict[str, Any] = {}
-        with self._writer(path) as writer:
+        bag = self._writer(path)
+        if compression:
+            bag.set_compression(*compression)
+        with bag as writer:
             for topic, name, time_ns, message in sorted(entries, key=lambda entry: entry[2]):
                 if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, name, typestore=self.store, **options)
+                    connections[topic] = writer.add_connection(topic, name, typestore=self.store)
                 raw = (self.store.serialize_ros1 if self.kind == "rosbag1" else self.store.serialize_cdr)(message, name)
                 writer.write(connections[topic], time_ns, raw)
         return path

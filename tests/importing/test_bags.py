@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from rosbags import rosbag1, rosbag2
 from scipy.spatial.transform import Rotation
 
 from tests.importing.bag_files import (
@@ -89,6 +90,26 @@ def test_the_storage_file_of_a_rosbag2_will_do(recording: Recording, tmp_path: P
     ros = Ros(kind)
     path = ros.write(tmp_path / "bag", [*profile_entries(ros, recording), *pose_entries(ros, recording)])
     agrees(imported(next(file for file in path.iterdir() if file.suffix in bags.SUFFIXES)), recording)
+
+
+ZSTD = rosbag2.CompressionFormat.ZSTD
+
+
+@pytest.mark.parametrize(
+    ("kind", "compression"),
+    [
+        ("mcap", (rosbag2.CompressionMode.STORAGE, ZSTD)),
+        ("mcap", (rosbag2.CompressionMode.FILE, ZSTD)),
+        ("sqlite3", (rosbag2.CompressionMode.MESSAGE, ZSTD)),
+        ("sqlite3", (rosbag2.CompressionMode.FILE, ZSTD)),
+        ("rosbag1", (rosbag1.Writer.CompressionFormat.BZ2,)),
+        ("rosbag1", (rosbag1.Writer.CompressionFormat.LZ4,)),
+    ],
+)
+def test_compressed_bags(recording: Recording, tmp_path: Path, kind: Kind, compression: tuple[Any, ...]) -> None:
+    ros = Ros(kind)
+    entries = [*profile_entries(ros, recording), *pose_entries(ros, recording)]
+    agrees(imported(ros.write(named(tmp_path, kind), entries, compression)), recording)
 
 
 @pytest.mark.parametrize("kind", KINDS)

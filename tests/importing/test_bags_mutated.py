@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.importing.bag_files import CLOUD, KINDS, POSE, TF, TRANSFORM, Entry, Kind, Ros
+from tests.importing.bag_files import CLOUD, KINDS, LZ4, POSE, TF, TRANSFORM, ZSTD, Entry, Kind, Ros
 from workbench.errors import InputError
 from workbench.importing import bags
 from workbench.importing.mapping import Mapping
@@ -16,14 +16,14 @@ BAG = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
 MAPPING = Mapping.model_validate({"format": "import-mapping", "version": 1, "bag": BAG})
 
 
-def small_bag(path: Path, kind: Kind) -> Path:
+def small_bag(path: Path, kind: Kind, compressed: bool) -> Path:
     """Two profiles, two poses, a fixed frame."""
     ros, x, q = Ros(kind), np.linspace(-0.01, 0.01, 6).astype("f4"), np.array([1.0, 0, 0, 0])
     entries: list[Entry] = [("/tf_static", TF, 0, ros.tf(ros.pose(TRANSFORM, 0.0, np.ones(3), q, "tool0", "laser")))]
     for k in range(2):
         entries.append(("/profiles", CLOUD, k, ros.cloud(1.0 + k, {"x": x, "z": x + np.float32(0.2)})))
         entries.append(("/flange", POSE, k, ros.pose(POSE, 1.0 + k, np.array([1.0, 0.01 * k, 1.0]), q)))
-    return ros.write(path, entries)
+    return ros.write(path, entries, {"mcap": ZSTD, "rosbag1": LZ4}.get(kind, ()) if compressed else ())
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -46,19 +46,20 @@ def mutated(content: bytes, rng: np.random.Generator) -> bytes:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_bags(tmp_path: Path, kind: Kind) -> None:
-    damage(tmp_path, kind, 0, MUTATIONS)
+    damage(tmp_path, kind, 0, MUTATIONS, compressed=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 21))
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_damaged_bags(tmp_path: Path, kind: Kind, seed: int) -> None:
-    damage(tmp_path, kind, seed, 300)
+    damage(tmp_path, kind, seed, 300, compressed=seed % 2 == 0)
 
 
-def damage(folder: Path, kind: Kind, seed: int, count: int) -> None:
+def damage(folder: Path, kind: Kind, seed: int, count: int, *, compressed: bool) -> None:
     """Read `count` damaged bags; some damage lies within the numbers, some does not."""
-    path, rng = small_bag(folder / ("b.bag" if kind == "rosbag1" else "b"), kind), np.random.default_rng(seed)
+    path = small_bag(folder / ("b.bag" if kind == "rosbag1" else "b"), kind, compressed)
+    rng = np.random.default_rng(seed)
     files = [path] if path.is_file() else sorted(path.iterdir())
     contents = {file: file.read_bytes() for file in files}
     assert refusal(path) is None

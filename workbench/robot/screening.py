@@ -19,19 +19,19 @@ class CollisionScreen:
     def __init__(self, cell: Cell) -> None:
         """Build once, ask often."""
         self.model = CollisionModel(cell)
-        self._cell, self._volumes = cell, bounding_volumes(cell)
+        self.cell, self._volumes = cell, bounding_volumes(cell)
 
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is nearer than the margin, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
-        bound = clearance_bound_mm(self._cell, self._volumes, joints, turntable)
-        open_ = np.flatnonzero(~(bound > self._cell.margin_mm + SAFE_MM))
+        bound = clearance_bound_mm(self.cell, self._volumes, joints, turntable)
+        open_ = np.flatnonzero(~(bound > self.cell.margin_mm + SAFE_MM))
         if not len(open_):
             return found
-        near = near_pairs(self._cell, self._volumes, joints[open_], turntable[open_])
-        moved = motions(self._cell.chain, joints[open_])
+        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_])
+        moved = motions(self.cell.chain, joints[open_])
         angles, which = np.unique(turntable[open_], return_inverse=True)
-        tables = [turntable_pose(self._cell, angle) for angle in angles.tolist()]
+        tables = [turntable_pose(self.cell, angle) for angle in angles.tolist()]
         for i, n in enumerate(open_.tolist()):
             found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
         return found

@@ -1,0 +1,54 @@
+"""The bench of collision: its postures are what it says, and a screen that is wrong is found out."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench import collision
+from workbench.robot import CollisionModel, CollisionScreen, forward_kinematics
+from workbench.robot.screening import FREE
+
+
+@pytest.fixture(scope="module")
+def screens() -> dict[str, CollisionScreen]:
+    return {name: CollisionScreen(cell) for name, cell in collision.cells().items()}
+
+
+def test_postures_near_the_workpiece_are_there_and_within_limits(screens: Any) -> None:
+    cell = screens["plate"].cell
+    joints, table = collision.near_the_workpiece(cell, np.random.default_rng(5), 200)
+    assert len(joints) == len(table) == 200
+    assert ((cell.chain.limits[:, 0] <= joints) & (joints <= cell.chain.limits[:, 1])).all()
+    cutter = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
+    assert (np.abs(cutter[:, :3, 3] - [2000, 0, 675]) <= np.array([500, 500, 175]) + 1e-6).all()
+    assert (cutter[:, 2, 2] < 0.2 + 1e-9).all()
+
+
+def test_the_plate_is_in_the_way_of_the_tool(screens: Any) -> None:
+    cell = screens["plate"].cell
+    joints, table = collision.near_the_workpiece(cell, np.random.default_rng(6), 200)
+    model = CollisionModel(cell)
+    met = {body for q, angle in zip(joints, table, strict=True) for gap in model.gaps(q, angle)[:1]
+           if gap.distance_mm == 0 for body in gap.pair}  # fmt: skip
+    assert "plate" in met
+    assert "tool" in met
+
+
+def test_counts_add_up_and_nothing_free_collides(screens: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(collision, "CHUNK", 400)
+    rows = [{"seed": 7, "chunk": chunk, **collision.counted(screens, 7, chunk)} for chunk in range(3)]
+    for row in rows:
+        assert row["free"] + row["colliding"] == row["postures"] == 400
+        assert row["near_the_workpiece"] == 200
+        assert 0 < row["proven_free"] <= row["free"] < 400
+        assert row["free_but_fcl_collides"] == 0
+    assert list(collision.summary(rows))[-1].startswith("| all | 1,200 | 600 |")
+
+
+def test_a_screen_that_calls_all_free_is_found_out(screens: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(collision, "CHUNK", 200)
+    right = collision.counted(screens, 8, 0)
+    monkeypatch.setattr(CollisionScreen, "hits", lambda self, joints, table: np.full(len(joints), FREE))
+    wrong = collision.counted(screens, 8, 0)
+    assert wrong["free_but_fcl_collides"] == right["colliding"] > 0

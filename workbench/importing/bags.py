@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from workbench.errors import InputError
+from workbench.importing.bags_frames import frame_name
 from workbench.importing.bags_mapping import BagPart
 from workbench.importing.bags_poses import pose_source, read_poses
 from workbench.importing.bags_profiles import profile_topics, read_profiles
@@ -62,6 +63,6 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
     if tree is not None and part.profiler_frame is not None:
         hand_eye = hand_eye_from_frames(tree, part, found.ros_from_profiler)
         notes.append(f"hand-eye: '{part.profiler_frame}' on '{part.flange_frame}' in /tf")
-    elif tree is not None and found.frame_id in tree.names and mapping.hand_eye is None:
+    elif tree is not None and frame_name(found.frame_id) in tree.names and mapping.hand_eye is None:
         notes.append(f"hand-eye: not taken from /tf; profiler_frame '{found.frame_id}' in the mapping would take it")
     return Imported(found.profiles, poses, tuple(notes), hand_eye)

@@ -17,6 +17,8 @@ from workbench.importing.bags_times import in_order
 from workbench.scan.checks import normalised
 from workbench.units import Float
 
+SAME = 1e-9  # mm, or of a quaternion: nearer poses are one
+
 
 @dataclass(slots=True)
 class Link:
@@ -37,6 +39,12 @@ class Motion:
     time_s: Float  # (K,)
     position_mm: Float  # (K, 3)
     quaternion_wxyz: Float  # (K, 4)
+
+    @property
+    def holds_still(self) -> bool:
+        """Whether it is fixed in fact: ROS 1 repeated fixed links on /tf."""
+        rows = np.column_stack([self.position_mm, self.quaternion_wxyz])
+        return self.is_static or bool(np.ptp(rows, axis=0).max() <= SAME)
 
     def at(self, time_s: Float) -> Float:
         """Poses (N, 4, 4), in the chain's sense, at times within its own (any, if static)."""
@@ -68,7 +76,7 @@ class FrameTree:
             raise InputError(where, f"expected frame '{child}' under '{link.parent}' as before, found it under {found}")
         row = pose_row(transform.transform.translation, transform.transform.rotation, scale_mm, where)
         if is_static and link.rows:
-            if not np.allclose(row, link.rows[0], rtol=0, atol=1e-9):
+            if not np.allclose(row, link.rows[0], rtol=0, atol=SAME):
                 raise InputError(where, f"expected frame '{child}' fixed as before, found it elsewhere")
             return
         link.time_s.append(time_s)

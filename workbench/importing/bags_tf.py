@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from workbench.errors import InputError
@@ -53,8 +55,10 @@ def hand_eye_from_frames(tree: FrameTree, part: BagPart, ros_from_profiler: Floa
     if part.flange_frame is None or part.profiler_frame is None:
         raise InputError(tree.where, "expected $.bag.flange_frame beside profiler_frame in the mapping")
     chain = tree.chain(frame_name(part.flange_frame), frame_name(part.profiler_frame))
-    if any(not motion.is_static for motion in chain):
-        raise InputError(tree.where, f"expected '{part.profiler_frame}' fixed to '{part.flange_frame}' in /tf_static")
-    pose: Float = product(chain, np.zeros(1))[0].copy()
+    if not all(motion.holds_still for motion in chain):
+        raise InputError(
+            tree.where, f"expected '{part.profiler_frame}' fixed to '{part.flange_frame}', found it moving"
+        )
+    pose: Float = product([replace(motion, is_static=True) for motion in chain], np.zeros(1))[0].copy()
     pose[:3, :3] = pose[:3, :3] @ ros_from_profiler
     return pose

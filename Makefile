@@ -22,6 +22,7 @@ demo: setup
 	@$(BIN)/workbench run pipelines/closed_loop.json --out out/demo
 
 test: setup
+	@scripts/browser.sh
 	@$(BIN)/python -m pytest -q
 
 lint: setup

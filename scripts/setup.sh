@@ -3,6 +3,7 @@
 # PYTHON=/path/to/python chooses the interpreter; otherwise python3 if it will do, else the newest that will.
 set -eu
 cd "$(dirname "$0")/.."
+. scripts/install_packages.sh
 
 # The Pythons for which every package in requirements.lock has a wheel.
 OLDEST=11
@@ -43,20 +44,6 @@ missing_packages() {
     "$1" scripts/system_libraries.py
     [ -x .venv/bin/pip ] || "$1" -c 'import ensurepip, venv' 2>/dev/null ||
         echo "python$(version_of "$1")-venv"
-}
-
-install_packages() {
-    as_root='env DEBIAN_FRONTEND=noninteractive'
-    if [ "$(id -u)" != 0 ]; then
-        sudo -n true 2>/dev/null || return 1
-        as_root="sudo -n $as_root"
-    fi
-    command -v apt-get >/dev/null || return 1
-    echo "setup: installing $*"
-    log=$(mktemp)
-    { $as_root apt-get update; $as_root apt-get install -y --no-install-recommends "$@"; } >"$log" 2>&1 </dev/null ||
-        { tail -n 5 "$log" >&2; rm -f "$log"; return 1; }
-    rm -f "$log"
 }
 
 provide_packages() {

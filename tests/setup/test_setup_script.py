@@ -110,3 +110,21 @@ def test_a_missing_library_is_listed_by_its_package():
         sys.path.pop(0)
     assert system_libraries.loads("libc.so.6")
     assert not system_libraries.loads("libnosuchthing.so.7")
+
+
+@needs_sh
+def test_a_browser_is_asked_for_once_and_never_needed(checkout):
+    (checkout / ".venv").mkdir()
+    command(checkout, "apt-get", f'echo "$@" >>"{checkout}/asked"; exit 100')
+    command(checkout, "id", "echo 0")
+    for tool in ("sh", "dirname", "env", "mktemp", "tail", "rm"):
+        (checkout / "bin" / tool).symlink_to(shutil.which(tool))
+    run = [str(checkout / "bin" / "sh"), "scripts/browser.sh"]
+    for said in ("apt-get install chromium", ""):
+        done = subprocess.run(
+            run, cwd=checkout, env={"PATH": str(checkout / "bin")}, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0
+        assert said in done.stderr
+        assert bool(said) == bool(done.stderr)
+    assert (checkout / "asked").read_text().splitlines() == ["update", "install -y --no-install-recommends chromium"]

@@ -15,6 +15,9 @@ from bench.metrology.calibration.summary import (
     worst_calibrations,
 )
 from bench.metrology.calibration.table import calibration_tables
+from bench.metrology.clouds.part import CloudResult, measure_clouds
+from bench.metrology.clouds.summary import CLOUD_CONDITIONS, summarise_clouds, worst_clouds
+from bench.metrology.clouds.table import cloud_tables
 from bench.metrology.loop.part import measure_loop
 from bench.metrology.loop.result import LoopResult
 from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
@@ -87,6 +90,20 @@ STUDIES = {
         worst_loops,
         ROOT / "docs" / "planning_metrology.md",
         "loop",
+    ),
+    "clouds": Study(
+        Measurement(
+            measure_clouds,
+            CloudResult,
+            (*MEASURING, "workbench/inspect", "workbench/export", "bench/metrology", "bench/metrology/clouds"),
+        ),
+        CLOUD_CONDITIONS,
+        20,
+        summarise_clouds,
+        cloud_tables,
+        worst_clouds,
+        ROOT / "docs" / "cloud_metrology.md",
+        "clouds",
     ),
     "calibration": Study(
         Measurement(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -26,6 +27,7 @@ LEAST_POINTS = 100
 LEAST_MM, MOST_MM = 3.0, 30_000.0  # longest side of a part's cloud
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
 OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
+HOME = Path(__file__).resolve().parents[2]  # of this copy of the package: its readers, from whatever directory
 FORMATS = "PLY, PCD, XYZ (or txt, asc, csv), STL, OBJ, LAS, LAZ, E57"
 
 
@@ -39,9 +41,9 @@ def read(
 ) -> PointSet:
     """Read a cloud without a grid: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
-    Coordinates are in the robot's base, or in any other frame that results shall be in. They keep double precision where
-    the file has it, and the order of the file, which may show the scanner's own lines. Points without coordinates (NaN)
-    are left out; scans of an E57 file are placed by their poses.
+    Coordinates are in the robot's base, or in any other frame that results shall be in. They keep double precision
+    where the file has it, and the order of the file, which may show the scanner's own lines. Points without coordinates
+    (NaN) are left out; scans of an E57 file are placed by their poses.
 
     Args:
         file: the cloud; its name's ending tells the format.
@@ -68,14 +70,19 @@ def in_process(file: Path) -> Float:
     with tempfile.TemporaryDirectory(prefix="workbench-cloud-") as folder:
         out = Path(folder) / "points.npy"
         command = [sys.executable, "-m", "workbench.cloud.readers", str(file.absolute()), str(out)]
-        child = subprocess.run(command, capture_output=True, check=False)
+        home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
+        child = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder,
+            env=dict(os.environ, PYTHONPATH=home),
+        )  # fmt: skip
         said = child.stdout.decode(errors="replace")
         complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]
         if child.returncode == 0 and not complaints:
             return np.asarray(np.load(out), dtype=np.float64).reshape(-1, 3)
         lines = said.strip().splitlines()
         why = complaints[-1] if complaints else lines[-1] if lines and child.returncode == 1 else "its reader crashed"
-    raise InputError(str(file), f"expected a whole {file.suffix[1:].upper()} file: {why.replace(str(file.absolute()), 'it')}")
+    why = why.replace(str(file.absolute()), "it")
+    raise InputError(str(file), f"expected a whole {file.suffix[1:].upper()} file: {why}")
 
 
 def _check(points_mm: Float, unit: Unit, where: str) -> None:
@@ -91,6 +98,6 @@ def _check(points_mm: Float, unit: Unit, where: str) -> None:
     size = float((high - low).max())
     if not LEAST_MM <= size <= MOST_MM:
         fits = [u for u in MM if LEAST_MM <= size / MM[unit] * MM[u] <= MOST_MM]
-        guess = f"; are its coordinates in {' or '.join(fits)}? Then say so: \"unit\"" if fits else ""
-        raise InputError(where, f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of {size:.3g} mm "
-                         f"with coordinates in {unit}{guess}")  # fmt: skip
+        guess = f'; are its coordinates in {" or ".join(fits)}? Then say so: "unit"' if fits else ""
+        raise InputError(where, f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of "
+                         f"{size:.3g} mm with coordinates in {unit}{guess}")  # fmt: skip

@@ -1,7 +1,7 @@
-"""Points of a file in one of the formats that scanners and viewers write: run as a process of its own by `cloud.read`.
+"""Points of a file in one of the formats of scanners and viewers: run as a process of its own by `cloud.read`.
 
-Open3D, libE57 and their like crash on damaged files, or print a warning and go on with what they have. Here that costs a
-child process, and what it prints is the reason of the refusal: `python -m workbench.cloud.readers FILE OUT.npy`.
+Open3D, libE57 and their like crash on damaged files, or print a warning and go on with what they have. Here that costs
+a child process, and what it prints is the reason of the refusal: `python -m workbench.cloud.readers FILE OUT.npy`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _confine(size: int) -> None:
 def _point_cloud(file: str) -> Float:
     import open3d as o3d
 
-    return np.asarray(o3d.io.read_point_cloud(file, remove_nan_points=True, remove_infinite_points=False).points)
+    return np.asarray(o3d.io.read_point_cloud(Path(file), remove_nan_points=True, remove_infinite_points=False).points)
 
 
 def _pcd(file: str) -> Float:
@@ -59,7 +59,7 @@ def _pcd(file: str) -> Float:
     import open3d as o3d
 
     _check_pcd(file)
-    points = o3d.t.io.read_point_cloud(file, remove_infinite_points=False).point
+    points = o3d.t.io.read_point_cloud(Path(file), remove_infinite_points=False).point
     return np.asarray(points.positions.numpy(), dtype=np.float64) if "positions" in points else np.empty((0, 3))
 
 
@@ -85,7 +85,7 @@ def _mesh_vertices(file: str) -> Float:
     """Each vertex once: STL repeats it for every triangle."""
     import open3d as o3d
 
-    points = np.asarray(o3d.io.read_triangle_mesh(file).vertices)
+    points = np.asarray(o3d.io.read_triangle_mesh(Path(file)).vertices)
     return points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field
@@ -10,7 +11,16 @@ from workbench.artefacts import Cloud, Edge, PointSet
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
+from workbench.edge.segment_raw import segment_raw
+from workbench.errors import InputError
 from workbench.stage import stage
+
+# What a slice counts for the root size beside a scan line: neighbouring slices cut the same few lines, so that where
+# their last points lie is no new draw in each (tested: bench.metrology, study clouds).
+SLICE_WEIGHT = 0.2
+SLICED = (
+    "the order of the points shows no scan lines: the cloud was sliced, and passes that do not agree are not told apart"
+)
 
 
 @stage("edge.segment_cloud")
@@ -24,11 +34,16 @@ def segment_cloud(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of the positions that the cloud was fused with")
     ] = 0.07,
+    upper_side: Annotated[
+        tuple[float, float, float] | None,
+        Field(description="a raw edge's: direction from the plate's lower to its upper surface; null: a milled edge"),
+    ] = None,
     use_order: Annotated[bool, Field(description="look for scan lines in the order of the points")] = True,
 ) -> tuple[Cloud, Edge]:
-    """Find root face, bevel face and the lower edge of a milled edge in a cloud without a grid.
+    """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
 
-    The cloud becomes an organised one, and the edge is then that of `edge.segment`. Where the points still stand in the
+    The cloud becomes an organised one, and the edge is then that of `edge.segment` (`edge.segment_raw` where
+    `upper_side` is given). Where the points still stand in the
     order in which a line scanner took them, its grid is found again: each scan line lies in one plane, and its columns
     are equal steps along one axis of that. Else the cloud is sliced: Open3D's surface normals tell in which direction
     the edge runs, trial slices from which side its two faces show, a first pass its course; slices square to that, as
@@ -40,18 +55,29 @@ def segment_cloud(
         bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of the positions that the cloud was fused with, each axis: nothing in the
             cloud shows it, yet it turns the edge's tangent.
+        upper_side: of a raw edge, from its lower to its upper side; the cloud must then stand in scan order.
         use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
 
     Returns:
         The organised cloud, for reports and planning, and its edge.
 
     Raises:
-        InputError: no root face next to a bevel face in view.
+        InputError: no root face next to a bevel face (no end face) in view; a raw edge without scan lines.
     """
-    cloud = recovered_grid(points) if use_order else None
-    if cloud is None:
-        cloud = slice_cloud(points, Nominal(root_nominal_mm, bevel_nominal_deg))
+    recovered = recovered_grid(points) if use_order else None
+    if upper_side is not None:
+        if recovered is None:
+            raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
+        return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
+    cloud = recovered or slice_cloud(points, Nominal(root_nominal_mm, bevel_nominal_deg))
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
-    return cloud, edge
+    return cloud, edge if recovered else _of_slices(edge)
+
+
+def _of_slices(edge: Edge) -> Edge:
+    """The edge with what slices do not know taken off its certainty, and told."""
+    assert edge.frames is not None, "segment gives a milled edge"
+    frames = replace(edge.frames, root_weight=SLICE_WEIGHT * edge.frames.root_weight)
+    return replace(edge, frames=frames, warnings=(*edge.warnings, SLICED))

@@ -97,10 +97,10 @@ def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int)
     first, length = float(laid.s.min()), float(np.ptp(laid.s))
     count = int(length / step.thickness_mm)
     if count < LEAST_SLICES:
-        raise InputError(points.source, f"expected a cloud along an edge, found {length:.3g} mm of it with points about "
-                         f"{step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart")  # fmt: skip
+        raise InputError(points.source, f"expected a cloud along an edge, found {length:.3g} mm of it with points "
+                         f"about {step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart")  # fmt: skip
     chosen = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
-    at = first + step.thickness_mm * (chosen + 0.5)
+    at = np.asarray(first + step.thickness_mm * (chosen + 0.5), dtype=np.float64)
     x, z, pose = cut(laid, view, at, step.thickness_mm, step.width_mm)
     return organised(points, x, z, pose, np.zeros(len(at), np.int64))
 

@@ -26,13 +26,13 @@ def _open3d(ending: str, note_after: bytes, note: bytes, table: PointTable) -> b
     import open3d as o3d
 
     points = o3d.t.geometry.PointCloud()
-    points.point["positions"] = o3d.core.Tensor(table.position_mm)
-    points.point["face"] = o3d.core.Tensor(table.face[:, None])
+    points.point["positions"] = o3d.core.Tensor.from_numpy(table.position_mm)
+    points.point["face"] = o3d.core.Tensor.from_numpy(table.face[:, None].copy())
     for name, values in (("frame", table.frame), ("column", table.column)):
-        points.point[name] = o3d.core.Tensor(values[:, None].astype(np.int32))
+        points.point[name] = o3d.core.Tensor.from_numpy(values[:, None].astype(np.int32))
     with tempfile.TemporaryDirectory(prefix="workbench-export-") as folder:
         path = Path(folder) / f"cloud.{ending}"
-        if not o3d.t.io.write_point_cloud(str(path), points):
+        if not o3d.t.io.write_point_cloud(path, points):
             raise InputError(f"cloud.{ending}", "Open3D could not write it")
         written = path.read_bytes()
     return written.replace(note_after, note_after + note + NOTE + b"\n", 1)

@@ -14,14 +14,23 @@ LAYERS = {"unlabelled": 9, "root face": 1, "bevel face": 5, "upper surface": 8, 
           "corners": 6, "dimensions": 3, "text": 7}  # name -> AutoCAD colour index  # fmt: skip
 CORNER_MM, TEXT_MM, GAP_MM = 0.05, 0.35, 5.0
 DIMENSION_MM = 0.8  # of the dimension line, off the root face
-DIMENSIONS = {"dimtxt": 0.25, "dimasz": 0.15, "dimexe": 0.1, "dimexo": 0.05, "dimgap": 0.06, "dimdec": 3, "dimadec": 2}
+DIMENSIONS = {
+    "dimlfac": 1.0,
+    "dimtxt": 0.25,
+    "dimasz": 0.15,
+    "dimexe": 0.1,
+    "dimexo": 0.05,
+    "dimgap": 0.06,
+    "dimdec": 3,
+    "dimadec": 2,
+}
 
 
 def sections_dxf(shapes: list[SectionShape]) -> bytes:
-    """The drawing (DXF R2010, ASCII). A section's x axis is its normal, its y axis goes across, origin the lower edge."""
-    import ezdxf
+    """The drawing (DXF R2010, ASCII). A section's x axis is its normal, y goes across, origin the lower edge."""
+    from ezdxf import filemanagement, units
 
-    drawing = ezdxf.new("R2010", setup=True, units=ezdxf.units.MM)
+    drawing = filemanagement.new("R2010", setup=True, units=units.MM)
     for name, colour in LAYERS.items():
         drawing.layers.add(name, color=colour)
     right = 0.0

@@ -14,7 +14,7 @@ from numba import njit
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.curves import Curve
-from workbench.units import Bool, Float, Float32, Int
+from workbench.units import Float, Float32, Int
 
 FRONT_MM = 0.5  # points of a cell this near to its foremost one are of the surface that is seen there
 MARGIN = 20  # empty columns on each side: no field of view ends a slice
@@ -28,9 +28,6 @@ class Laid:
     course: Curve
     s: Float  # (n,) arc length, mm
     place: Float  # (n, 2) along the course's (a, b), mm
-
-    def part(self, chosen: Bool | Int) -> Laid:
-        return Laid(self.course, self.s[chosen], self.place[chosen])
 
 
 def lay_out(points_mm: Float, course: Curve, s: Float) -> Laid:
@@ -79,7 +76,7 @@ def _poses(course: Curve, at: Float, axes: Float) -> Float:
 
 @njit(cache=True, nogil=True)
 def _chosen(frame: Int, column: Int, z: Float, off_middle: Float, frames: int, columns: int) -> Int:
-    """The point that stands for each cell (frames, columns), -1 for none: in front, and nearest to the cell's middle."""
+    """The point that stands for each cell (frames, columns), -1: none. In front, and nearest to the cell's middle."""
     front = np.full((frames, columns), np.inf)
     for i in range(frame.size):
         if frame[i] >= 0:

@@ -17,7 +17,7 @@ from workbench.geometry.blocks import as_input, cores, in_order
 from workbench.units import AnyArray, Float, Float32
 
 FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smooth
-COARSER, FEW = 8, 200_000  # pixels and points in which the spacing of the points is looked for
+COARSER, FEW = 8.0, 200_000  # pixels and points in which the spacing of the points is looked for
 COVER = 1.7  # a disc's diameter over the spacing: closes the surface
 SMALLEST_PX, LARGEST_PX = 1.0 / FINER, 12.0
 STEEPEST, DEAD, STRENGTH, DARKEST = 4.0, 0.7, 0.22, 0.35  # of the lighting; slopes in pixels a pixel
@@ -78,10 +78,12 @@ def draw_cloud(points_mm: AnyArray, colour: AnyArray, camera: Camera, size_px: f
 
 def spacing_px(points_mm: AnyArray, camera: Camera) -> float:
     """How far the points are from each other on the screen: the area that they cover, shared out among them."""
-    step = max(1, len(points_mm) // FEW)
-    coarse = camera.finer(1.0 / COARSER)
-    covered = np.count_nonzero(_nearest(points_mm[::step], coarse, 1.0))
-    return math.sqrt(covered / max(1, len(points_mm))) * COARSER
+    few, cell_px, found = points_mm[:: max(1, len(points_mm) // FEW)], COARSER / 2, math.inf
+    while found > 0.6 * cell_px and cell_px < 2 * LARGEST_PX:  # cells as fine as the points are close enough to fill
+        cell_px *= 2
+        covered = np.count_nonzero(_nearest(few, camera.finer(1.0 / cell_px), 1.0))
+        found = math.sqrt(covered / max(1, len(points_mm))) * cell_px
+    return found
 
 
 def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
@@ -94,7 +96,7 @@ def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     )  # fmt: skip
     step = max(1, -(-len(points_mm) // cores()))
     return reduce(
-        partial(_merged),
+        _merged,
         in_order(kernel, len(points_mm), step),
         np.zeros((camera.height_px, camera.width_px), np.uint64),
     )
@@ -106,24 +108,21 @@ def _merged(one: AnyArray, other: AnyArray) -> AnyArray:
 
 def _depth_range(points_mm: AnyArray, camera: Camera) -> tuple[float, float]:
     """Depths that all points lie between, mm towards the viewer: of the corners of the box about them."""
-    if not len(points_mm):
+    box = np.array(_box(as_input(points_mm)))
+    if not np.isfinite(box).all():
         return -1.0, 1.0
-    box = np.array(_box(as_input(points_mm))) - camera.centre_mm
-    ends = box * camera.screen[2]
-    low, high = float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
-    return (low - 1.0, high + 1.0) if math.isfinite(high - low) else (-1.0, 1.0)
+    ends = (box - camera.centre_mm) * camera.screen[2]
+    return float(ends.min(axis=0).sum()) - 1.0, float(ends.max(axis=0).sum()) + 1.0
 
 
 @njit(nogil=True, cache=True)
 def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for i in range(points.shape[0]):
-        for k in range(3):  # NaN is neither less nor greater
+        for k in range(3):
             value = np.float64(points[i, k])
-            if value < low[k]:
-                low[k] = value
-            if value > high[k]:
-                high[k] = value
+            if math.isfinite(value):
+                low[k], high[k] = min(low[k], value), max(high[k], value)
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 

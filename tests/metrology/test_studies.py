@@ -13,7 +13,7 @@ from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
 
 def test_everything_is_measured_unless_said_otherwise():
     options = parse([])
-    assert options.studies == ["inspection", "planning", "loop", "calibration"]
+    assert options.studies == list(STUDIES)
     assert len(tasks("inspection", options)) == 200 * len(CONDITIONS)
     assert len(tasks("planning", options)) == 100 * len(RAW_CONDITIONS)
     assert {seed for _, seed, _ in tasks("loop", options)} == set(range(1_000_000, 1_000_100))

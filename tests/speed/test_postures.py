@@ -1,6 +1,7 @@
 """The loops over pinocchio, which the benchmark stands beside, give the displacements that the kernels give."""
 
 import numpy as np
+import pytest
 
 from bench.peers.clik import OneByOne
 from bench.speed.postures import CELL, K, cluttered
@@ -36,9 +37,24 @@ def test_clutter_is_clutter() -> None:
 
 def test_rows_compare_with_their_goals() -> None:
     found = {"points": 60, "branches": 4, "traversal_s": 0.31104, "open_s": 0.3, "open_cells": 64, "cluttered_s": 11.0,
-             "cluttered_cells": 960, "bound_s": 1e-6, "clik_s": 1.6e-3, "closed_s": 1.5e-4,
-             "converged": 1.0}  # fmt: skip
+             "cluttered_cells": 960, "bound_s": 1e-6, "certified": 0.7, "screen_s": 1e-5, "colliding": 0.2,
+             "clik_s": 1.6e-3, "closed_s": 1.5e-4, "eaik_s": 4e-5, "eaik_branches": 8.0, "converged": 1.0,
+             "law_s": 6.0, "law_points": 1016, "law_gap": 0.0, "law_gain": 0.004}  # fmt: skip
     rows = list(traversed(found))
-    assert [row.met for row in rows] == [True, True, True, True, True, False, True]
+    assert [row.met for row in rows] == [True, True, None, True, True, True, False, True, None, None]
     assert np.isclose(rows[1].factor, 100)
     assert np.isclose(rows[2].factor, 15_000)
+    assert np.isclose(rows[3].factor, 500)
+    without = {name: value for name, value in found.items() if not name.startswith("eaik")}
+    assert len(list(traversed(without))) == len(rows) - 1
+
+
+def test_eaik_finds_the_branches_of_the_pose() -> None:
+    cell = read_cell(CELL)
+    peer = OneByOne(CELL.parent / "irb6700_150_320.urdf", cell.chain, K)
+    if peer.eaik is None:
+        pytest.skip("EAIK has no wheel for this Python")
+    pose = forward_kinematics(cell.chain, np.radians([-20.0, 15.0, 20.0, 30.0, 50.0, -40.0]))
+    branches = peer.all_branches(pose)
+    assert len(branches) == 8
+    assert np.allclose(forward_kinematics(cell.chain, np.array(branches)), pose, atol=1e-9)

@@ -40,8 +40,9 @@ def inspect(*, recording: InputFile, shift_mm: float = 0.0) -> Inspection:
         raise ZeroDivisionError("a stage's own mistake")
     x, y, z = np.eye(3)
     roots = [None if text == "-" else float(text) + shift_mm for text in values.split()]
+    frames = np.arange(1)
     sections = tuple(
-        Section(i, 10.0 * i, i * x, x, y, z, root, root and 0.01, root and 40.0, root and 0.02, "pass", "", np.arange(1))
+        Section(i, 10.0 * i, i * x, x, y, z, root, root and 0.01, root and 40.0, root and 0.02, "pass", "", frames)
         for i, root in enumerate(roots, 1)
     )
     verdict = "fail" if what == "reject" else "pass"
@@ -83,10 +84,12 @@ def breaking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (info / "entry_points.txt").write_text("[workbench.stages]\nbreaking = breaking\n")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.syspath_prepend(str(site))
+    from workbench.batch.record import package_digest
     from workbench.pipeline.registry import families
     from workbench.stage import REGISTRY
 
     families.cache_clear()
+    package_digest.cache_clear()
     yield site / "breaking.py"
     families.cache_clear()
     sys.modules.pop("breaking", None)
@@ -119,3 +122,9 @@ def record(tmp_path: Path) -> Callable[..., str]:
         return str(path)
 
     return write
+
+
+@pytest.fixture
+def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No pictures: for tests that make many pages and look at none."""
+    monkeypatch.setattr("workbench.batch.fleet.characteristics", lambda records: ())

@@ -67,6 +67,7 @@ def test_results_are_those_of_a_run(pipeline: Path, record: Write, tmp_path: Pat
     assert fleets[0] == fleets[1]
 
 
+@pytest.mark.usefixtures("plain_page")
 def test_what_is_whole_is_not_made_again(pipeline: Path, breaking: Path, record: Write, tmp_path: Path) -> None:
     paths = [record(name) for name in ("a", "b", "c", "d")]
     out = tmp_path / "out"
@@ -95,9 +96,8 @@ def test_what_is_whole_is_not_made_again(pipeline: Path, breaking: Path, record:
     assert again() == "abcd"
 
 
-def test_a_part_that_fails_now_leaves_no_earlier_result_in_place(
-    pipeline: Path, record: Write, tmp_path: Path
-) -> None:
+@pytest.mark.usefixtures("plain_page")
+def test_a_part_that_fails_now_leaves_no_earlier_result_in_place(pipeline: Path, record: Write, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for what, names in (("pass", {"part.json", "inspection.json", "report.html", "run.json"}),
                         ("unusable", {"part.json", "superseded"}), ("exit", {"part.json", "superseded"})):  # fmt: skip
@@ -107,7 +107,7 @@ def test_a_part_that_fails_now_leaves_no_earlier_result_in_place(
 
 def test_what_all_parts_share_is_refused_at_once(pipeline: Path, record: Write, tmp_path: Path) -> None:
     out, one = tmp_path / "out", record("a")
-    with pytest.raises(PipelineError, match="stages\\[0\\].shift_mm: expected a valid number"):
+    with pytest.raises(PipelineError, match=r"stages\[0\]\.shift_mm: expected a valid number"):
         run_batch(pipeline, [one], str(out), inputs={"shift_mm": "x"})
     with pytest.raises(PipelineError, match="differs from part to part"):
         run_batch(pipeline, [one], str(out), inputs={"recording": one})
@@ -130,6 +130,7 @@ def test_two_batches_do_not_share_a_folder(pipeline: Path, record: Write, tmp_pa
         run_batch(pipeline, [record("a")], str(tmp_path / "out"), workers=0)
 
 
+@pytest.mark.usefixtures("plain_page")
 def test_interrupted_it_keeps_what_is_done_and_carries_on(pipeline: Path, record: Write, tmp_path: Path) -> None:
     paths, out = [record(f"part-{i}", "slow") for i in range(1, 9)], tmp_path / "out"
     command = [sys.executable, "-m", "workbench", "batch", str(pipeline), *paths, "--out", str(out), "--workers", "1"]

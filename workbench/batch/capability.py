@@ -51,7 +51,8 @@ def capability(value: Float, u: Float, lower: float, upper: float) -> Capability
     if n < LEAST:
         none = (math.nan, math.nan)
         mean = float(value[order].mean()) if n else math.nan
-        return Capability(n, mean, math.nan, none, math.nan, math.nan, *[math.nan, none] * 3)
+        nan = math.nan
+        return Capability(n, mean, nan, none, nan, nan, nan, none, nan, none, nan, none)
     known = value[order]
     mean, s, u_rms = float(known.mean()), float(known.std(ddof=1)), float(np.sqrt(np.mean(u[order] ** 2)))
     s_low, s_high = spread_interval(s, n)

@@ -25,12 +25,13 @@ class Cluster:
 
     def __init__(self, address: str, *, time_limit_s: float) -> None:
         try:
-            import distributed
+            from distributed import Client
         except ImportError:
             raise InputError("--scheduler", "needs dask.distributed: install workbench[cluster]") from None
         self.address, self.time_limit_s = address, time_limit_s
         try:
-            self.client: Any = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+            connect: Any = Client
+            self.client = connect(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise InputError(address, f"no scheduler answers there ({type(error).__name__})") from None
 
@@ -42,11 +43,13 @@ class Cluster:
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Record]:
         """The records of all jobs, each as it is done; a part whose worker is lost is run on another."""
-        from distributed import CancelledError, KilledWorker, as_completed
+        import distributed
+        from distributed import CancelledError, KilledWorker
 
+        as_completed: Any = distributed.as_completed
         futures = {self.client.submit(run_supervised, job, self.time_limit_s, pure=False): job for job in jobs}
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=self.client.loop):
                 try:
                     yield future.result()
                 except KilledWorker:

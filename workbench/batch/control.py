@@ -7,6 +7,7 @@ L. S. Nelson, Journal of Quality Technology 16 (1984) 237-239. 1, 5, 6 and 2 (wi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +80,8 @@ def rules(value: Float, centre: float, sigma: float) -> dict[int, Bool]:
     }
 
 
-def _either(one_side) -> Bool:  # type: ignore[no-untyped-def]
+def _either(one_side: Callable[[float], Bool]) -> Bool:
+    """(n,) whether it holds on the upper side or on the lower one."""
     return np.asarray(one_side(1.0) | one_side(-1.0))
 
 
@@ -91,4 +93,4 @@ def _of(flag: Bool, least: int, window: int) -> Bool:
 
 def _shifted(flag: Bool, by: int) -> Bool:
     """Flags of differences as flags of values."""
-    return np.r_[np.zeros(by, bool), flag]
+    return np.concatenate([np.zeros(by, bool), flag])

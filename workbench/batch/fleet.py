@@ -151,6 +151,6 @@ def worst_text(counts: Int) -> str:
     chance = min(1.0, sections * float(bdtrc(int(by_section[worst]) - 1, parts, 1 / sections)))
     told = "more often than chance would make any" if chance < SIGNIFICANT else "no more often than chance may make one"
     return (
-        f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts (evenly spread, each would in "
-        f"{parts / sections:.1f}): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
+        f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts (evenly spread, each "
+        f"would in {parts / sections:.1f}): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
     )

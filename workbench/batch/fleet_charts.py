@@ -1,4 +1,4 @@
-"""Pictures of the fleet: control charts by section, the trend of the parts, and which section is the worst how often."""
+"""Pictures of the fleet: control charts by section, the trend of the parts, how often which section is the worst."""
 
 from __future__ import annotations
 

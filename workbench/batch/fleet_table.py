@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.batch.record import OUTCOMES, Record
+from workbench.errors import one_line
 from workbench.units import Float, Int
 
 VERDICTS = ("fail", "undecided", "pass")  # worst first
@@ -90,8 +91,11 @@ def parquet(records: Sequence[Record]) -> bytes:
     rows = [(order, record, one) for order, record in enumerate(records, 1) for one in (record.sections or ({},))]
     columns: dict[str, Any] = {"order": pa.array([order for order, _, _ in rows], pa.int32())}
     for name in PART_COLUMNS:
-        kind = pa.float64() if name == "seconds" else pa.string()
-        columns[name] = pa.array([getattr(record, name) for _, record, _ in rows], kind)
+        values = [getattr(record, name) for _, record, _ in rows]
+        if name == "seconds":
+            columns[name] = pa.array(values, pa.float64())
+        else:  # a file's name need not be text that can be encoded
+            columns[name] = pa.array([value and one_line(value) for value in values], pa.string())
     for side in ("lower", "upper"):
         for key, suffix in (("root", "mm"), ("bevel", "deg")):
             limits = [_limit(record, key, suffix, side == "upper") for _, record, _ in rows]

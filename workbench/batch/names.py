@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from workbench.batch.store import is_remote, listed, local_path
+from workbench.batch.store import is_remote, listed, local_path, refuse_credentials
 from workbench.errors import InputError
 
 LONGEST = 100  # characters of a name; file systems take 255 bytes
@@ -27,7 +27,8 @@ class Part:
 def parts(recordings: Iterable[str]) -> tuple[Part, ...]:
     """The parts of these recordings, in the order given: that is taken as the order of production.
 
-    A folder stands for the recordings (`.h5`) in it, a URL may hold wildcards; both give them by name, numbers by value.
+    A folder stands for the recordings (`.h5`) in it, a URL may hold wildcards: in the order of their names, numbers by
+    value.
 
     Raises:
         InputError: none; one given twice; two whose folders would have the same name.
@@ -60,6 +61,7 @@ def safe_name(recording: str) -> str:
 def _expanded(given: str) -> list[str]:
     """The recordings that one argument stands for."""
     if is_remote(given):
+        refuse_credentials(given)
         return sorted(listed(given, SUFFIX), key=by_numbers)
     folder = Path(local_path(given))
     if not folder.is_dir():

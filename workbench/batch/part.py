@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from workbench.batch.folders import Folder, folder
 from workbench.batch.record import (
     PART_FILE,
     Outcome,
@@ -19,7 +20,7 @@ from workbench.batch.record import (
     sha256,
     versions_digest,
 )
-from workbench.batch.store import Folder, copied, folder, is_remote, local_path, version_token
+from workbench.batch.store import copied, is_remote, local_path, version_token
 from workbench.errors import OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import PipelineDocument
 from workbench.pipeline.progress import Reporter

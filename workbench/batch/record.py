@@ -1,4 +1,4 @@
-"""What a batch knows of one part: `part.json` beside the results, and what of it must agree for the part to be skipped."""
+"""What a batch knows of one part, `part.json` beside the results; and what must agree for the part to be skipped."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ class Record:
             known = json.loads(content or b"null")
             if (known.pop("format"), known.pop("version")) != (FORMAT, VERSION) or known["outcome"] not in OUTCOMES:
                 return None
-            lists = {name: tuple(dict(one) for one in known.pop(name)) for name in ("sections", "inputs")}
+            lists: dict[str, Any] = {
+                name: tuple(dict(one) for one in known.pop(name)) for name in ("sections", "inputs")
+            }
             if not all(is_plain_name(name) for name in known["files"]):
                 return None
             return cls(**known, **lists)

@@ -14,7 +14,7 @@ from workbench.batch.part import RECORDING, Job
 from workbench.batch.processes import Workers, here
 from workbench.batch.progress import Progress
 from workbench.batch.record import Record
-from workbench.batch.store import is_remote, joined, local_path, write_file
+from workbench.batch.store import is_remote, joined, local_path, refuse_credentials, write_file
 from workbench.errors import OutputError, PipelineError, nearest
 from workbench.geometry.blocks import cores
 from workbench.pipeline.document import PipelineDocument, read_document
@@ -139,6 +139,7 @@ def _job(
 def _reserved(out: str) -> Iterator[None]:
     """One batch at a time in a folder of this machine; no earlier batch's page stands for this one's."""
     if is_remote(out):
+        refuse_credentials(out)
         yield
         return
     folder = Path(local_path(out))

@@ -1,4 +1,4 @@
-"""A worker process: `python -m workbench.batch.worker DESCRIPTOR` takes jobs from a connection and answers with records.
+"""A worker process, `python -m workbench.batch.worker DESCRIPTOR`: takes jobs from a connection, answers with records.
 
 It leads a process group of its own, and takes it along when whoever started it is gone.
 """

@@ -1,0 +1,74 @@
+"""A dask cluster on loopback: the same results; a worker that is killed loses nothing and does nothing twice."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.batch import run_batch
+from workbench.errors import InputError
+
+Write = Callable[..., str]
+pytest.importorskip("distributed", reason="needs workbench[cluster]")
+pytestmark = pytest.mark.usefixtures("plain_page")
+
+
+@pytest.fixture
+def cluster(breaking: Path) -> Iterator[Any]:
+    """Two workers, each a process with one thread."""
+    from distributed import LocalCluster
+
+    with LocalCluster(  # type: ignore[no-untyped-call]
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
+        silence_logs=50,
+    ) as running:  # fmt: skip
+        yield running
+
+
+def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, record: Write, tmp_path: Path) -> None:
+    paths = [record(f"part-{i}", "slow") for i in range(1, 13)]
+    paths += [record("bad", "reject"), record("torn", "segfault"), record("stuck", "hang")]
+    out = tmp_path / "out"
+
+    def kill_one() -> None:
+        until = time.monotonic() + 60
+        while len([*out.glob("*/run.json")]) < 3 and time.monotonic() < until:
+            time.sleep(0.05)
+        victim = next(iter(cluster.workers.values()))
+        os.kill(victim.pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_one, daemon=True)
+    killer.start()
+    made = run_batch(pipeline, paths, str(out), scheduler=cluster.scheduler_address, time_limit_s=3.0)
+    killer.join()
+    outcomes = {one.part: one.outcome for one in made.records}
+    assert outcomes == {f"part-{i}": "passed" for i in range(1, 13)} | {
+        "bad": "rejected", "torn": "crashed", "stuck": "hung",
+    }  # fmt: skip
+    assert len(made.records) == len(paths)
+    single = tmp_path / "single"
+    run_batch(pipeline, paths[:13], str(single), workers=0)
+    for name in [f"part-{i}" for i in range(1, 13)] + ["bad"]:
+        assert {path.name for path in (out / name).iterdir()} == {path.name for path in (single / name).iterdir()}
+        for file in ("inspection.json", "report.html"):
+            assert (out / name / file).read_bytes() == (single / name / file).read_bytes()
+    assert not [*out.rglob(".*")]
+
+
+def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("workbench.batch.cluster.CONNECT_S", 0.5)
+    with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers there"):
+        run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")
+
+
+def test_a_missing_extra_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"install workbench\[cluster\]"):
+        run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")

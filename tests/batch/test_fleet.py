@@ -1,0 +1,123 @@
+"""The page and the table of a fleet: all parts, worst first, links that lead somewhere, and names as text only."""
+
+import io
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from workbench.batch.fleet import fleet_files, page, worst_counts, worst_text
+from workbench.batch.fleet_table import characteristics, least_margin, worst_first
+from workbench.batch.record import Record
+
+NEEDS = {
+    "root_nominal_mm": 1.5, "root_tolerance_mm": [-0.5, 0.5], "bevel_nominal_deg": 40.0, "bevel_tolerance_deg": [-1, 1],
+}  # fmt: skip
+
+
+def part(name: str, roots: list[float | None], verdict: str = "pass", **more: object) -> Record:
+    sections = tuple(
+        {"index": i, "arc_length_mm": 10.0 * i, "root_mm": root, "root_u_mm": root and 0.01,
+         "bevel_deg": root and 40.2, "bevel_u_deg": root and 0.02, "verdict": verdict}
+        for i, root in enumerate(roots, 1)
+    )  # fmt: skip
+    outcome = "rejected" if verdict == "fail" else "passed"
+    given = {"outcome": outcome, "files": {"report.html": "0"}, **more}
+    return Record(name, f"{name}.h5", verdict=verdict, requirements=NEEDS, sections=sections, **given)  # type: ignore[arg-type]
+
+
+FLEET = [
+    part("fine", [1.5, 1.52, 1.5]),
+    part("near", [1.5, 1.05, 1.5]),
+    part("open", [1.5, None, 1.2], "undecided"),
+    part("thin", [1.5, 0.9, 1.4], "fail", cause="fail: section 2"),
+    Record("torn", "torn.h5", "failed", cause="torn.h5: <b>expected</b> & more"),
+    Record("stuck", "stuck.h5", "hung", cause="took longer"),
+    Record("shot", "shot.h5", "crashed", cause="killed"),
+]
+
+
+class Page(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.links: list[str] = []
+        self.sources: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.links += [value or "" for name, value in attrs if name == "href"]
+        self.sources += [value or "" for name, value in attrs if name == "src"]
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_worst_first() -> None:
+    order = ["shot", "stuck", "torn", "thin", "open", "near", "fine"]
+    assert [record.part for record in worst_first(FLEET)] == order
+    links = Page(page(FLEET, "Fleet")).links
+    assert [unquote(link).partition("/")[0] for link in links] == order
+    assert links[0] == "shot/part.json"
+    assert links[3] == "thin/report.html"
+
+
+def test_margins_by_hand() -> None:
+    least, section = least_margin(characteristics(FLEET))
+    assert least[:4] == pytest.approx([0.8, 0.1, 0.4, -0.2])  # fine: the bevel, 0.2 deg off of 1
+    assert section[:4].tolist() == [0, 1, 2, 1]
+    assert np.isnan(least[4:]).all()
+
+
+def test_names_are_text() -> None:
+    nasty = '"><script>alert(1)</script>'
+    fleet = [part("a", [1.5], part_id=nasty + "\n\ud800"), Record("b", "b.h5", "failed", cause=nasty)]
+    made = Page(page(fleet, f"title {nasty}"))
+    assert "script" not in made.tags
+    assert sum("<script>alert(1)</script>" in word for word in made.words) == 4  # title twice, part and cause
+    assert fleet_files(fleet, nasty)["fleet.parquet"][:4] == b"PAR1"
+
+
+def test_the_page_needs_nothing_else() -> None:
+    made = Page(page([part(f"p{i}", [1.5 + 0.01 * (i % 5), 1.4]) for i in range(30)], "Fleet"))
+    assert len(made.sources) == 4
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in made.sources)
+    assert not {"script", "link", "iframe"} & set(made.tags)
+
+
+def test_every_part_and_section_is_a_row() -> None:
+    table = pq.read_table(io.BytesIO(fleet_files(FLEET, "Fleet")["fleet.parquet"])).to_pydict()
+    assert table["part"] == ["fine"] * 3 + ["near"] * 3 + ["open"] * 3 + ["thin"] * 3 + ["torn", "stuck", "shot"]
+    assert table["order"] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3 + [5, 6, 7]
+    assert table["root_mm"][6:9] == [1.5, None, 1.2]
+    assert table["section"][10:] == [2, 3, None, None, None]
+    assert (table["root_lower_mm"][0], table["bevel_upper_deg"][0]) == (1.0, 41.0)
+    assert table["cause"][-3] == "torn.h5: <b>expected</b> & more"
+
+
+def test_the_section_that_is_always_worst_is_named() -> None:
+    fleet = [part(f"p{i}", [1.5, 1.5, 1.2 + 0.001 * i]) for i in range(40)]
+    counts = worst_counts(characteristics(fleet))
+    assert counts.tolist() == [[0, 0, 40], [0, 0, 0]]
+    assert worst_text(counts).startswith("Section 3 has the smallest margin in 40 of 40 parts")
+    assert "more often than chance would" in worst_text(counts)
+    assert "no more often" in worst_text(np.array([[10, 12, 9], [4, 3, 5]]))
+
+
+def test_a_trend_and_a_shift_stand_in_the_page() -> None:
+    rng = np.random.default_rng(9)
+    roots = 1.4 + 0.004 * np.arange(50) + 0.02 * rng.normal(size=50)
+    words = " ".join(Page(page([part(f"p{i}", [root, 1.5]) for i, root in enumerate(roots)], "Fleet")).words)
+    assert "Nelson 2: nine in a row on one side of the mean" in words
+    assert '<td class="trend">' in page([part(f"p{i}", [root, 1.5]) for i, root in enumerate(roots)], "Fleet")
+
+
+def test_a_pipeline_without_inspection_has_a_page_of_its_parts() -> None:
+    fleet = [Record("a", "a.h5", "passed", files={"toolpath.json": "0", "run.json": "0"})]
+    made = Page(page(fleet, "Plan"))
+    assert made.links == ["a/run.json"]
+    assert not made.sources

@@ -12,7 +12,7 @@ import yaml
 from pydantic import BaseModel
 
 from workbench.errors import InputError, WorkbenchError
-from workbench.robot import Cell, CollisionModel, cell, inverse_kinematics, read_cell
+from workbench.robot import Cell, CollisionModel, cell, forward_kinematics, inverse_kinematics, read_cell
 from workbench.robot import cell_file as cell_file_module
 
 
@@ -124,6 +124,45 @@ def test_workpiece_and_links_of_meshes(cell_file: Any) -> None:
     found = CollisionModel(made).clearance(np.zeros(6))
     assert found is not None
     assert found.distance_mm > 0
+
+
+def cloud_cell(cell_file: Any, points: Any, name: str = "scan.ply", **keys: Any) -> Cell:
+    """The shipped cell with a workpiece of points (n, 3) in mm."""
+    path = cell_file(lambda tree: tree.update(workpiece={"mesh": name, **keys}))
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    assert open3d.io.write_point_cloud(path.parent / name, cloud)
+    return read_cell(path)
+
+
+@pytest.mark.parametrize("name", ["scan.ply", "scan.pcd", "scan.xyz"])
+def test_scanned_cloud_is_a_workpiece(cell_file: Any, name: str) -> None:
+    """The cubes of a plate's points fill the plate and stand beyond it by less than an edge."""
+    points = np.random.default_rng(1).uniform((-200, -100, 0), (200, 100, 25), (20_000, 3))
+    shape = next(s for s in cloud_cell(cell_file, points, name, voxel_mm=20.0).shapes if s.body == "workpiece")
+    corners = shape.vertices_mm
+    assert corners is not None
+    assert shape.triangles is not None
+    assert corners.min(axis=0).tolist() == [-200, -100, 0]
+    assert corners.max(axis=0).tolist() == [200, 100, 40]
+    assert len(shape.triangles) == 2 * (20 * 10 * 3 + 2 * (21 * 10 + 20 * 11))  # every wall of 20 x 10 x 2 cubes once
+
+
+def test_tool_runs_into_a_scanned_cloud(cell_file: Any) -> None:
+    q = np.radians([0.0, 30, 10, 0, 40, 0])
+    tip = (forward_kinematics(read_cell(cell_file()).chain, q) @ read_cell(cell_file()).flange_from_cutter)[:3, 3]
+    on_table = tip - [2000, 0, 500]
+    around = np.random.default_rng(2).normal(0, 20, (500, 3)) + on_table
+    assert CollisionModel(read_cell(cell_file())).collision(q) is None
+    assert CollisionModel(cloud_cell(cell_file, around)).collision(q) == ("tool", "workpiece")
+    assert CollisionModel(cloud_cell(cell_file, around + np.array([0, 600, 0]))).collision(q) is None
+
+
+def test_cloud_in_metres_or_too_fine_is_refused(cell_file: Any) -> None:
+    points = np.random.default_rng(3).uniform(0, 300, (100_000, 3))
+    with pytest.raises(InputError, match=r"is 0\.3 large: is it in metres"):
+        cloud_cell(cell_file, points / 1e3)
+    with pytest.raises(InputError, match=r"at most 200000 cubes of 0\.5 mm"):
+        cloud_cell(cell_file, np.vstack([points, points + 0.7, points - 1.3]), voxel_mm=0.5)
 
 
 def yaml_cell(path: Path) -> Path:

@@ -96,7 +96,10 @@ class WorkpiecePart(_Part):
     """The workpiece on the turntable, or on the base where there is none."""
 
     pose: Pose = Field(default=Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
-    mesh: str | None = Field(default=None, description="an STL, OBJ or PLY file in mm; null: no workpiece to run into")
+    mesh: str | None = Field(
+        default=None, description="an STL, OBJ or PLY file in mm, or a cloud (PLY, PCD, XYZ); null: nothing to run into"
+    )
+    voxel_mm: float = Field(default=10.0, gt=0, le=1000, description="edge of the cubes that hold a cloud's points")
 
 
 class FixturePart(ShapePart):

@@ -11,10 +11,20 @@ from pydantic import Field
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.parameters import check_parameters
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
-from workbench.robot.cell_file import CellPart, LoadingPart, Pose, ShapePart, ToolPart, TurntablePart, matrix_of
+from workbench.robot.cell_file import (
+    CellPart,
+    LoadingPart,
+    Pose,
+    ShapePart,
+    ToolPart,
+    TurntablePart,
+    WorkpiecePart,
+    matrix_of,
+)
 from workbench.robot.chain import Chain
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
+from workbench.robot.workpiece import read_workpiece
 from workbench.robot.wrist import spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
@@ -79,8 +89,7 @@ def _around(part: CellPart, path: Path) -> list[Shape]:
     for i, shape in enumerate(table.shapes if table else []):
         found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
     if part.workpiece.mesh is not None:
-        piece = ShapePart.model_validate({"pose": part.workpiece.pose, "mesh": part.workpiece.mesh})
-        found.append(_shape(piece, "workpiece", ON_TURNTABLE if table else ON_BASE, here, f"{path}: $.workpiece", path))
+        found.append(_workpiece(part.workpiece, ON_TURNTABLE if table else ON_BASE, path))
     for i, fixture in enumerate(part.fixtures):
         where = f"{path}: $.fixtures[{i}]"
         if fixture.on == "turntable" and table is None:
@@ -88,6 +97,12 @@ def _around(part: CellPart, path: Path) -> list[Shape]:
         link = ON_TURNTABLE if fixture.on == "turntable" else ON_BASE
         found.append(_shape(fixture, fixture.name, link, here, where, path))
     return found
+
+
+def _workpiece(part: WorkpiecePart, link: int, path: Path) -> Shape:
+    assert part.mesh is not None
+    solid = read_workpiece(path.parent / part.mesh, f"{path}: $.workpiece.mesh", part.voxel_mm)
+    return Shape("workpiece", link, "mesh", (), _pose(part.pose, f"{path}: $.workpiece.pose"), *solid)
 
 
 def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, path: Path) -> Shape:

@@ -1,0 +1,99 @@
+"""Where results go wrong: a disk that fills up, a place that may only be read, two runs at once, a clock that jumps."""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .conftest import ROOT, SHIPPED, Ended
+
+Run = Callable[..., Ended]
+
+
+def tree(directory: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(directory)): p.read_bytes() for p in sorted(directory.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 400 kB: less than a report needs."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(place)]
+    try:
+        mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
+    except OSError:
+        mounted = False
+    if not mounted:
+        pytest.skip("no file system may be mounted here; a limit on the size of files stands in for it below")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def refused(done: subprocess.CompletedProcess[str], place: Path) -> None:
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert done.returncode == 2
+    assert len(lines) == 1
+    assert str(place) in lines[0]
+    assert "Traceback" not in done.stderr
+
+
+def whole(out: Path, easy: Path, **more: Any) -> subprocess.CompletedProcess[str]:
+    """The shipped inspection, its page included, in a process of its own."""
+    command = [sys.executable, "-m", "workbench", "run", SHIPPED, "--input", f"recording={easy}", "--out", out]
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, timeout=300, **more)
+
+
+def test_a_disk_that_fills_up(small_disk: Path, easy: Path) -> None:
+    (small_disk / "notes.txt").write_text("mine")
+    refused(whole(small_disk / "out", easy), small_disk)
+    assert tree(small_disk) == {"notes.txt": b"mine"}
+
+
+def test_files_that_may_not_grow(tmp_path: Path, easy: Path, run: Run) -> None:
+    """As on a full disk: an earlier run's results are put aside, none of the new ones is there."""
+    assert run(easy).status == 0
+    before = tree(tmp_path / "out")
+    limit = 100_000
+
+    def confine() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    refused(whole(tmp_path / "out", easy, preexec_fn=confine), tmp_path / "out")
+    assert {name.removeprefix("superseded/1/"): content for name, content in tree(tmp_path / "out").items()} == before
+
+
+@pytest.mark.parametrize("place", ["/proc/sys", "/sys/kernel"])
+def test_a_place_that_may_only_be_read(place: str, easy: Path, run: Run) -> None:
+    if not Path(place).is_dir():
+        pytest.skip(f"no {place} here")
+    ended = run(easy, out=f"{place}/out")
+    assert ended.status == 2
+    assert ended.err.startswith(f"error: {place}")
+
+
+def test_two_runs_at_once_do_not_mix(tmp_path: Path, easy: Path, quick: Path) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "workbench", "run", quick, "--input", f"recording={easy}", "--out", out]
+    runs = [subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    ended = [(run.communicate(timeout=120)[1], run.returncode) for run in runs]
+    assert {status for _, status in ended} <= {0, 2}
+    assert 0 in {status for _, status in ended}
+    assert all("another run is writing there" in err for err, status in ended if status == 2)
+    assert {path.name for path in out.iterdir()} == {"inspection.json", "run.json"}
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_no_result_depends_on_the_clock_of_the_day() -> None:
+    """It may jump; durations are taken from clocks that do not."""
+    wall = re.compile(r"\btime\.time\(|\bdatetime\b.*\bnow\(|\butcnow\(|\btime\.localtime\(")
+    used = [path for path in (ROOT / "workbench").rglob("*.py") if wall.search(path.read_text())]
+    assert used == []

@@ -23,7 +23,7 @@ def test_the_peak_is_less_than_three_grids(ragged: bool) -> None:
     assert peak < (2.9 if ragged else 1.8) * size
     assert made.z_mm.shape == (1500, 1000)
     np.testing.assert_array_equal(made.z_mm[4, :996], np.float32(x[:996] + 100))
-    assert grid.x_mm == []
+    assert grid.blocks["x"] == []
 
 
 def test_many_blocks_are_laid_out_alike() -> None:

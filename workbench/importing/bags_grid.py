@@ -1,4 +1,7 @@
-"""Profiles gathered one by one into a grid of frames x columns."""
+"""Profiles gathered one by one into a grid of frames x columns.
+
+They are kept in blocks: a block that is given up goes back to the system, thousands of small arrays would not.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.bags_ragged import ragged_columns
+from workbench.importing.bags_ragged import counted, ragged_columns
 from workbench.importing.neutral import ProfileFrames
-from workbench.units import AnyArray, Float, Float32, Int
+from workbench.units import AnyArray, Float, Int
 
 MAX_COLUMNS = 10_000
-NOTHING = np.zeros(0, np.float32)
+BLOCK = 64  # profiles
+NAMES = ("x", "z", "intensity")
 
 
 @dataclass(slots=True)
@@ -23,11 +27,11 @@ class Grid:
     length_unit: str = "mm"  # that the lengths were read from, for messages
     time_s: list[float] = field(default_factory=list)
     topic: list[int] = field(default_factory=list)
-    x_mm: list[Float32] = field(default_factory=list)
-    z_mm: list[Float32] = field(default_factory=list)
-    intensity: list[AnyArray] = field(default_factory=list)
-    no_intensity: str = ""  # why there is none
+    blocks: dict[str, list[AnyArray]] = field(default_factory=lambda: {name: [] for name in NAMES})
+    pending: list[tuple[AnyArray, AnyArray, AnyArray]] = field(default_factory=list)
+    lengths: list[Int] = field(default_factory=list)  # points of each row, block by block
     empty: int = 0
+    no_intensity: str = ""  # why there is none
     ragged: str = ""  # how rows of different length were laid out
 
     def append(self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None,
@@ -38,54 +42,70 @@ class Grid:
         self.empty += not len(x_mm)
         self.time_s.append(time_s)
         self.topic.append(topic)
-        self.x_mm.append(x_mm.astype(np.float32))
-        self.z_mm.append(z_mm.astype(np.float32))
-        self._append_intensity(intensity, len(x_mm))
+        self.pending.append((x_mm.astype(np.float32), z_mm.astype(np.float32), self._counts(intensity, len(x_mm))))
+        if len(self.pending) == BLOCK:
+            self._close_block()
 
-    def _append_intensity(self, intensity: AnyArray | None, points: int) -> None:
-        if self.no_intensity:
-            return
+    def _counts(self, intensity: AnyArray | None, points: int) -> AnyArray:
+        """Intensity as uint16; none from the first profile on that has none, or not such."""
         if intensity is None and points:
-            self.no_intensity = "none in the bag"
+            self.no_intensity = self.no_intensity or "none in the bag"
         elif intensity is not None and not (
             (intensity >= 0).all() and (intensity <= 65535).all() and (intensity == np.rint(intensity)).all()
         ):
-            self.no_intensity = "left out: not whole numbers from 0 to 65535"
-        if self.no_intensity:
-            self.intensity.clear()
-        else:
-            self.intensity.append(np.zeros(0, np.uint16) if intensity is None else intensity.astype(np.uint16))
+            self.no_intensity = self.no_intensity or "left out: not whole numbers from 0 to 65535"
+        if self.no_intensity or intensity is None:
+            return np.zeros(0, np.uint16)
+        return intensity.astype(np.uint16)
+
+    def _close_block(self) -> None:
+        if self.pending:
+            self.lengths.append(np.array([len(row[0]) for row in self.pending]))
+            for name, rows in zip(NAMES, zip(*self.pending, strict=True), strict=True):
+                self.blocks[name].append(np.concatenate(rows))
+            self.pending.clear()
 
     def frames(self, source: str, pass_gap_s: float | None) -> ProfileFrames:
-        """The whole grid; the rows are given up as they are copied. Raises InputError where nothing was seen."""
-        if not any(map(len, self.x_mm)):
+        """The whole grid; the blocks are given up as they are copied. Raises InputError where nothing was seen."""
+        self._close_block()
+        if not any(len(x) for x in self.blocks["x"]):
             raise InputError(source, "expected profiles with points, found none")
-        if not any(np.isfinite(row).any() for row in self.z_mm):
+        if not any(np.isfinite(z).any() for z in self.blocks["z"]):
             raise InputError(source, "expected returns in the profiles, found none")
         columns = self._columns()
-        width = 1 + max(int(row.max(initial=0)) for row in columns)
+        width = 1 + max(int(column.max(initial=0)) for column in columns)
         if width > MAX_COLUMNS:
             raise InputError(source, f"expected profiles of at most {MAX_COLUMNS} columns, found {width} by gaps in x")
+        x_mm, z_mm = (self._stacked(name, columns, width, np.nan) for name in ("x", "z"))
+        intensity = None if self.no_intensity else self._stacked("intensity", columns, width, 0)
         return ProfileFrames(
-            source=source,
-            x_mm=_stacked(self.x_mm, columns, width, np.nan), z_mm=_stacked(self.z_mm, columns, width, np.nan),
-            time_s=np.array(self.time_s), pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
-            intensity=None if self.no_intensity else _stacked(self.intensity, columns, width, 0),
+            source=source, x_mm=x_mm, z_mm=z_mm, time_s=np.array(self.time_s), intensity=intensity,
+            pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
         )  # fmt: skip
 
     def _columns(self) -> list[AnyArray]:
-        """Columns of each row's points."""
-        lengths = {len(row) for row in self.x_mm} - {0}
-        if len(lengths) == 1:
-            every = np.arange(lengths.pop())
-            return [every[: len(row)] for row in self.x_mm]
-        for i, z in enumerate(self.z_mm):  # what was seen alone tells the spacing
-            seen = np.isfinite(z)
-            self.x_mm[i], self.z_mm[i] = self.x_mm[i][seen], z[seen]
-            if not self.no_intensity:
-                self.intensity[i] = self.intensity[i][seen]
-        columns, self.ragged = ragged_columns(self.x_mm, self.by_spacing)
+        """Columns of the points of each block."""
+        if len(set(np.unique(np.concatenate(self.lengths))) - {0}) == 1:
+            alike: dict[bytes, AnyArray] = {}  # one array for all blocks of as many rows
+            return [alike.setdefault(length.tobytes(), counted(length)) for length in self.lengths]
+        for k, z in enumerate(self.blocks["z"]):  # what was seen alone tells the spacing
+            seen, row = np.isfinite(z), np.repeat(np.arange(len(self.lengths[k])), self.lengths[k])
+            self.lengths[k] = np.bincount(row[seen], minlength=len(self.lengths[k]))
+            for name in NAMES[: 2 if self.no_intensity else 3]:
+                self.blocks[name][k] = self.blocks[name][k][seen]
+        columns, self.ragged = ragged_columns(self.blocks["x"], self.lengths, self.by_spacing)
         return columns
+
+    def _stacked(self, name: str, columns: list[AnyArray], width: int, missing: float) -> AnyArray:
+        """All rows (N, M) of one quantity, emptying its blocks as it goes."""
+        blocks, begin = self.blocks[name], 0
+        made = np.full((len(self.time_s), width), missing, blocks[0].dtype)
+        for k, length in enumerate(self.lengths):
+            made[begin + np.repeat(np.arange(len(length)), length), columns[k]] = blocks[k]
+            blocks[k] = blocks[k][:0].copy()  # not a slice alone: that would keep the block alive
+            begin += len(length)
+        blocks.clear()
+        return made
 
     def _passes(self, gap_s: float | None) -> Int | None:
         """Passes (N,) from 0: a new one with each topic and after each gap longer than `gap_s`; None: there is one."""
@@ -97,15 +117,5 @@ class Grid:
     @property
     def notes(self) -> list[str]:
         """What the user should know of it."""
-        empty = [f"{self.empty} messages without points: frames without returns"] if self.empty else []
-        return [f"intensity: {self.no_intensity or 'taken'}", *empty, *([self.ragged] if self.ragged else [])]
-
-
-def _stacked(rows: list[AnyArray], columns: list[AnyArray], width: int, missing: float) -> AnyArray:
-    """All rows (N, M), emptying the list as it goes, so that the peak stays at one grid and a bit."""
-    made = np.full((len(rows), width), missing, rows[0].dtype)
-    for i in range(len(rows)):
-        made[i, columns[i]] = rows[i]
-        rows[i] = NOTHING  # not a slice: that would keep the row alive
-    rows.clear()
-    return made
+        told = [f"{self.empty} messages without points: frames without returns"] if self.empty else []
+        return [f"intensity: {self.no_intensity or 'taken'}", *told, *([self.ragged] if self.ragged else [])]

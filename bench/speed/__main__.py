@@ -14,6 +14,7 @@ from bench.speed.table import document, line
 from bench.speed.timing import Row
 
 PAGE = Path("docs/benchmarks.md")
+PICTURED = 10  # million points
 
 
 def inspecting(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
@@ -31,6 +32,7 @@ def inspecting(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[R
     for size, path in paths.items():
         yield from rows.reading(size, path, times)
     yield from rows.linearity(times)
+    yield from rows.picture(paths[min(sizes, key=lambda size: abs(size - PICTURED))])
     yield from rows.routes(paths, times, also_largest)
 
 

@@ -95,6 +95,15 @@ def memory(million: int, path: Path) -> Iterator[Row]:
               f"{million * 8e-3:.2f} GB", peak / 1e9, "{:.2f} GB", goal=2.5, at_most=True)  # fmt: skip
 
 
+def picture(path: Path) -> Iterator[Row]:
+    """A picture of a whole cloud, beside VTK's on the processor; from points in memory to pixels in memory."""
+    command = [sys.executable, "-m", "bench.speed.pictures", str(path)]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    ours_s, vtk_s = found["ours_s"], found["vtk_s"]
+    yield Row(f"picture of {found['points'] / 1e6:.1f} M points, 1600 x 900, lit; VTK offscreen", seconds(ours_s),
+              seconds(vtk_s), ours_s, "{:.2f} s", goal=1, at_most=True)  # fmt: skip
+
+
 def linearity(times: Times) -> Iterator[Row]:
     """Time a frame of each size beside that of the smallest but one: constant where the cost is linear."""
     per_frame = {million: whole_s / (million * 1000) for million, (whole_s, _) in times.items()}

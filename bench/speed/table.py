@@ -33,6 +33,10 @@ on the whole cloud. It ends with two planes; no section, root size or uncertaint
 was not run: its time is that on the straight line through the two largest sizes that were run.
 `python -m bench.speed --all` runs it there too.
 
+The picture (`bench/speed/pictures.py`) is of the fused cloud in the order of the scan, in one parallel projection on
+both sides. Ours (`workbench/geometry/splat.py`) draws four times as many pixels, averages them and lights them by
+depth; VTK draws squares of 2 pixels without light. Both sides draw on the processor.
+
 Planning is timed on a raw edge and a cloud made by formula (`bench/speed/raw_edges.py`): 5 m long, 12 mm thick, an arc
 of 10 m, 50 million points; 0.7 mm a layer make ten layers. From edge and cloud to the program: `path.layers`,
 `path.feed`, `path.simplify`, `program.rapid`, in a process on one core. d_min is the distance from the cutter's axis to

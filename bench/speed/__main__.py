@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.speed import postures_rows, rows
+from bench.speed import batch_rows, postures_rows, rows
 from bench.speed.recordings import simulated
 from bench.speed.table import document, line
 from bench.speed.timing import Row
@@ -41,26 +41,34 @@ GROUPS = {
     "planning": rows.planning,
     "calibration": rows.calibrating,
     "posture": postures_rows.postures,
+    "batch": None,  # wants a number of parts
 }
 
 
-def measure(groups: list[str], sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
+def measure(groups: list[str], sizes: list[int], parts: int, folder: Path, also_largest: bool) -> Iterator[Row]:
     """Rows of the groups asked for."""
     for name in groups:
         group = GROUPS[name]
-        yield from inspecting(sizes, folder, also_largest) if group is None else group()
+        if group is not None:
+            yield from group()
+        elif name == "batch":
+            yield from batch_rows.batches(parts)
+        else:
+            yield from inspecting(sizes, folder, also_largest)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.speed", description=__doc__)
     parser.add_argument("--sizes", type=int, nargs="+", default=[1, 10, 50], help="million points, smallest first")
+    parser.add_argument("--parts", type=int, default=1000, help="of the batches")
     parser.add_argument("--all", action="store_true", help="run Open3D at the largest size too (many minutes, 12 GB)")
     parser.add_argument("--rows", nargs="+", choices=GROUPS, help="only these rows; the page is then not written")
     parser.add_argument("--out", type=Path, help="the page to write (docs/benchmarks.md, if all rows are measured)")
     arguments = parser.parse_args()
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        for row in measure(arguments.rows or list(GROUPS), sorted(arguments.sizes), Path(folder), arguments.all):
+        groups, sizes = arguments.rows or list(GROUPS), sorted(arguments.sizes)
+        for row in measure(groups, sizes, arguments.parts, Path(folder), arguments.all):
             found.append(row)
             print(line(row), flush=True)
     page = arguments.out or (None if arguments.rows else PAGE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import platform
 import time
@@ -198,6 +199,11 @@ def resolved(checked: Plan) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of the project, Python and the packages that the numbers depend on."""
+    return dict(_versions())
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
     found = {"workbench": __version__, "python": platform.python_version()}
     for name in VERSIONED:
         try:

@@ -15,7 +15,7 @@ from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
-from workbench.plugins.stiffness.law import BAND, RESTLESS_MM, Law, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Law, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import search
@@ -70,7 +70,7 @@ def main() -> None:
           "it, % | processor time, s |\n|---|---|---|---|---|---|---|")  # fmt: skip
     show("best constant pair", start, n)
     for name, band in (("best law at a fixed turntable angle", 0), ("best law of both angles", BAND)):
-        began, grid = time.process_time(), Grid(ANGLES, ANGLES, np.array([band, BAND]), RESTLESS_MM)
+        began, grid = time.process_time(), Grid(ANGLES, ANGLES, np.array([band, BAND]), STEP_COST_MM)
         law, bound = improved_law(examiner, K, start, grid, limits)
         taken = time.process_time() - began
         show(name, law, n, f"{bound / n:.4f} | {100 * (law.cost_mm / bound - 1):.3f} | {taken:.1f}")

@@ -20,7 +20,7 @@ from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import Arm, fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
-from workbench.plugins.stiffness.law import BAND, RESTLESS_MM, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import search
@@ -121,7 +121,7 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
     examiner = Examiner(cell, arm, points)
     loaded = points.only(sample(points, POINTS))
     choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
-    start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), RESTLESS_MM)
+    start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
     assert cell.turntable is not None
     limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.radians(100.0))
     law, bound = improved_law(examiner, K, start, grid, limits)

@@ -10,7 +10,7 @@ from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import displacements, fast_arm, joint_angles
 from workbench.plugins.stiffness.feasible import Configuration, Examiner
-from workbench.plugins.stiffness.law import RESTLESS_MM, Law, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law import STEP_COST_MM, Law, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.law_kernel import best_law, stepped
 from workbench.plugins.stiffness.law_nodes import nodes, shift_of
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
@@ -137,7 +137,7 @@ def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limit
     examiner, angles = Examiner(cell, fast_arm(cell.chain), points), np.radians(np.arange(-180, 180, 2.0))
     choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles), whole_map=False)
     start = constant_law(examiner, K, choice)
-    grid = Grid(angles, angles, np.array(bands), RESTLESS_MM)
+    grid = Grid(angles, angles, np.array(bands), STEP_COST_MM)
     return start, *improved_law(examiner, K, start, grid, limits)
 
 

@@ -15,7 +15,7 @@ from workbench.plugins.stiffness.search import Choice
 from workbench.plugins.stiffness.traversal import BRANCHES
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
-RESTLESS_MM = 1e-6  # what a step costs, so that the law rests where nothing is to be gained
+STEP_COST_MM = 1e-4  # what a step of the grid costs, times its size squared: the law rests where little is to be gained
 ROUNDS = 5  # of moving that window along with the law
 NEAR = 1e-3  # relative: a law so near its bound is good enough
 EQUAL = 1e-9  # relative: two costs that are the same but for rounding
@@ -84,13 +84,13 @@ def _better(best: Law, examiner: Examiner, stiffness: Float, configuration: Conf
     for _ in range(ROUNDS):
         around, joints, cost, free = window(examiner, stiffness, configuration, way, grid)
         held = best_law(cost, joints, free, shift_of(way, grid), examiner.points.time_steps_s, limits.speed,
-                        limits.acceleration, MOST_STEP, grid.bands, grid.restless_mm)  # fmt: skip
+                        limits.acceleration, MOST_STEP, grid.bands, grid.step_cost_mm)  # fmt: skip
         if held[0, 0] < 0:
             return best
         at = (np.arange(len(way)), *held.T)
         way = np.column_stack([part[at] for part in around])
         steps = shift_of(way, grid)
-        total = float(cost[at].sum() + grid.restless_mm * (steps**2).sum())
+        total = float(cost[at].sum() + grid.step_cost_mm * (steps**2).sum())
         if total >= reached * (1 - EQUAL):
             break
         reached = total

@@ -10,7 +10,7 @@ from pydantic import Field
 from workbench.api import DEG, Cell, Chapter, Document, Float, Gate, InputError, Postures, Toolpath, stage
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
-from workbench.plugins.stiffness.law import BAND, RESTLESS_MM, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import Load, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.posture_document import posture_document
@@ -57,6 +57,12 @@ def posture(
     acceleration_deg_s2: Annotated[
         float, Field(gt=0, le=10000, description="along_path: largest of any joint and the turntable, of the law")
     ] = 100.0,
+    step_cost_mm: Annotated[
+        float,
+        Field(
+            ge=0, le=0.1, description="along_path: displacement that a step of one grid step must save, of one point"
+        ),
+    ] = STEP_COST_MM,
     whole_map: Annotated[
         bool, Field(description="false: cells worse than the optimum are not examined for collision")
     ] = True,
@@ -85,6 +91,7 @@ def posture(
         reach_mm: how far the cutter reaches beyond a point's frame, along its axis.
         planned_at_deg: turntable angle at which the path's positions hold.
         acceleration_deg_s2: what the law may ask of a joint.
+        step_cost_mm: what a step costs, times its size squared in grid steps; a larger one makes a calmer law.
         whole_map: whether all cells of the map are examined for collision.
 
     Raises:
@@ -102,7 +109,7 @@ def posture(
     if mode == "along_path":
         limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0),
                         acceleration_deg_s2 * DEG)  # fmt: skip
-        over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), RESTLESS_MM)
+        over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), step_cost_mm)
         chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
     found = Found(

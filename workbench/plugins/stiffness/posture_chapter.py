@@ -44,7 +44,7 @@ def _how(found: Found) -> str:
     if found.mode == "along_path":
         gap = found.law_gap or 0.0
         line += " A law along the path was found by dynamic programming on the whole grid, in one configuration: "
-        line += "proven the best of all such laws." if gap < 1e-6 else f"at most {gap:.2%} above the best of them."
+        line += "proven the best of all." if gap < 1e-6 else f"at most {gap:.2%} above the best of them."
     return line
 
 

@@ -23,7 +23,7 @@ class Grid:
     rotations: Float  # (t,) rad, evenly spaced
     tables: Float  # (a,) rad
     bands: Int  # (2,) largest step of turntable and cutter from point to point, in grid steps; 0: it stands still
-    restless_mm: float  # what a step costs, times its size squared, so that the law rests where nothing is gained
+    step_cost_mm: float  # what a step costs, times its size squared, so that the law rests where little is gained
 
     @property
     def closed(self) -> bool:
@@ -37,7 +37,7 @@ class Relaxed:
     """The best law of one branch of the arm, by displacement and reach alone."""
 
     branch: int
-    cost_mm: float  # sum over the points, restlessness included: no law of the branch costs less
+    cost_mm: float  # sum over the points, steps included: no law of the branch costs less
     way: Int  # (n, 2) indices of turntable and cutter angle
 
 
@@ -75,7 +75,7 @@ def relaxed_law(examiner: Examiner, stiffness: Float, branch: int, grid: Grid, m
 def _next(value: Float, grid: Grid, cost: _Costs, i: int) -> tuple[Float, AnyArray]:
     """Cost (a, t) of reaching point i, and from where."""
     least, came = np.empty_like(value), np.empty(value.shape, np.int8)
-    stepped(value, grid.bands, grid.restless_mm, grid.closed, least, came)
+    stepped(value, grid.bands, grid.step_cost_mm, grid.closed, least, came)
     return np.asarray(least + cost.at(i, np.asarray(np.isfinite(least).any(axis=1)))), came
 
 

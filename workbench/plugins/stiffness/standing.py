@@ -50,7 +50,7 @@ class Found:
     map: PostureMap
     mode: str
     bound_mm: Float  # (s,) least displacement over the grid of each sampled loaded point, collision aside
-    law_bound_mm: float | None  # no law within its steps has a lower mean displacement; None: constant angles
+    law_bound_mm: float | None  # below the mean displacement and step cost of any law; None: constant angles
     law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
     bound_at: Int  # (s,) which of the loaded points they are
     cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it

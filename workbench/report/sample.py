@@ -106,13 +106,14 @@ def at_places(cloud: Cloud, edge: Edge, frame: Int, column: Int) -> Points:
 
 
 def _near_faces(points: Points) -> Points:
-    """Without the unlabelled points that lie outside the box about the labelled ones."""
+    """Without the unlabelled points that lie outside the box about the labelled ones, along their principal axes."""
     labelled = points.label != UNLABELLED
-    if not labelled.any():
+    if np.count_nonzero(labelled) < 2:
         return points
-    box = points.position_mm[labelled]
-    low, high = box.min(axis=0) - SURROUNDINGS_MM, box.max(axis=0) + SURROUNDINGS_MM
-    inside = ((points.position_mm >= low) & (points.position_mm <= high)).all(axis=1)
+    axes = np.linalg.eigh(np.cov(points.position_mm[labelled].T))[1]
+    along = points.position_mm @ axes
+    low, high = along[labelled].min(axis=0) - SURROUNDINGS_MM, along[labelled].max(axis=0) + SURROUNDINGS_MM
+    inside = ((along >= low) & (along <= high)).all(axis=1)
     return points.where(labelled | inside)
 
 

@@ -13,36 +13,53 @@ LEAST_STRETCHES, STRETCH_MM = 12, 4.0  # residuals of one stretch hang together
 def covariance_of(equations: Equations, held_u_mm: float) -> Float:
     """(6, 6) of the shift (mm) and the turn (rad) about the pivot.
 
-    H^-1 (sum of g g^T) H^-1, g a place's weighted row times its residual (Huber, Robust Statistics, 1981), made larger
-    by what residuals of one stretch have in common: they share frames, and both surfaces' errors. That factor is, for
-    each direction of the normal matrix, the sum over stretches of (sum g)^2 over that of g^2 (Liang and Zeger,
-    Biometrika 73, 1986), no less than its mean over all: a direction that few stretches fix says little about it.
-    Open directions get the initial pose's uncertainty instead.
+    H^-1 V H^-1 with V the variance of the sum of weighted rows times residuals (Huber, Robust Statistics, 1981). A
+    residual has an error of its own, and shares with its stretch of the part a displacement in space: robot errors of
+    frames, and neighbourhoods that overlap. Open directions get the initial pose's uncertainty instead.
     """
     size, vectors = equations.directions()
-    scores = (equations.rows * (equations.weight * equations.residual_mm)[:, None]) @ vectors
     stretch = stretches(equations)
-    count = int(stretch.max()) + 1
-    sums = np.stack([np.bincount(stretch, scores[:, k], count) for k in range(6)], axis=1)
-    single = np.maximum((scores**2).sum(axis=0), 1e-300)
-    shared = (sums**2).sum(axis=0) / single * count / max(count - 6.0, 1.0)
+    own, shared = components(equations, stretch)
+    rows = (equations.rows * equations.weight[:, None]) @ vectors
+    together = np.zeros((int(stretch.max()) + 1, 3, 6))
+    for axis in range(3):
+        np.add.at(together[:, axis], stretch, rows * equations.rows[:, axis : axis + 1])
+    sums = together.reshape(-1, 6)
+    variance = own * rows.T @ rows + shared * sums.T @ sums
     known = size > OPEN
-    shared = np.maximum(shared, max(1.0, float(shared[known].mean()) if known.any() else 1.0))
-    fixed = np.maximum(size * equations.weight.sum() * _efficiency(equations), 1e-300)
-    scale = np.where(known, np.sqrt(shared) / fixed, 0.0)
-    inside = scale[:, None] * (scores.T @ scores) * scale
+    scale = 1.0 / np.maximum(size * equations.weight.sum() * _efficiency(equations), 1e-300) * known
+    inside = scale[:, None] * variance * scale
     inside[~known, ~known] = held_u_mm**2
     unit = np.r_[np.ones(3), np.full(3, 1.0 / equations.lever_mm)]
     return np.asarray(unit[:, None] * (vectors @ inside @ vectors.T) * unit)
 
 
+def components(equations: Equations, stretch: Int) -> tuple[float, float]:
+    """Variances (mm^2) of a residual's own error and of each coordinate of its stretch's displacement.
+
+    By moments: sums of squares of residuals, and of their sums along the normals over stretches; both made larger for
+    the six parameters that the fit has taken out of the stretches.
+    """
+    residual, normal = equations.residual_mm * np.sqrt(equations.weight), equations.rows[:, :3]
+    count = int(stretch.max()) + 1
+    sums, moments = np.zeros((count, 3)), np.zeros((count, 3, 3))
+    np.add.at(sums, stretch, normal * residual[:, None])
+    np.add.at(moments, stretch, normal[:, :, None] * normal[:, None, :])
+    total, spread = float((residual**2).sum()), float((moments**2).sum())
+    filled = len(np.unique(stretch))
+    excess = float((sums**2).sum()) * filled / max(filled - 3.0, 1.0) - total
+    shared = max(0.0, excess / max(spread - len(residual), 1.0))
+    return max(total / len(residual) - shared, 0.0), shared
+
+
 def stretches(equations: Equations) -> Int:
-    """The stretch (n,) of every row: along the longest direction, in equal steps of about STRETCH_MM."""
+    """The stretch (n,) of every row: equally many frames where they are known, else equal lengths; about STRETCH_MM."""
     along = equations.off_mm @ np.linalg.svd(equations.off_mm, full_matrices=False)[2][0]
-    length = float(np.ptp(along)) or 1.0
-    count = max(LEAST_STRETCHES, int(length / STRETCH_MM))
-    number: Int = np.minimum((along - along.min()) / length * count, count - 1).astype(np.int64)
-    return number
+    count = max(LEAST_STRETCHES, int(np.ptp(along) / STRETCH_MM))
+    if equations.frame is not None:
+        along = equations.frame.astype(float)
+    number: Int = ((along - along.min()) / (float(np.ptp(along)) or 1.0) * count).astype(np.int64)
+    return np.minimum(number, count - 1)
 
 
 def _efficiency(equations: Equations) -> float:

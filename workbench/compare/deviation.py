@@ -70,11 +70,12 @@ def deviation(
     places = places_of(laid, reference, scales)
     course = course_of(laid, reference, edge, places.normal.mean(axis=0))
     found = deviations(laid, reference, places, registration, position_u_mm, course, scales)
-    summary = summarise(found, sections, half_width_mm, course.name)
+    what = "change" if reference.triangles is None else "deviation"
+    summary = summarise(found, sections, half_width_mm, course.name, what)
     if summary.compared < LEAST_PLACES:
         words = f"only {summary.compared} of {len(found.distance_mm)} places find the reference within {depth_mm:g} mm"
-        raise InputError(scan.source or "compare.deviation",
-                         f"{words}: expected surfaces that lie on each other, registered or in one base")  # fmt: skip
+        raise InputError(scan.source or "compare.deviation", f"{words}: expected surfaces that lie on each other, and "
+                         "three frames or more in a cylinder (projection_mm)")  # fmt: skip
     return (found, deviation_document(found, summary, scan, reference, registration, scales),
             deviation_chapter(found, summary, scan, reference, registration, position_u_mm))  # fmt: skip
 

@@ -43,7 +43,7 @@ def _significance(axes: Axes, found: Deviations, summary: Summary) -> None:
     mine = summary.changed
     axes.scatter(found.arc_length_mm[mine], found.across_mm[mine], c=found.distance_mm[mine], s=size, cmap=COLOURS,
                  norm=TwoSlopeNorm(0.0, -reach, reach), linewidths=0.0, rasterized=True)  # fmt: skip
-    axes.set(title="The same where it is a significant change; grey: it is not", xlabel="arc length, mm",
+    axes.set(title=f"The same where a {summary.what} is significant; grey: it is not", xlabel="arc length, mm",
              ylabel="across, mm")  # fmt: skip
 
 

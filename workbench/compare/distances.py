@@ -9,7 +9,7 @@ import numpy as np
 from workbench.compare.course import Course
 from workbench.compare.m3c2 import DETECTION, heights
 from workbench.compare.surface_values import Deviations, Registration, Surface
-from workbench.compare.surfels import Surfels, surfels, thinned
+from workbench.compare.surfels import Surfels, surfels
 from workbench.compare.target import on_mesh
 from workbench.units import Float
 
@@ -26,7 +26,7 @@ class Scales:
 
 def places_of(scan: Surface, reference: Surface, scales: Scales) -> Surfels:
     """Flat places of the scan; their normals point outwards as the reference's do where it is a mesh."""
-    found = surfels(scan, thinned(scan.points_mm, scales.spacing_mm), 0.5 * scales.normal_mm)
+    found = surfels(scan, scales.spacing_mm, 0.5 * scales.normal_mm)
     centre, normal = found.centre_mm[found.flat], found.normal[found.flat]
     if reference.triangles is not None and len(centre):
         turned = (on_mesh(reference)(centre)[1] * normal).sum(axis=1) < 0

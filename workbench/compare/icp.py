@@ -15,7 +15,7 @@ import numpy as np
 from workbench.compare.surfels import Surfels
 from workbench.compare.target import Target
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Int
 
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
 SCALES = (4.0, 2.0, 1.0)  # of the reach
@@ -31,6 +31,7 @@ class Equations:
 
     use: Bool  # (c,) which places of the scan they belong to
     off_mm: Float  # (n, 3) those places, less the pivot
+    frame: Int | None  # (n,) theirs; None: not known
     rows: Float  # (n, 6)
     residual_mm: Float  # (n,)
     weight: Float  # (n,) of the robust kernel
@@ -100,7 +101,8 @@ def equations_at(source: Surfels, target: Target, pose: Float, reach_mm: float) 
     sigma = max(1.4826 * float(np.median(np.abs(height - middle))) if len(height) else 0.0, LEAST_SIGMA_MM)
     spread = max(sigma, abs(float(middle)))  # far from the end all residuals are of one sign
     weight = np.maximum(1.0 - (height / (TUKEY * spread)) ** 2, 0.0) ** 2
-    return Equations(use, off, np.hstack([normal, np.cross(off, normal) / lever]), height, weight, pivot, lever)
+    frame = None if source.frame is None else source.frame[use]
+    return Equations(use, off, frame, np.hstack([normal, np.cross(off, normal) / lever]), height, weight, pivot, lever)
 
 
 def moved(equations: Equations, step: Float) -> Float:

@@ -21,7 +21,7 @@ from workbench.units import Float, Int
 
 DETECTION = 1.959964  # two-sided 95 %
 LEAST_POINTS = 8  # in a cylinder
-LEAST_FRAMES = 4  # or single points: the plane takes up two of them along the motion
+LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
 BATCH = 2_000
 
@@ -33,14 +33,15 @@ class Heights:
     height_mm: Float  # (c,)
     variance_mm2: Float  # (c,) of the height, as if all points were independent
     shared_mm2: Float  # (c,) the same by the frames' sums
-    count: Int  # (c,) points
+    leverage: Float  # (c,) variance of the height for an error of unit variance that each frame has as a whole
 
     @property
     def u_mm(self) -> Float:
-        """(c,) standard uncertainty; the factor for what frames share is one for the whole surface."""
-        good = np.isfinite(self.variance_mm2) & (self.variance_mm2 > 0)
-        shared = float(self.shared_mm2[good].sum() / self.variance_mm2[good].sum()) if good.any() else 1.0
-        return np.asarray(np.sqrt(self.variance_mm2 * max(1.0, shared)))
+        """(c,) standard uncertainty; the variance of what a frame's points share is one for the whole surface."""
+        good = np.isfinite(self.variance_mm2)
+        excess = float((self.shared_mm2 - self.variance_mm2)[good].sum())
+        of_frame = max(0.0, excess / float(self.leverage[good].sum())) if good.any() else 0.0
+        return np.asarray(np.sqrt(self.variance_mm2 + of_frame * self.leverage))
 
 
 def heights(points_mm: Float, values: Float | None, frame: Int | None, position_mm: Float, normal: Float,
@@ -59,7 +60,7 @@ def heights(points_mm: Float, values: Float | None, frame: Int | None, position_
 
 
 def _batch(points: Float, values: Float | None, frame: Int | None, tree: cKDTree, position: Float, normal: Float,
-           radius: float, depth: float) -> tuple[Float, Float, Float, Int]:  # fmt: skip
+           radius: float, depth: float) -> tuple[Float, ...]:  # fmt: skip
     index, start = neighbours(tree, position, float(np.hypot(radius, depth)))
     owner = np.repeat(np.arange(len(position)), np.diff(start))
     off = points[index] - position[owner]
@@ -73,8 +74,8 @@ def _batch(points: Float, values: Float | None, frame: Int | None, tree: cKDTree
     return _intercepts(design, what, owner, index if frame is None else frame[index], len(position))
 
 
-def _intercepts(design: Float, what: Float, owner: Int, cluster: Int, count: int) -> tuple[Float, Float, Float, Int]:
-    """Planes (1, u, v) through `what` of each owner: intercept, its variance, that by clusters, number of points."""
+def _intercepts(design: Float, what: Float, owner: Int, cluster: Int, count: int) -> tuple[Float, ...]:
+    """Planes (1, u, v) through `what` of each owner: the intercept, and what `Heights` says of it."""
     moments = np.empty((count, 3, 3))
     side = np.empty((count, 3))
     for i in range(3):
@@ -88,14 +89,16 @@ def _intercepts(design: Float, what: Float, owner: Int, cluster: Int, count: int
     plane = np.einsum("kij,kj->ki", inverse, side)
     residual = what - (design * plane[owner]).sum(axis=1)
     spread = np.bincount(owner, residual**2, count) / np.maximum(number - 3, 1)
-    pull = (inverse[owner, 0] * design).sum(axis=1) * residual
+    pull = (inverse[owner, 0] * design).sum(axis=1)
     group, first = _groups(owner, cluster)
     frames = np.bincount(owner[first], minlength=count)
-    shared = np.bincount(owner[first], np.bincount(group, pull) ** 2, count) * frames / np.maximum(frames - 2, 1)
+    shared = (
+        np.bincount(owner[first], np.bincount(group, pull * residual) ** 2, count) * frames / np.maximum(frames - 2, 1)
+    )
     good &= (inverse[:, 0, 0] <= LEAST_LEVERAGE) & (frames >= LEAST_FRAMES)
-    variance = spread * inverse[:, 0, 0]
-    return (np.where(good, plane[:, 0], np.nan), np.where(good, variance, np.nan), np.where(good, shared, np.nan),
-            np.asarray(number, np.int64))  # fmt: skip
+    leverage = np.bincount(owner[first], np.bincount(group, pull) ** 2, count)
+    found = plane[:, 0], spread * inverse[:, 0, 0], shared, leverage
+    return tuple(np.where(good, one, np.nan) for one in found)
 
 
 def _groups(owner: Int, cluster: Int) -> tuple[Int, Int]:

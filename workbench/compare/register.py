@@ -14,7 +14,7 @@ from workbench.compare.icp import OPEN, Equations, coarse, refine
 from workbench.compare.open_directions import in_words
 from workbench.compare.surface import rigid
 from workbench.compare.surface_values import Registration, Surface
-from workbench.compare.surfels import Surfels, surfels, thinned
+from workbench.compare.surfels import Surfels, surfels
 from workbench.compare.target import target_of
 from workbench.errors import InputError
 from workbench.stage import stage
@@ -71,8 +71,11 @@ def register(
         InputError: open directions, a small overlap, a poor fit.
     """
     start = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
-    source = surfels(scan, thinned(scan.points_mm, spacing_mm), radius_mm)
-    pose = coarse(source, _sampled(reference, spacing_mm, radius_mm), start, reach_mm)
+    source = surfels(scan, spacing_mm, radius_mm)
+    coarse_target = _sampled(reference, spacing_mm, radius_mm)
+    _check_flat(scan, source, radius_mm)
+    _check_flat(reference, coarse_target, radius_mm)
+    pose = coarse(source, coarse_target, start, reach_mm)
     target = target_of(reference, spacing_mm, radius_mm)
     pose, equations = refine(source, target, pose, start, reach_mm, open_directions == "hold")
     overlap = _overlap(source, equations)
@@ -91,7 +94,7 @@ def register(
 def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     """Local planes of a reference; of a mesh, points on it with their normals."""
     if reference.triangles is None:
-        return surfels(reference, thinned(reference.points_mm, spacing_mm), radius_mm)
+        return surfels(reference, spacing_mm, radius_mm)
     corners = reference.points_mm[reference.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(normal, axis=1)
@@ -108,6 +111,13 @@ def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels
 def _overlap(source: Surfels, equations: Equations) -> float:
     """Share of the scan's flat places that found their match."""
     return float(equations.use.sum() / max(int(source.flat.sum()), 1))
+
+
+def _check_flat(surface: Surface, places: Surfels, radius_mm: float) -> None:
+    flat = int(places.flat.sum())
+    if flat < LEAST_PLACES:
+        raise InputError(surface.source or "compare.register", f"only {flat} of {len(places.flat)} places are flat "
+                         f"within {radius_mm:g} mm: expected {LEAST_PLACES}, or a larger radius_mm")  # fmt: skip
 
 
 def _check(scan: Surface, equations: Equations, overlap: float, rms_mm: float, least: float, most_mm: float) -> None:

@@ -45,20 +45,20 @@ class Summary:
     counts: Float  # (b,) of the histogram
     edges_mm: Float  # (b + 1,)
     along: str  # what arc length counts along
+    what: str  # a change since another scan, or a deviation from a mesh or a plan
 
     @property
     def in_words(self) -> str:
         """The finding, one line."""
         if not self.changed.any():
-            return (
-                f"No significant change at {self.compared} places; {self.detectable_mm:.3f} mm would be detected (95 %)"
-            )
+            limit = f"{self.detectable_mm:.3f} mm would be detected (95 %)"
+            return f"No significant {self.what} at {self.compared} places; {limit}"
         many = f"{int(self.changed.sum())} of {self.compared}"
-        return (f"Significant change at {many} places; mean {self.mean_mm:+.3f} mm, "
+        return (f"Significant {self.what} at {many} places; mean {self.mean_mm:+.3f} mm, "
                 f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)")  # fmt: skip
 
 
-def summarise(found: Deviations, sections: int, half_width_mm: float, along: str) -> Summary:
+def summarise(found: Deviations, sections: int, half_width_mm: float, along: str, what: str) -> Summary:
     """The summary of deviations, by `sections` along the part."""
     seen = np.isfinite(found.distance_mm)
     values = found.distance_mm[seen]
@@ -69,7 +69,7 @@ def summarise(found: Deviations, sections: int, half_width_mm: float, along: str
         int(seen.sum()), float(values.mean()), float(np.sqrt(np.mean(values**2))),
         {k: float(np.percentile(values, k)) for k in PERCENTILES}, _share(found.significant[seen]),
         changed(found.distance_mm, found.u_mm), _median(found.detectable_mm[seen]),
-        _sections(found, seen, sections, half_width_mm), counts.astype(float), edges, along,
+        _sections(found, seen, sections, half_width_mm), counts.astype(float), edges, along, what,
     )  # fmt: skip
 
 

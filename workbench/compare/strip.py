@@ -17,6 +17,6 @@ def finished_bevel(position_mm: Float, axes: Float, width_mm: Float, cutting: Bo
     points = np.stack([position_mm - half, position_mm + half], axis=1).reshape(-1, 3)
     first = np.flatnonzero(cutting[:-1] & cutting[1:] & (width_mm[:-1] > 0) & (width_mm[1:] > 0))
     a, b, c, d = 2 * first, 2 * first + 1, 2 * first + 2, 2 * first + 3
-    triangles = np.concatenate([np.column_stack([a, c, b]), np.column_stack([b, c, d])]).astype(np.int64)
+    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([b, d, c])]).astype(np.int64)
     used, renumbered = np.unique(triangles, return_inverse=True)
     return points[used], renumbered.reshape(-1, 3).astype(np.int64)

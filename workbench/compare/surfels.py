@@ -22,25 +22,29 @@ class Surfels:
     centre_mm: Float  # (c, 3) mean of the neighbourhood
     normal: Float  # (c, 3) unit, outwards
     flat: Bool  # (c,) enough points, and no corner among them
+    frame: Int | None = None  # (c,) in whose middle it lies; None: not known
 
 
-def thinned(points_mm: Float, spacing_mm: float) -> Float:
-    """The point nearest to the mean of every cube of `spacing_mm` that holds points (n, 3)."""
+def thinned(points_mm: Float, spacing_mm: float) -> Int:
+    """Indices of the points nearest to the mean of every cube of `spacing_mm` that holds points (n, 3)."""
     cell = np.floor((points_mm - points_mm.min(axis=0)) / spacing_mm).astype(np.int64)
     _, index = np.unique(cell, axis=0, return_inverse=True)
     count = np.bincount(index)
     middle = np.stack([np.bincount(index, points_mm[:, k]) / count for k in range(3)], axis=1)
     distance = ((points_mm - middle[index]) ** 2).sum(axis=1)
     order = np.lexsort((distance, index))
-    return np.asarray(points_mm[order[np.r_[0, np.cumsum(count)[:-1]]]])
+    return np.asarray(order[np.r_[0, np.cumsum(count)[:-1]]])
 
 
-def surfels(surface: Surface, at_mm: Float, radius_mm: float) -> Surfels:
-    """Principal axes of the points within `radius_mm` of each place (c, 3)."""
+def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
+    """Principal axes of the points within `radius_mm` of places about `spacing_mm` apart."""
+    chosen = thinned(surface.points_mm, spacing_mm)
+    at_mm = surface.points_mm[chosen]
     tree = cKDTree(surface.points_mm)
     parts = [_planes(surface.points_mm, tree, at_mm[k : k + BATCH], radius_mm) for k in range(0, len(at_mm), BATCH)]
     centre, normal, flat = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Surfels(centre, outwards(normal, centre, flat, surface.range_axis), flat)
+    return Surfels(centre, outwards(normal, centre, flat, surface.range_axis), flat,
+                   None if surface.frame is None else surface.frame[chosen])  # fmt: skip
 
 
 def neighbours(tree: cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:

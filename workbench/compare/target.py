@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.compare.surface_values import Surface
-from workbench.compare.surfels import surfels, thinned
+from workbench.compare.surfels import surfels
 from workbench.units import Float
 
 Target = Callable[[Float], tuple[Float, Float]]  # points (n, 3) -> feet (n, 3) and outward normals (n, 3); NaN: none
@@ -22,7 +22,7 @@ def target_of(reference: Surface, spacing_mm: float, radius_mm: float) -> Target
 
 def on_scan(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
     """Feet on the plane through the nearest flat neighbourhood of a scan."""
-    local = surfels(reference, thinned(reference.points_mm, spacing_mm), radius_mm)
+    local = surfels(reference, spacing_mm, radius_mm)
     centre, normal = local.centre_mm[local.flat], local.normal[local.flat]
     tree = cKDTree(centre) if len(centre) else None
 

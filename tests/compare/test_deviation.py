@@ -1,0 +1,116 @@
+"""`compare.deviation`: known steps, no change, coverage, meshes, plans."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.compare.bodies import AT, LENGTH, box, scanned
+from workbench.compare import deviation, register
+from workbench.compare.course import course_of
+from workbench.compare.distances import Scales, deviations, places_of
+from workbench.compare.statistics import changed
+from workbench.compare.surface_values import Registration, Surface
+from workbench.errors import InputError
+from workbench.units import Float
+
+SCALES = Scales(1.0, 2.0, 2.0, 1.0)
+
+
+def places(found: object) -> tuple[Float, Float]:
+    """x from the body's start and distance, of the places on the front face that were compared."""
+    distance = found.distance_mm  # type: ignore[attr-defined]
+    front = np.isfinite(distance) & (found.normal[:, 1] > 0.9)  # type: ignore[attr-defined]
+    return found.position_mm[front, 0] - AT[0], distance[front]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("step_mm", [0.05, -0.08])
+def test_a_known_step_is_found(step_mm: float) -> None:
+    """The middle of the front face lies out (or in) by a known step: size, sign and place, and what is significant."""
+    found, document, chapter = deviation(scanned(1, step_mm=step_mm), scanned(2), position_u_mm=0.0)
+    x, distance = places(found)
+    inside, outside = np.abs(x - LENGTH / 2) < LENGTH / 6 - 1.5, np.abs(x - LENGTH / 2) > LENGTH / 6 + 1.5
+    assert distance[inside].mean() == pytest.approx(step_mm, abs=1e-3)
+    assert distance[outside].mean() == pytest.approx(0.0, abs=1e-3)
+    content = json.loads(document.content)
+    assert content["changed"]
+    flags = np.array(content["places"]["changed"])[np.isfinite(found.distance_mm) & (found.normal[:, 1] > 0.9)]
+    assert flags[inside].all()
+    assert flags[outside].mean() < 0.1
+    assert "Significant change" in chapter.summary
+
+
+def test_no_change_is_said_to_be_none() -> None:
+    found, document, chapter = deviation(scanned(1), scanned(2), position_u_mm=0.0)
+    content = json.loads(document.content)
+    assert not content["changed"] or np.mean(content["places"]["changed"]) < 0.005
+    assert content["level_of_detection_mm"] == pytest.approx(np.nanmedian(found.detectable_mm))
+    assert "<h3>" in chapter.html
+    assert sum(content["histogram"]["counts"]) <= content["compared"]
+    assert [row["index"] for row in content["sections"]] == list(range(1, 10))
+
+
+@pytest.mark.parametrize("frame_noise_mm", [0.0, 0.02])
+def test_level_of_detection_covers(frame_noise_mm: float) -> None:
+    """Over 10 parts on which nothing changed about 5 % of the places lie beyond their level, frames' noise or not."""
+    shares = []
+    for seed in range(10):
+        mine, other = (scanned(2 * seed + k, frame_noise_mm=frame_noise_mm) for k in (0, 1))
+        spots, course = places_of(mine, other, SCALES), course_of(mine, other, None, np.array([0.0, 1.0, 0.0]))
+        found = deviations(mine, other, spots, None, 0.0, course, SCALES)
+        shares.append(found.significant[np.isfinite(found.distance_mm)].mean())
+    assert 0.03 < np.mean(shares) < 0.08
+
+
+def test_registration_enters_the_level() -> None:
+    """The uncertainty of the registered place is added: J cov J^T along the normal."""
+    pivot = AT + np.array([20.0, -4.0, -3.0])
+    covariance = np.diag([0.0, 0.03, 0.04, 0.0, 0.0, 0.0]) ** 2
+    pose = Registration(np.eye(4), covariance, pivot, 1.0, 0.0, (), 100)
+    found = deviation(scanned(1), scanned(2), pose)[0]
+    for axis, u in ((1, 0.03), (2, 0.04)):
+        assert np.nanmedian(found.u_mm[found.normal[:, axis] > 0.99]) == pytest.approx(u, rel=0.03)
+
+
+def test_registered_scans(tmp_path: object) -> None:
+    """A part laid down anew: what the registration takes away is no change, what it leaves is within its level."""
+    scan, reference = scanned(5, "corner"), scanned(6, "corner")
+    moved = Surface(scan.points_mm + np.array([0.2, -0.1, 0.15]), frame=scan.frame, range_axis=scan.range_axis)
+    found = deviation(moved, reference, register(moved, reference)[0])[0]
+    assert found.significant[np.isfinite(found.distance_mm)].mean() < 0.1
+
+
+def test_mesh_and_its_outside() -> None:
+    """Against a mesh the sign is that of its own outside; a scan without view or frames will do."""
+    points, triangles = box()
+    scan = scanned(4, step_mm=0.06)
+    found, document, chapter = deviation(
+        Surface(scan.points_mm), Surface(points, triangles=triangles), position_u_mm=0.0
+    )
+    x, distance = places(found)
+    assert distance[np.abs(x - LENGTH / 2) < 4].mean() == pytest.approx(0.06, abs=1e-3)
+    assert json.loads(document.content)["reference_kind"] == "mesh"
+    assert any("frames are not known" in words for words in chapter.warnings)
+
+
+def test_surfaces_apart_are_refused() -> None:
+    far = Surface(scanned(1).points_mm + np.array([0.0, 0.0, 30.0]))
+    with pytest.raises(InputError, match=r"only \d+ of \d+ places find the reference"):
+        deviation(far, scanned(2))
+
+
+def test_false_discoveries() -> None:
+    """Benjamini and Hochberg's procedure against a direct search for the largest rank that passes."""
+    rng = np.random.default_rng(3)
+    distance = np.r_[rng.normal(0, 1, 180), rng.normal(4, 1, 20)]
+    u = np.ones(200)
+    p = np.sort([2 * (1 - _phi(abs(z))) for z in distance])
+    rank = max(k for k in range(201) if k == 0 or p[k - 1] <= 0.05 * k / 200)
+    assert changed(distance, u).sum() == rank
+    assert not changed(np.full(5, np.nan), np.ones(5)).any()
+
+
+def _phi(z: float) -> float:
+    from statistics import NormalDist
+
+    return NormalDist().cdf(z)

@@ -1,0 +1,103 @@
+"""`compare.reference_fits`: the fits of this program against reference data sets with known answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Chapter, Document
+from workbench.compare import html
+from workbench.compare.reference_file import read_answer, read_points
+from workbench.errors import InputError
+from workbench.geometry.fits import Fit, Shape, fit
+from workbench.stage import InputFile, stage
+from workbench.strict_json import strict_json
+from workbench.units import Float
+
+
+@stage("compare.reference_fits")
+def reference_fits(
+    *,
+    points: Annotated[
+        list[InputFile], Field(min_length=1, description="data sets (.ds): x y z in mm, one point a line")
+    ],
+    answers: Annotated[
+        list[InputFile], Field(description="their reference answers (.fit), in the same order; none: only fit")
+    ] = [],  # noqa: B006  (checked and copied before the function sees it)
+    shape: Annotated[Shape, Field(description="what they are points of")],
+    tolerance: Annotated[
+        float, Field(gt=0, lt=1, description="largest error, as a share of the shape's size, that passes")
+    ] = 1e-9,
+) -> tuple[Document, Chapter]:
+    """Fit reference data sets and compare with their reference answers, as NIST's algorithm testing does.
+
+    An answer holds plain numbers: a point of line, plane or axis, or a centre; the direction where there is one; last
+    the *diameter* where there is one. A sphere's are its centre and diameter. Errors are of the radius, of the distance
+    between the shapes at the data's centroid, and of the direction over the size.
+
+    Args:
+        points: the data sets.
+        answers: the reference answers.
+        shape: line, plane, circle, sphere or cylinder.
+        tolerance: as a share of the size (the data's extent, or the radius where that is larger).
+
+    Raises:
+        InputError: unreadable, another count of numbers, points that leave the shape open.
+    """
+    if answers and len(answers) != len(points):
+        raise InputError("compare.reference_fits.answers", f"expected {len(points)} files, one a data set, found "
+                                                           f"{len(answers)}")  # fmt: skip
+    rows = []
+    for k, path in enumerate(points):
+        data = read_points(path)
+        try:
+            found = fit(shape, data)
+        except ValueError as error:
+            raise InputError(str(path), str(error)) from None
+        errors = _errors(found, read_answer(answers[k], shape), data) if answers else {}
+        rows.append({"points": str(path), "answer": str(answers[k]) if answers else None, "count": len(data),
+                     **_found(found), **errors})  # fmt: skip
+    return _document(shape, tolerance, rows), _chapter(shape, tolerance, rows)
+
+
+def _found(found: Fit) -> dict[str, object]:
+    diameter = None if found.radius_mm is None else 2 * found.radius_mm
+    return {"point_mm": found.point_mm, "direction": found.direction, "diameter_mm": diameter, "rms_mm": found.rms_mm}
+
+
+def _errors(found: Fit, answer: Float, data: Float) -> dict[str, float]:
+    """Errors in mm, and the largest as a share of the size."""
+    size = max(float(np.ptp(data, axis=0).max()), found.radius_mm or 0.0)
+    off, direction = found.point_mm - answer[:3], None if found.direction is None else answer[3:6]
+    errors = {"radius_error_mm": 0.0 if found.radius_mm is None else found.radius_mm - 0.5 * float(answer[-1]),
+              "direction_error": 0.0}  # fmt: skip
+    if direction is not None and found.direction is not None:
+        direction = direction / np.linalg.norm(direction)
+        errors["direction_error"] = float(np.linalg.norm(np.cross(found.direction, direction)))
+        if found.shape == "plane":
+            off = direction * (off @ direction)
+        elif found.shape in ("line", "cylinder"):
+            off = off - direction * (off @ direction)
+    errors["position_error_mm"] = float(np.linalg.norm(off))
+    worst = max(abs(errors["radius_error_mm"]), errors["position_error_mm"], errors["direction_error"] * size)
+    return {**errors, "relative_error": worst / size}
+
+
+def _document(shape: Shape, tolerance: float, rows: list[dict[str, object]]) -> Document:
+    content = {"format": "reference-fits", "version": 1, "shape": shape, "tolerance": tolerance, "fits": rows}
+    return Document("reference_fits.json", strict_json(content))
+
+
+def _chapter(shape: Shape, tolerance: float, rows: list[dict[str, object]]) -> Chapter:
+    errors = [float(str(row["relative_error"])) for row in rows if "relative_error" in row]
+    passed = sum(error <= tolerance for error in errors)
+    words = f"{len(rows)} {shape} fits" if not errors else \
+        f"{passed} of {len(rows)} {shape} fits within {tolerance:g} of their size; worst {max(errors):.1e}"  # fmt: skip
+    table = html.table_html(
+        ("Data set", "Points", "RMS residual, mm", "Relative error"),
+        [(Path(str(row["points"])).name, str(row["count"]), f"{float(str(row['rms_mm'])):.3g}",
+          f"{float(str(row['relative_error'])):.1e}" if "relative_error" in row else "–") for row in rows])  # fmt: skip
+    return Chapter("Reference fits", table, summary=f"{words}.")

@@ -157,6 +157,20 @@ def test_tool_runs_into_a_scanned_cloud(cell_file: Any) -> None:
     assert CollisionModel(cloud_cell(cell_file, around + np.array([0, 600, 0]))).collision(q) is None
 
 
+def test_cutter_may_mill_what_the_spindle_must_not_touch(cell_file: Any) -> None:
+    def change(tree: Any) -> None:
+        tree["tool"]["shapes"][2]["body"] = "cutter"
+        tree["may_touch"] = [["cutter", "block"]]
+        tree["fixtures"].append({"name": "block", "box_mm": [60, 60, 60], "pose": {"position_mm": place.tolist()}})
+
+    plain, q = read_cell(cell_file()), np.radians([0.0, 30, 10, 0, 40, 0])
+    cutter = forward_kinematics(plain.chain, q) @ plain.flange_from_cutter
+    place = cutter[:3, 3]
+    assert CollisionModel(read_cell(cell_file(change))).collision(q) is None
+    place = cutter[:3, 3] - 150 * cutter[:3, 2]  # up the axis, where the spindle is
+    assert CollisionModel(read_cell(cell_file(change))).collision(q) == ("tool", "block")
+
+
 def test_cloud_in_metres_or_too_fine_is_refused(cell_file: Any) -> None:
     points = np.random.default_rng(3).uniform(0, 300, (100_000, 3))
     with pytest.raises(InputError, match=r"is 0\.3 large: is it in metres"):

@@ -70,11 +70,17 @@ class ShapePart(_Part):
 KINDS = ("box_mm", "capsule_mm", "cylinder_mm", "sphere_mm", "mesh")
 
 
+class ToolShapePart(ShapePart):
+    """A collision shape of the tool."""
+
+    body: Literal["tool", "cutter"] = Field(default="tool", description="what messages and may_touch call it")
+
+
 class ToolPart(_Part):
     """Spindle and cutter."""
 
     flange_from_cutter: Pose = Field(description="the cutter's tip: z along its axis from shank to tip")
-    shapes: list[ShapePart] = Field(default=[], description="collision shapes, in the flange frame")
+    shapes: list[ToolShapePart] = Field(default=[], description="collision shapes, in the flange frame")
 
 
 class TurntablePart(_Part):

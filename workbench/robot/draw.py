@@ -74,7 +74,7 @@ def _bounds(view: CellPicture) -> tuple[Float, Float]:
 
 def _tool_bounds(view: CellPicture) -> tuple[Float, Float]:
     """A cube around flange, sensor, cutter and the tool's bodies."""
-    is_tool = [name == "tool" for name in view.names]
+    is_tool = [name in ("tool", "cutter") for name in view.names]
     at = [pose[:3, 3] for pose, name in zip(view.base_from_frame, view.frames, strict=True) if name in TOOL]
     points = np.vstack([view.triangles_mm[np.array(is_tool)[view.body]].reshape(-1, 3), *at])
     middle, half = (points.min(axis=0) + points.max(axis=0)) / 2, 0.6 * max(float(np.ptp(points, axis=0).max()), 100.0)

@@ -20,7 +20,7 @@ from workbench.units import AnyArray, Float
 
 SIDES = 64  # of a round body
 ROBOT, HIT = ("#e8a33d", "#d9922b"), "#d11f1f"  # one link and the next
-COLOURS = {"tool": "#4f5d75", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
+COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
 RED = "; red: in collision"
 AROUND = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
 

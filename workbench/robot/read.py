@@ -77,7 +77,7 @@ def _inverse_warning(chain: Chain) -> str | None:
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:
     return [
-        _shape(shape, "tool", 6, base_from_flange, f"{path}: $.tool.shapes[{i}]", path)
+        _shape(shape, shape.body, 6, base_from_flange, f"{path}: $.tool.shapes[{i}]", path)
         for i, shape in enumerate(part.shapes)
     ]
 

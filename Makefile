@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup demo test lint metrology bench docs data lock clean
+.PHONY: help setup demo test lint metrology bench fuzz docs data lock clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -10,6 +10,7 @@ help:
 	@echo "make lint       style, types, import floors, repository"
 	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
+	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
 	@echo "make docs       write the page of every stage anew"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
@@ -37,6 +38,9 @@ metrology: setup
 
 bench: setup
 	@$(BIN)/python -m bench.speed
+
+fuzz: setup
+	@$(BIN)/python -m bench.fuzz --docs
 
 docs: setup
 	@$(BIN)/python -m workbench.pipeline.docs

@@ -108,6 +108,51 @@ def _recording(path: Path) -> object:
     return read(recording=path)
 
 
+def _mapping(path: Path) -> object:
+    from workbench.importing.mapping import read_mapping
+
+    return read_mapping(path)
+
+
+def _source(path: Path) -> object:
+    from workbench.importing.kinds import read_source
+    from workbench.importing.mapping import no_mapping
+
+    return read_source(path, no_mapping())
+
+
+def _bag(path: Path) -> object:
+    from workbench.importing import bags
+    from workbench.importing.mapping import Mapping
+
+    frames = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
+    return bags.read(path, Mapping.model_validate({"format": "import-mapping", "version": 1, "bag": frames}))
+
+
+def _cloud(path: Path) -> object:
+    from workbench.cloud import read
+
+    return read(file=path)
+
+
+def _inspection(path: Path) -> object:
+    from workbench.compare.measurements import read_inspection
+
+    return read_inspection(path)
+
+
+def _study(path: Path) -> object:
+    from workbench.compare import study
+
+    return study(study=path)
+
+
+def _points(path: Path) -> object:
+    from workbench.compare.reference_file import read_points
+
+    return read_points(path)
+
+
 TARGETS = (
     Target("pipeline", _pipeline, ("pipelines/*.json",), beside=("../data",)),
     Target("recipe", _recipe, ("data/synthetic/*edge.json", "data/synthetic/sphere.json")),
@@ -120,4 +165,16 @@ TARGETS = (
     Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
     Target("deflections", _deflections, ()),
     Target("recording", _recording, (), 0.02),
+    Target("mapping", _mapping, ()),
+    Target("profiles", _source, ()),
+    Target("poses", _source, ()),
+    Target("scancontrol", _source, ()),
+    Target("gocator", _source, ()),
+    Target("gopxl", _source, ()),
+    Target("keyence", _source, ()),
+    Target("bag", _bag, (), 0.02),
+    Target("cloud", _cloud, (), 0.003),
+    Target("inspection", _inspection, ()),
+    Target("study", _study, ()),
+    Target("points", _points, ()),
 )

@@ -1,7 +1,7 @@
 """Points of a file in one of the formats of scanners and viewers: run as a process of its own by `cloud.read`.
 
 Open3D, libE57 and their like crash on damaged files, or print a warning and go on with what they have. Here that costs
-a child process, and what it prints is the reason of the refusal: `python -m workbench.cloud.readers FILE OUT.npy`.
+a child process, and what it prints is the reason of the refusal: `python -P readers.py FILE OUT.npy`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.units import Float
 
-CPU_SECONDS, BYTES_A_SECOND = 60, 200_000  # what a reader may take: at least, and for each so many bytes one more
+CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, and for each so many bytes one more
 PCD_LINE = 65_536  # bytes, of a header's line
 MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
 

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import PointSet, frozen
+from workbench.cloud import readers
 from workbench.cloud.readers import READERS
 from workbench.errors import InputError
 from workbench.stage import InputFile, stage
@@ -69,7 +70,7 @@ def in_process(file: Path) -> Float:
     """
     with tempfile.TemporaryDirectory(prefix="workbench-cloud-") as folder:
         out = Path(folder) / "points.npy"
-        command = [sys.executable, "-m", "workbench.cloud.readers", str(file.absolute()), str(out)]
+        command = [sys.executable, "-P", readers.__file__, str(file.absolute()), str(out)]
         home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
         child = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder,

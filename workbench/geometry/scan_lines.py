@@ -120,15 +120,17 @@ def _line_end(points: Float, at: int, normal: Float, tolerance: float, size: int
 
 
 def _passes(points: Float, first: Int, normal: Float) -> Int:
-    """Number of the scanning pass of each line: a new one where the lines jump, or turn back for good."""
+    """Number of the scanning pass of each line: a new one where the lines jump or tilt, or turn back for good."""
     middle = np.add.reduceat(points, first[:-1]) / np.diff(first)[:, None]
     axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
     facing = normal[1:] * np.sign(normal[1:] @ axis)[:, None]
     advance = np.einsum("ij,ij->i", np.diff(middle, axis=0), facing)  # across the planes: what they hold moves within
     jump = np.abs(advance) > PASS_JUMP * np.median(np.abs(advance))
+    tilt = np.linalg.norm(np.cross(normal[1:], normal[:-1]), axis=1) > ALIKE
+    known = np.convolve(jump | tilt, np.ones(PASS_LINES), "same") > 0
     forward = _settled(advance > 0)
-    turn = np.diff(forward, prepend=forward[:1])
-    return np.concatenate([[0], np.cumsum(jump | turn)])
+    turn = np.diff(forward, prepend=forward[:1]) & ~known
+    return np.concatenate([[0], np.cumsum(jump | tilt | turn)])
 
 
 def _settled(forward: Bool) -> Bool:

@@ -49,7 +49,7 @@ def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float,
     """
     _, a, b = laid.course.frame(np.array([np.median(at_mm)]))
     turn = float(np.arctan2(b[0] @ view, a[0] @ view))
-    axes = np.array([[np.sin(turn), -np.cos(turn)], [np.cos(turn), np.sin(turn)]])
+    axes = np.array([[-np.sin(turn), np.cos(turn)], [np.cos(turn), np.sin(turn)]])
     x, z = axes @ laid.place.T
     width_mm = max(width_mm, float(np.ptp(x)) / MOST_COLUMNS)
     first = float(x.min()) - MARGIN * width_mm

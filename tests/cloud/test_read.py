@@ -1,0 +1,164 @@
+"""Clouds of other programs, written by their own libraries; and what is refused of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import open3d as o3d
+import pye57
+import pytest
+
+from workbench.cloud import read
+from workbench.errors import InputError
+from workbench.units import Float
+
+
+@pytest.fixture
+def points() -> Float:
+    """Far from the origin, with more digits than float32 has."""
+    return np.random.default_rng(1).uniform(0, 80, (400, 3)) + np.array([2_000.123456789, -1_500.0, 700.0])
+
+
+def write_ply(path: Path, points: Float) -> None:
+    o3d.io.write_point_cloud(str(path), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
+
+
+def write_pcd(path: Path, points: Float) -> None:
+    """Doubles beside other fields, which Open3D's older reader takes for zeros."""
+    cloud = o3d.t.geometry.PointCloud()
+    cloud.point["positions"] = o3d.core.Tensor(points)
+    cloud.point["ring"] = o3d.core.Tensor(np.ones((len(points), 1), np.int32))
+    o3d.t.io.write_point_cloud(str(path), cloud)
+
+
+def write_las(path: Path, points: Float) -> None:
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.scales, header.offsets = np.full(3, 1e-4), points.mean(axis=0)
+    las = laspy.LasData(header)
+    las.xyz = points
+    las.write(str(path))
+
+
+def write_e57(path: Path, points: Float) -> None:
+    """Two scans with poses of their own: the second one turned a quarter about z."""
+    file = pye57.E57(str(path), mode="w")
+    half = len(points) // 2
+    quarter = np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)])
+    for part, rotation in ((points[:half], np.array([1.0, 0, 0, 0])), (points[half:], quarter)):
+        origin = part.mean(axis=0) / 1000
+        off = part / 1000 - origin
+        if rotation is quarter:
+            off = np.stack([off[:, 1], -off[:, 0], off[:, 2]], axis=1)  # turned back
+        file.write_scan_raw({f"cartesian{k}": off[:, i] for i, k in enumerate("XYZ")}, rotation=rotation,
+                            translation=origin)  # fmt: skip
+    file.close()
+
+
+WRITERS: dict[str, tuple[Callable[[Path, Float], Any], float]] = {  # ending -> writer, resolution in mm
+    "ply": (write_ply, 0.0),
+    "pcd": (write_pcd, 0.0),
+    "xyz": (lambda path, points: np.savetxt(path, points, fmt="%.9f", header="a cloud"), 1e-9),
+    "csv": (lambda path, points: np.savetxt(path, points, fmt="%.17g", delimiter=";"), 1e-9),
+    "las": (write_las, 0.51e-4),
+    "laz": (write_las, 0.51e-4),
+    "e57": (write_e57, 1e-5),
+}
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_formats_keep_their_digits_and_their_order(tmp_path: Path, points: Float, ending: str) -> None:
+    path = tmp_path / f"cloud.{ending}"
+    writer, resolution = WRITERS[ending]
+    writer(path, points)
+    np.testing.assert_allclose(read(file=path).points_mm, points, rtol=0, atol=resolution)
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj"])
+def test_vertices_of_a_mesh(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"part.{ending}"
+    ball = o3d.geometry.TriangleMesh.create_sphere(20.0, 12)
+    ball.compute_triangle_normals()
+    o3d.io.write_triangle_mesh(str(path), ball)
+    found = read(file=path).points_mm
+    assert len(found) == len(ball.vertices), "each vertex once"
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 20.0, atol=1e-4)
+
+
+def test_units(tmp_path: Path, points: Float) -> None:
+    path = tmp_path / "metres.xyz"
+    np.savetxt(path, points / 1000, fmt="%.12f")
+    np.testing.assert_allclose(read(file=path, unit="m").points_mm, points, atol=1e-8)
+    with pytest.raises(InputError, match=r"found one of 0\.0\d+ mm with coordinates in mm; are its coordinates in m"):
+        read(file=path)
+    np.savetxt(path, points, fmt="%.6f")
+    with pytest.raises(InputError, match="are its coordinates in mm or inch"):
+        read(file=path, unit="m")
+
+
+def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) -> None:
+    path = tmp_path / "cloud.xyz"
+    points[7] = np.nan
+    np.savetxt(path, points)
+    assert len(read(file=path).points_mm) == len(points) - 1
+    points[7] = np.inf
+    np.savetxt(path, points)
+    with pytest.raises(InputError, match=r"point 8: expected coordinates in mm"):
+        read(file=path)
+
+
+@pytest.mark.parametrize(("name", "content", "expected"), [
+    ("a.dwg", b"x", "expected a cloud as PLY, PCD.*found the ending '.dwg'"),
+    ("a.ply", b"ply\nformat ascii 1.0\n", "expected a whole PLY file: .*"),
+    ("a.pcd", b"VERSION 0.7\nFIELDS x\n", "no DATA line"),
+    ("a.pcd", b"FIELDS x\nSIZE 8\nCOUNT 1\nPOINTS 99999999999\nDATA binary\n1", "too many for the 1 bytes"),
+    ("a.xyz", b"1 2 3\n4 5\n", "row 2"),
+    ("a.xyz", b"1 2 3\n4 five 6\n", "'five'"),
+    ("a.xyz", b"1 2 3\n4 5 6\n", "at least 100 points, found 2"),
+    ("a.las", b"LASF" + bytes(500), "expected a whole LAS file"),
+    ("a.e57", b"ASTM-E57" + bytes(2000), "expected a whole E57 file"),
+    ("a.stl", b"solid x\nfacet normal 0 0", "a whole STL file|at least 100 points, found 0"),
+])  # fmt: skip
+def test_unusable_files_end_in_one_line(tmp_path: Path, name: str, content: bytes, expected: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=expected) as refused:
+        read(file=path)
+    assert "\n" not in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize("ending", ["ply", "las", "e57"])
+def test_mutated_files_are_read_or_refused(tmp_path: Path, points: Float, ending: str) -> None:
+    whole, rng = tmp_path / f"whole.{ending}", np.random.default_rng(3)
+    WRITERS[ending][0](whole, points)
+    content = whole.read_bytes()
+    for number in range(2):
+        damaged = bytearray(content[: len(content) - int(rng.integers(1, len(content)))] if number == 0 else content)
+        for at in rng.integers(0, min(len(damaged), 1500), 4 * number):
+            damaged[at] = rng.integers(0, 256)
+        path = tmp_path / f"damaged_{number}.{ending}"
+        path.write_bytes(damaged)
+        said = outcome(path)
+        assert said.startswith(f"{path}: expected") or said.startswith(f"{path}: point ") or said == "read"
+        assert "\n" not in said, "in one line"
+
+
+def outcome(path: Path) -> str:
+    try:
+        return "read" if len(read(file=path).points_mm) >= 100 else "too few"
+    except InputError as refused:
+        return str(refused)
+
+
+def test_the_command_refuses_a_damaged_cloud(command: Callable[..., Any], tmp_path: Path) -> None:
+    path, pipeline = tmp_path / "cut.ply", tmp_path / "p.json"
+    path.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 5\n")
+    pipeline.write_text(
+        '{"version": 1, "title": "t", "inputs": {}, "stages": [{"stage": "cloud.read", "file": "cut.ply"}]}'
+    )
+    outcome = command("run", pipeline, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert [line for line in outcome.err.splitlines() if line.startswith("error:")] == outcome.err.splitlines()[-1:]
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,91 @@
+"""Edges in clouds without a grid, beside the same scan with its grid, and beside the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Cloud, Inspection, PointSet
+from workbench.edge import segment_cloud, segment_raw
+from workbench.edge.segment_cloud_direction import edge_direction
+from workbench.errors import InputError
+from workbench.inspect import sections
+from workbench.units import Float
+
+
+def points_of(cloud: Cloud) -> Float:
+    """Kept points in the order of frames and columns."""
+    frame, column = np.nonzero(cloud.keep)
+    pose, x, z = cloud.base_from_profiler[frame], cloud.x_mm[frame, column, None], cloud.z_mm[frame, column, None]
+    return pose[:, :3, 3] + x.astype(float) * pose[:, :3, 0] + z.astype(float) * pose[:, :3, 2]
+
+
+def values(inspection: Inspection, name: str) -> Float:
+    return np.array([getattr(s, name) for s in inspection.sections], dtype=float)
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("paper", 7), ("arc", 8), ("two_pass", 9), ("outliers_5", 8)])
+def test_scan_lines_give_what_the_grid_gives(drawn, condition: str, seed: int):
+    scan = drawn(condition, seed)
+    nominal = {"root_nominal_mm": round(float(scan.truth.root_mm.mean()), 1),
+               "bevel_nominal_deg": float(scan.truth.bevel_deg.mean().round())}  # fmt: skip
+    cloud, edge = segment_cloud(PointSet(points_of(scan.cloud), "a.ply"), **nominal)
+    found, gridded = sections(edge), sections(scan.edge)
+    assert (np.bincount(cloud.pass_index) > 5).sum() == len(np.unique(scan.cloud.pass_index))
+    assert np.abs(values(found, "root_mm") - values(gridded, "root_mm")).max() < 0.01
+    assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.05
+    assert not edge.warnings
+
+
+def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
+    scan = drawn("paper", 7)
+    points = np.random.default_rng(5).permutation(points_of(scan.cloud))
+    cloud, edge = segment_cloud(PointSet(points, "a.ply"))
+    assert any("shows no scan lines" in words for words in edge.warnings)
+    assert cloud.keep.shape == edge.labels.shape
+    found = sections(edge)
+    origins = np.array([s.origin_mm for s in found.sections])
+    root = np.abs(values(found, "root_mm") - scan.truth.root_mm_at(origins))
+    bevel = np.abs(values(found, "bevel_deg") - scan.truth.bevel_deg_at(origins))
+    assert root.max() < 0.03
+    assert bevel.max() < 0.15
+    assert (root < 3 * values(found, "root_u_mm")).all()
+    assert (bevel < 3 * values(found, "bevel_u_deg")).all()
+
+
+def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
+    raw = scanned(part={"kind": "raw", "length_mm": 40.0})
+    up = (
+        tuple(raw.recipe.part.base_from_part.matrix[:3, 2])
+        if hasattr(raw.recipe.part.base_from_part, "matrix")
+        else (0, 0, 1)
+    )
+    gridded = segment_raw(raw.cloud, upper_side=up)
+    points = PointSet(points_of(raw.cloud), "raw.ply")
+    _, edge = segment_cloud(points, upper_side=up)
+    np.testing.assert_allclose(edge.position_mm, gridded.position_mm, atol=2e-3)
+    with pytest.raises(InputError, match="order of scan lines"):
+        segment_cloud(points, upper_side=up, use_order=False)
+
+
+def test_the_direction_of_an_edge_is_that_of_its_faces(drawn):
+    scan = drawn("arc", 8)
+    chord = scan.truth.position_mm[-1] - scan.truth.position_mm[0]
+    along = edge_direction(points_of(scan.cloud)[::3], "a")
+    assert abs(along @ chord) / np.linalg.norm(chord) > np.cos(np.radians(0.5))
+
+
+def test_a_flat_sheet_has_no_edge():
+    rng = np.random.default_rng(1)
+    sheet = rng.uniform(0, 50, (4000, 3)) * [1, 1, 0] + 0.01 * rng.standard_normal((4000, 3))
+    with pytest.raises(InputError, match="no edge in view"):
+        segment_cloud(PointSet(sheet, "sheet.ply"))
+
+
+def test_a_ball_has_no_edge():
+    ball = np.random.default_rng(1).normal(size=(4000, 3))
+    ball *= 30.0 / np.linalg.norm(ball, axis=1, keepdims=True)
+    with pytest.raises(InputError, match=r"ball\.ply: "):
+        segment_cloud(replace(PointSet(ball), source="ball.ply"))

@@ -65,7 +65,7 @@ def coarse(source: Surfels, target: Surfels, initial: Float, reach_mm: float) ->
             o3d.pipelines.registration.TransformationEstimationPointToPlane(kernel),
             o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60))  # fmt: skip
         pose = np.array(found.transformation)
-    return np.asarray(inverse(away) @ pose)
+    return _rounded(np.asarray(inverse(away) @ pose))
 
 
 def refine(source: Surfels, target: Target, pose: Float, initial: Float, reach_mm: float,
@@ -120,6 +120,11 @@ def _without_open_motion(equations: Equations, pose: Float, initial: Float) -> F
     step = np.r_[shift, turn * equations.lever_mm]
     known = vectors[:, size > OPEN]
     return moved(equations, known @ (known.T @ step)) @ initial
+
+
+def _rounded(pose: Float) -> Float:
+    """The pose to a micrometre and a microradian: Open3D sums in threads, whose last digits differ from run to run."""
+    return pose_from(rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6)), pose[:3, 3].round(3))
 
 
 def _cloud(o3d: Any, surfels: Surfels, shift: Float) -> Any:

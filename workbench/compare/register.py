@@ -30,7 +30,8 @@ def register(
     reference: Surface,
     *,
     initial: Annotated[
-        list[list[float]] | None, Field(description="pose (4x4, mm) to start from; null: both are in the base")
+        list[list[float]] | None,
+        Field(description="4x4 (direction cosines, mm) to start from; null: both are in the base"),
     ] = None,
     open_directions: Annotated[
         Literal["refuse", "hold"],

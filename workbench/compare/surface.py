@@ -61,7 +61,8 @@ def mesh(
         str, Field(pattern="^(mm|m|inch)$", description="unit of length in the file: mm, m or inch")
     ] = "mm",
     base_from_mesh: Annotated[
-        list[list[float]] | None, Field(description="pose (4x4, mm) of the mesh in the base; null: it is there")
+        list[list[float]] | None,
+        Field(description="4x4 (direction cosines, mm) that moves it there; null: it is there"),
     ] = None,
 ) -> Surface:
     """Read a triangle mesh to compare with: a CAD model, or another program's surface.

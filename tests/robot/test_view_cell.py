@@ -8,6 +8,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from workbench.cli import main
 from workbench.errors import InputError, OutputError
 from workbench.robot import Cell, CollisionModel, read_cell
 from workbench.robot.description import described, reach_mm, singularities
@@ -111,6 +112,17 @@ def test_unusable_arguments(
         view_cell(str(cell_file()), posture, turntable_deg, str(tmp_path / out))
     assert message in str(caught.value)
     assert not (tmp_path / out).exists()
+
+
+def test_command_takes_negative_angles(cell_file: Any, tmp_path: Path, monkeypatch: Any, capsys: Any) -> None:
+    monkeypatch.setattr("workbench.robot.view_cell.cell_picture", lambda cell, joints, turntable: b"picture")
+    out = str(tmp_path / "x.png")
+    arguments = ["view-cell", str(cell_file()), "--posture", "-10,20,-30,40,50,60", "--turntable-deg", "-20"]
+    assert main([*arguments, "--out", out]) == 0
+    assert "posture, deg: -10, 20, -30, 40, 50, 60; turntable -20\n" in capsys.readouterr().out
+    assert (tmp_path / "x.png").read_bytes() == b"picture"
+    assert main([*arguments, "--postur", "0", "--out", out]) == 2
+    assert capsys.readouterr().err == "error: workbench: unknown option '--postur'; did you mean '--posture'?\n"
 
 
 def test_cell_without_turntable_takes_no_angle(cell_file: Any, tmp_path: Path) -> None:

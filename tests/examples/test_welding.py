@@ -1,0 +1,89 @@
+"""The example plug-in of docs/examples, installed and run as a stranger's would be."""
+
+import ast
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "docs/examples/welding"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a copy of the example, beside it what pip made of it, and the sample data."""
+    place = tmp_path_factory.mktemp("stranger")
+    shutil.copytree(EXAMPLE, place / "welding", ignore=shutil.ignore_patterns("__pycache__"))
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    done = run(place, *pip, "--disable-pip-version-check", "--target", "installed", "./welding", path=None)
+    assert done.returncode == 0, done.stderr
+    return place
+
+
+def run(place, *command, path="installed"):
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    if path:
+        env["PYTHONPATH"] = str(place / path)
+    return subprocess.run(command, cwd=place, env=env, capture_output=True, text=True, check=False)
+
+
+def workbench(place, *arguments, path="installed"):
+    return run(place, sys.executable, "-m", "workbench", *arguments, path=path)
+
+
+def test_it_imports_the_api_and_nothing_else_of_workbench():
+    for module in (EXAMPLE / "workbench_welding").glob("*.py"):
+        for node in ast.walk(ast.parse(module.read_text())):
+            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) else []
+            assert [name for name in names if name.split(".")[0] == "workbench" and name != "workbench.api"] == []
+
+
+def test_its_stages_are_found_where_it_is_installed_and_only_there(place):
+    described = " ".join(workbench(place, "stages", "weld.groove").stdout.split())
+    assert re.search(r"thickness_mm \(number, mm, 0 < value <= 500", described)
+    assert "tolerance_percent ([number, number], %," in described
+    missing = workbench(place, "stages", "weld.groove", path=None)
+    assert missing.returncode == 2
+    assert "unknown stage 'weld.groove'" in missing.stderr
+
+
+def test_the_groove_of_a_milled_edge(place):
+    """The part's truth: 8 mm thick, root and bevel near 1.52 mm and 40 deg; 2 x 8 + 6.48^2 tan(40 deg) = 51.2 mm2."""
+    pipeline, recording = "welding/pipelines/inspect_groove.json", ROOT / "data/synthetic/milled_edge.h5"
+    done = workbench(place, "run", pipeline, "--input", f"recording={recording}", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    rows = (place / "out/weld_groove.csv").read_text().splitlines()[1:]
+    assert [float(row.split(",")[2]) for row in rows] == pytest.approx([51.2] * 9, abs=1.0)
+    report = (place / "out/report.html").read_text()
+    assert "Weld groove" in report
+    assert json.loads((place / "out/run.json").read_text())["files"].count("weld_groove.csv") == 1
+
+
+@pytest.mark.slow
+def test_a_groove_out_of_tolerance_rejects_the_part(place):
+    pipeline, recording = "welding/pipelines/inspect_groove.json", ROOT / "data/synthetic/milled_edge.h5"
+    arguments = ("--input", f"recording={recording}", "--input", "tolerance_percent=[0, 0]", "--out", "narrow")
+    assert workbench(place, "run", pipeline, *arguments, "--set", 'weld.gate.reject=["undecided"]').returncode == 1
+
+
+def test_the_program_of_a_raw_edge(place):
+    pipeline, recording = "welding/pipelines/program_urscript.json", ROOT / "data/synthetic/raw_edge.h5"
+    done = workbench(place, "run", pipeline, "--input", f"recording={recording}", "--out", "program")
+    assert done.returncode == 0, done.stderr
+    lines = (place / "program/BevelPath.script").read_text().splitlines()
+    assert lines[0] == "def BevelPath():"
+    assert any(line.startswith("  # layer 1") for line in lines)
+
+
+def test_its_own_tests_pass(place):
+    command = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", "welding", "welding/tests")
+    done = run(place, *command)
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"\d\d passed", done.stdout)

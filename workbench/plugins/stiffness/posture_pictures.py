@@ -92,7 +92,7 @@ def along_picture(found: Found) -> bytes:
         top.plot(found.displacement_mm, "k", lw=1.4, label="as chosen")
         top.plot(found.bound_at, found.bound_mm, "k:", lw=1, label="best of every single point")
         top.set_ylabel("displacement, mm")
-        top.set_ylim(bottom=0)
+        top.set_ylim(0, 1.15 * top.get_ylim()[1])  # room for the legend
         top.legend(ncols=5, frameon=False, fontsize=7, loc="upper left")
         made, loaded = found.postures, found.points.loaded
         for angle, name in ((made.cutter_rotation, "cutter rotation"), (made.turntable, "turntable")):

@@ -168,11 +168,11 @@ def view(options: argparse.Namespace) -> int:
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
-    "batch": batch,
     "validate": validate,
     "stages": stages,
     "schema": schema,
     "simulate": simulate,
+    "batch": batch,
     "import": import_,
     "samples": samples,
     "view": view,

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from bench.speed.distances import layer_problems, open3d_distances, tree_distances
 from bench.speed.raw_edges import long_raw_edge
 from bench.speed.timing import REPEATS, in_turn, print_on_one_core
-from workbench.artefacts import Cloud, Edge, Gate, Toolpath
+from workbench.artefacts import Cloud, Edge, PathGate, Toolpath
 from workbench.path import check, feed, layers, simplify
 from workbench.path.remaining import remaining_stock, stock_distances
 from workbench.program import rapid
@@ -31,7 +31,8 @@ def plan(edge: Edge, cloud: Cloud, laps: dict[str, list[float]]) -> Toolpath:
     toolpath = _lap(laps, "path.layers", lambda: layers(edge, cloud, depth_of_cut_mm=DEPTH_OF_CUT_MM))
     toolpath = _lap(laps, "path.feed", lambda: feed(toolpath, cloud, edge))
     moves = _lap(laps, "path.simplify", lambda: simplify(toolpath))
-    _lap(laps, "program.rapid", lambda: rapid(moves, Gate(True, "timed by itself")))
+    gate = PathGate(True, "timed by itself", toolpath=toolpath, tolerance_mm=0.05)
+    _lap(laps, "program.rapid", lambda: rapid(moves, gate))
     laps.setdefault("all", []).append(time.process_time() - start)
     _lap(laps, "path.check", lambda: check(toolpath, edge, cloud))
     return toolpath

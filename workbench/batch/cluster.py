@@ -14,7 +14,7 @@ from typing import Any
 from workbench.batch.part import Job, fail
 from workbench.batch.processes import RUNS, Workers
 from workbench.batch.record import Record
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 
 CONNECT_S = 10.0
 _local = threading.local()  # on a worker of dask: each of its threads has a process
@@ -58,6 +58,11 @@ class Cluster:
                     )
                 except CancelledError:
                     raise InputError(self.address, "the scheduler is gone; the same command carries on") from None
+                except WorkbenchError:
+                    raise
+                except Exception as error:  # workbench is not there, or another version
+                    why = f"its workers cannot run a part: {type(error).__name__}: {error}"
+                    raise InputError(self.address, why) from error
                 future.release()
         finally:
             self.client.cancel(list(futures), force=True)

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from workbench.artefacts import Inspection, Recording
+from workbench.artefacts import Gate, Inspection, Recording
 from workbench.pipeline.results import is_plain_name
 from workbench.pipeline.run import Results, resolved, versions
 from workbench.pipeline.wiring import Plan
@@ -76,7 +76,7 @@ def record_of(part: str, recording: str, checked: Plan, results: Results, files:
     """What is kept of a run."""
     inspection = next((one for one in reversed([*results]) if isinstance(one, Inspection)), None)
     read = next((one for one in results if isinstance(one, Recording)), None)
-    said = "; ".join(one.reason for one in results if getattr(one, "passed", True) is False)
+    said = "; ".join(one.cause for one in results if isinstance(one, Gate) and not one.clean)
     judged: dict[str, Any] = {}
     if inspection:
         judged = {

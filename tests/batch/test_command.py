@@ -1,0 +1,88 @@
+"""`workbench batch`: exit status, table on stdout, progress on stderr, arguments refused in one line."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.batch.progress import Progress, duration
+from workbench.batch.record import Record
+from workbench.cli import main
+
+Write = Callable[..., str]
+pytestmark = pytest.mark.usefixtures("plain_page")
+
+
+@pytest.fixture
+def batch(pipeline: Path, tmp_path: Path, capsys: Any) -> Callable[..., tuple[int, str, str]]:
+    def run(*arguments: str) -> tuple[int, str, str]:
+        status = main(["batch", str(pipeline), *arguments, "--out", str(tmp_path / "out"), "--workers", "0"])
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def test_status_and_table(batch: Any, record: Write) -> None:
+    good, bad, torn = record("good"), record("bad", "reject"), record("torn", "unusable")
+    status, out, err = batch(good)
+    assert (status, err.splitlines()) == (0, [err.splitlines()[0]])
+    assert err.startswith("[1/1] 1 passed, took")
+    assert "1 parts, 1 passed (verdicts: 1 pass)" in out
+    status, out, err = batch(good, bad)
+    assert status == 1
+    assert "error" not in err
+    assert "2 parts, 1 rejected, 1 passed (verdicts: 1 fail, 1 pass); 1 from an earlier run" in out
+    status, out, err = batch(good, bad, torn)
+    assert status == 2
+    assert err.splitlines()[-1] == "error: 1 of 3 parts have no results"
+    rows = [line.split()[1] for line in out.splitlines() if line.startswith("│") and line.split()[1] != "│"]
+    assert rows == ["torn", "bad"]  # worst first; what passed is not listed
+    assert out.rstrip().endswith("fleet.parquet")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: RECORDING"),
+        (["a.h5", "--workers", "-1"], "expected a whole number, 0 or more, got '-1'"),
+        (["a.h5", "--time-limit-s", "0"], "expected a time in s above 0, got '0'"),
+        (["a.h5", "--time-limit-s", "nan"], "expected a time in s above 0"),
+        (["a.h5", "--scheduler", "tcp://x:1"], "not allowed with argument"),
+        (["a.h5", "--time-limit", "3"], "unknown option '--time-limit'; did you mean '--time-limit-s'?"),
+        (["a.h5", "--input", "shift=1"], "the pipeline has no input 'shift'; did you mean 'shift_mm'?"),
+        (["a.h5", "x/a.h5"], "as those of a.h5: expected file names that differ"),
+    ],
+)
+def test_arguments_are_refused_in_one_line(batch: Any, tmp_path: Path, arguments: list[str], message: str) -> None:
+    status, out, err = batch(*arguments)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert message in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_time_left_is_that_of_parts_that_were_run() -> None:
+    progress = Progress(10, None)
+    records = [Record("a", "a", "passed", skipped=True)] * 2 + [Record("b", "b", "passed")] * 3
+    list(progress.watched([*records, Record("c", "c", "hung")]))
+    assert progress.line(8.0) == "[6/10] 5 passed, 1 hung, 2 of them from an earlier run, 8 s left"  # 4 parts in 8 s
+
+
+def test_a_terminal_has_one_line_that_is_rewritten() -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    told = Terminal()
+    list(Progress(2, told).watched([Record("a", "a", "passed"), Record("b", "b", "rejected")]))
+    assert told.getvalue().count("\n") == 1
+    assert told.getvalue().split("\r\033[K")[2].startswith("[2/2] 1 passed, 1 rejected, took 0")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.25, "0.2 s"), (59, "59 s"), (61, "1 min"), (3599, "1 h 00 min"), (9000, "2 h 30 min")]
+)
+def test_times_in_words(seconds: float, words: str) -> None:
+    assert duration(seconds) == words

@@ -1,0 +1,55 @@
+"""How often places of an unchanged part lie beyond their level of detection: `python -m bench.compare.detection_table`.
+
+Prints the table of docs/comparison.md: two simulated scans of one part with a robot of each kind, registered, compared.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from workbench.cloud import denoise
+from workbench.compare import register, surface
+from workbench.compare.course import course_of
+from workbench.compare.deviation import moved
+from workbench.compare.distances import Scales, deviations, places_of
+from workbench.compare.surface_values import Deviations, Surface
+from workbench.scan import fuse
+from workbench.synthetic import parse_recipe, simulate_recording
+
+ROBOTS = (("two_poses", 0.05), ("stream", 0.01), ("stream", 0.07), ("stop_and_go", 0.02))
+SCALES = Scales(1.0, 2.0, 2.0, 1.0)
+
+
+def scan(seed: int, motion: str, pose_noise_mm: float) -> Surface:
+    recipe: dict[str, Any] = {
+        "format": "bevel-recipe", "version": 1, "seed": seed, "part": {"length_mm": 70}, "scanner": {"columns": 400},
+        "robot": {"frame_pitch_mm": 0.4, "pose_noise_mm": pose_noise_mm, "pose_noise_deg": 0.01},
+        "disturbances": {"outlier_share": 0.004},
+        "passes": [{"from_mm": 3, "to_mm": 67, "oblique_deg": 2, "motion": motion}],
+    }  # fmt: skip
+    return surface(denoise(fuse(simulate_recording(parse_recipe(recipe))[0])))
+
+
+def unchanged(seed: int, motion: str, pose_noise_mm: float) -> Deviations:
+    """One part, scanned twice."""
+    reference, other = (scan(2 * seed + k, motion, pose_noise_mm) for k in (1, 2))
+    registration = register(other, reference, open_directions="hold")[0]
+    laid = moved(other, registration)
+    course = course_of(laid, reference, None, np.array([0.0, 0.0, 1.0]))
+    return deviations(laid, reference, places_of(laid, reference, SCALES), registration, 0.0, course, SCALES)
+
+
+def main(parts: int) -> None:
+    print("| robot | parts | places beyond their level | level of detection, median |\n|---|---|---|---|")
+    for motion, noise in ROBOTS:
+        found = [unchanged(seed, motion, noise) for seed in range(parts)]
+        share = np.mean([one.significant[np.isfinite(one.distance_mm)].mean() for one in found])
+        level = np.mean([np.nanmedian(one.detectable_mm) for one in found])
+        print(f"| {motion}, {noise:g} mm | {parts} | {100 * share:.1f} % | {level:.3f} mm |")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)

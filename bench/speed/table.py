@@ -57,6 +57,11 @@ collision, best-first search, all 1,016 points of the chosen cell against all pa
 branches, each of which is evaluated and counts as a posture; CLIK starts from one posture in the middle of the joints'
 ranges. The law of both angles is sought among all nodes of the grid at all points, with collision and the limits of
 speed and acceleration. Processor times on one core.
+
+Batches (`bench/speed/batch_rows.py`): small parts, each simulated by itself (121 frames of 300 columns), inspected
+without a report. Wall clock, once the workers are warm; overhead is what a part takes in a batch less what its
+stages take. The dask worker is killed with SIGKILL after a quarter of the parts, and all results are compared
+with those of one machine.
 """
 
 

@@ -11,7 +11,7 @@ help:
 	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
-	@echo "make docs       write the page of every stage anew"
+	@echo "make docs       the pages of the stages anew, and the site: out/docs/index.html; runs what the pages tell to run"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
 	@echo "make clean      remove what was made, .venv too"
@@ -44,6 +44,7 @@ fuzz: setup
 
 docs: setup
 	@$(BIN)/python -m workbench.pipeline.docs
+	@$(BIN)/python -m scripts.site
 
 data: setup
 	@$(BIN)/python -m workbench.synthetic.library

@@ -64,7 +64,13 @@ REFUSED = {
     "text.ply": (b"hello\n", "triangles"),
     "cut.stl": (b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0", "triangles"),
     "points.obj": (b"v 0 0 0\nv 1 0 0\n", "triangles"),
-    "far.obj": (b"v 0 0 0\nv 1e30 0 0\nv 0 1 0\nf 1 2 3\n", "finite coordinates within 1e7"),
+    "far.obj": (b"v 0 0 0\nv 1e30 0 0\nv 0 1 0\nf 1 2 3\n", "finite coordinates within 1e+07"),
+    "index.ply": (
+        b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n",
+        "expected",
+    ),
+    "flat.obj": (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "triangles with an area"),
     "a.step": (b"ISO-10303", "expected a mesh as .stl"),
 }
 

@@ -27,4 +27,4 @@ def in_words(direction: Float, equations: Equations, scan: Surface) -> str:
 
 
 def _numbers(unit: Float) -> str:
-    return ", ".join(f"{x:.2f}" for x in unit * np.sign(unit[np.argmax(np.abs(unit))]))
+    return ", ".join(f"{x + 0.0:.2f}" for x in (unit * np.sign(unit[np.argmax(np.abs(unit))])).round(2))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, PointSet, Toolpath
+from workbench.compare.mesh_file import read_mesh
 from workbench.compare.strip import finished_bevel
 from workbench.compare.surface_values import Surface
 from workbench.errors import InputError
@@ -16,8 +16,6 @@ from workbench.geometry.poses import is_rigid, rotation_from_quaternion
 from workbench.stage import InputFile, stage
 from workbench.units import Float, Int
 
-MESHES = (".stl", ".ply", ".obj")
-MOST_BYTES = 2**31
 TO_MM = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 
 
@@ -75,7 +73,7 @@ def mesh(
     Raises:
         InputError: unreadable, no triangles, not finite, no rigid motion.
     """
-    points, triangles = _read_mesh(mesh)
+    points, triangles = read_mesh(mesh)
     points = points * TO_MM[unit]
     if base_from_mesh is not None:
         pose = rigid(base_from_mesh, "compare.mesh.base_from_mesh")
@@ -129,31 +127,3 @@ def _of_cloud(cloud: Cloud, most_points: int) -> Surface:
     view = poses[:, :3, 2].mean(axis=0)
     return Surface(local[row, column].astype(float) + origin, frame=number, range_axis=view / np.linalg.norm(view),
                    source=cloud.source, part_id=cloud.part_id)  # fmt: skip
-
-
-def _read_mesh(path: Path) -> tuple[Float, Int]:
-    """Vertices (n, 3) and triangles (k, 3) of a file."""
-    if path.suffix.lower() not in MESHES:
-        raise InputError(str(path), f"expected a mesh as {', '.join(MESHES)}")
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
-    if not 0 < size <= MOST_BYTES:
-        raise InputError(str(path), f"expected 1 to {MOST_BYTES} bytes, found {size}")
-    import open3d
-
-    o3d: Any = open3d  # its stubs know less than it does
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        try:
-            read = o3d.io.read_triangle_mesh(str(path))
-        except (RuntimeError, ValueError) as error:
-            raise InputError(str(path), f"cannot be read as a mesh: {str(error).splitlines()[0]}") from None
-    points, triangles = np.asarray(read.vertices, float), np.asarray(read.triangles, np.int64)
-    if not len(triangles) or not len(points):
-        raise InputError(str(path), "expected a mesh with triangles, found none")
-    if triangles.min() < 0 or triangles.max() >= len(points):
-        raise InputError(str(path), "expected triangles between its own vertices")
-    if not np.isfinite(points).all() or np.abs(points).max() > 1e7:
-        raise InputError(str(path), "expected finite coordinates within 1e7")
-    return points, triangles

@@ -19,12 +19,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 LOCK = [line for line in (ROOT / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
 MODULE_OF = {
     "scikit-image": "skimage",
+    "pillow": "PIL",
     "pin": "pinocchio",
     "python-fcl": "fcl",
     "pyyaml": "yaml",
 }
-COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
-LATER = {"scikit-image"}  # for stages that are still to come
+COMPANIONS = {"PIL", "markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
+LATER = {"scikit-image", "s3fs"}  # s3fs: fsspec imports it
 HEAVY = {"fcl", "h5py", "matplotlib", "numba", "numpy", "open3d", "pinocchio", "pydantic", "pyvista", "scipy"} | {
     "skimage",
     "vtkmodules",
@@ -60,7 +61,8 @@ def test_every_declared_dependency_is_locked():
 
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
-    declared = distributions(PROJECT["project"]["dependencies"])
+    extras = PROJECT["project"]["optional-dependencies"].values()
+    declared = distributions([*PROJECT["project"]["dependencies"], *itertools.chain(*extras)])
     modules = {MODULE_OF.get(name, name) for name in declared}
     imported = imported_packages()
     assert imported - modules - COMPANIONS == set()

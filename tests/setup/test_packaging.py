@@ -24,7 +24,7 @@ MODULE_OF = {
     "python-fcl": "fcl",
     "pyyaml": "yaml",
 }
-COMPANIONS = {"PIL", "markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
+COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
 LATER = {"scikit-image", "s3fs"}  # s3fs: fsspec imports it
 HEAVY = {"fcl", "h5py", "matplotlib", "numba", "numpy", "open3d", "pinocchio", "pydantic", "pyvista", "scipy"} | {
     "skimage",

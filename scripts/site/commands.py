@@ -1,7 +1,7 @@
 """The commands on a page, run in order, and what the page says that they print.
 
-A page is Markdown. Its blocks ```sh and, where asked for, ```python are run; a ```text block says what the blocks before
-it printed: each of its lines, with decimal numbers to within 0.02, `...` for what is left out.
+A page is Markdown. Its blocks ```sh and, where asked for, ```python are run; a ```text block says what the block before
+it printed: each of its lines, decimal numbers to within 0.02, `...` for what is left out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The how-tos work as written: every ```sh block runs and prints what the page says; what they quote stands in the example."""
+"""The how-tos work as written: every ```sh block runs and prints what the page says; code is quoted, not retold."""
 
 import pytest
 

@@ -1,0 +1,111 @@
+"""The site: built without a warning, each link leads somewhere, nothing is fetched, every page is in its contents."""
+
+import base64
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from scripts.site.commands import ROOT, PageError
+from scripts.site.gallery import hang
+from scripts.site.navigation import chapters_of, toctree
+
+LOADED = {("img", "src"), ("script", "src"), ("link", "href"), ("iframe", "src"), ("source", "src")}
+
+
+class Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.loaded, self.linked, self.anchors = [], [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        for name, value in attrs:
+            if (tag, name) in LOADED:
+                self.loaded.append(value)
+            elif (tag, name) == ("a", "href"):
+                self.linked.append(value)
+            elif name == "id":
+                self.anchors.add(value)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "scripts.site", "--quick", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {path: Page(path.read_text()) for path in site.rglob("*.html")}
+
+
+def test_every_link_leads_to_a_place_in_the_site(pages):
+    dead = []
+    for path, page in pages.items():
+        for address in page.linked + page.loaded:
+            parts = urlsplit(address)
+            if parts.scheme == "https":
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            known = target.exists() and (
+                not parts.fragment or target.suffix != ".html" or unquote(parts.fragment) in pages[target].anchors
+            )
+            dead += [] if known else [f"{path.name}: {address}"]
+    assert dead == []
+
+
+def test_nothing_is_fetched_from_elsewhere(site, pages):
+    assert [one for page in pages.values() for one in page.loaded if urlsplit(one).scheme not in ("", "data")] == []
+    styles = "".join(path.read_text() for path in site.rglob("*.css"))
+    assert re.findall(r"(?:url\(|@import)[^;]*//[^;]*", styles) == []
+
+
+def test_every_page_of_the_project_is_in_the_site_and_its_contents(site, pages):
+    reached, waiting = set(), [site / "index.html"]
+    while waiting:
+        path = waiting.pop()
+        if path in reached or path not in pages:
+            continue
+        reached.add(path)
+        waiting += [(path.parent / unquote(urlsplit(one).path)).resolve() for one in pages[path].linked]
+    sources = [*(ROOT / "docs").rglob("*.md"), *(ROOT / f"{name}.md" for name in ("CHANGELOG", "CONTRIBUTING"))]
+    assert {site / path.relative_to(ROOT).with_suffix(".html") for path in sources} - reached == set()
+
+
+def test_the_contents_are_the_links_of_a_page():
+    text = "# T\n[out](x.md)\n## One\n- [a page](a.md#there), [b](../b.md)\n## None\n## Two\n- [c](d/c.md)\n"
+    chapters = dict(chapters_of(text, "docs/README.md"))
+    assert chapters == {"One": {"docs/a.md": "A page", "b.md": "B"}, "Two": {"docs/d/c.md": "C"}}
+    assert toctree("One", chapters["One"]).splitlines()[2:] == [
+        ":caption: One", "", "A page <docs/a>", "B <b>", "```"
+    ]  # fmt: skip
+
+
+GALLERY = """# Gallery
+```sh
+cp report.html made.html
+```
+<!-- pictures of made.html: {} -->
+"""
+
+
+def test_a_gallery_hangs_the_pictures_that_its_page_asks_for(tmp_path):
+    content = base64.b64encode(b"<svg/>").decode()
+    report = '<img alt="other" src="data:image/png;base64,AAAA">'
+    report += f'<img src="data:image/svg+xml;base64,{content}" alt="A map &amp; more">'
+    (tmp_path / "report.html").write_text(report)
+    page = tmp_path / "page.md"
+    page.write_text(GALLERY.format("A map"))
+    assert hang(page, tmp_path) == 1
+    assert (tmp_path / "made_01.svg").read_bytes() == b"<svg/>"
+    assert "![A map & more](made_01.svg)" in page.read_text()
+    page.write_text(GALLERY.format("A mop"))
+    with pytest.raises(PageError, match="has no picture 'A mop'"):
+        hang(page, tmp_path)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from workbench.api import Cutter, Dialect, Gate, Layer, MillingTool, Moves, ProgramJob, Toolpath, write_program
+from workbench.api import Cutter, Dialect, Layer, MillingTool, Moves, PathGate, ProgramJob, Toolpath, write_program
 from workbench.dialect import LONGEST_REMARK, plain, rounded_feeds
 
 
@@ -47,9 +47,13 @@ def job(part_id: str = "plate") -> ProgramJob:
     return ProgramJob("Other", moves, MillingTool(np.zeros(3), q[0], 1.0, np.zeros(3)), 0.0)
 
 
+def gate_of(dialect: Dialect, passed: bool) -> PathGate:
+    return PathGate(passed, "", toolpath=dialect.job.moves.toolpath, tolerance_mm=0.05)
+
+
 def test_a_program_is_head_moves_and_foot() -> None:
     dialect: Dialect = Letters(job("a\nL 99"))
-    document = write_program(dialect, Gate(True, "ok"))
+    document = write_program(dialect, gate_of(dialect, True))
     assert document is not None
     assert document.name == "Other.txt"
     lines = document.content.decode().splitlines()
@@ -58,7 +62,8 @@ def test_a_program_is_head_moves_and_foot() -> None:
 
 
 def test_a_rejected_path_gives_no_program() -> None:
-    assert write_program(Letters(job()), Gate(False, "no")) is None
+    dialect = Letters(job())
+    assert write_program(dialect, gate_of(dialect, False)) is None
 
 
 @pytest.mark.parametrize("text", ["a\nb", "a\r\u2028b", "!;%&$\\\"'`{}[]<>", "ü" * 200, "\x00\x1b[31m"])

@@ -251,6 +251,7 @@ class Toolpath:
     source: str = ""
     refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
     warnings: tuple[str, ...] = ()
+    claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
 
     @property
     def in_order(self) -> tuple[Travel | Layer, ...]:
@@ -455,10 +456,37 @@ class Document:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gate:
-    """The pipeline's decision: the exit status is 1 where `passed` is False."""
+    """The pipeline's decision: the exit status is 1 where `passed` is False, or where a check was loosened."""
 
     passed: bool
     reason: str
+    loosened: tuple[str, ...] = ()  # checks that a parameter made weaker than the rule: programs say so
+    unchecked: tuple[str, ...] = ()  # what nothing in the run could look at: programs say so
+
+    @property
+    def clean(self) -> bool:
+        """Passed, with every check in full force."""
+        return self.passed and not self.loosened
+
+    @property
+    def cause(self) -> str:
+        """Why the exit status is not 0; '' where it is."""
+        return "; ".join(self.loosened) if self.passed else self.reason
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathGate(Gate):
+    """The decision on one milling path: a program is written for this path only, and only if it passed."""
+
+    toolpath: Toolpath = field(kw_only=True)
+    tolerance_mm: float = field(kw_only=True)  # by which a program's moves may leave the path and the decision holds
+    reached: bool = False  # postures were found for all points: reachable, inside limits, clear of collision
+
+
+class RobotCell:
+    """What a pipeline has where it knows the robot: then no program is written without postures."""
+
+    __slots__ = ()
 
 
 def frozen(array: AnyArray) -> AnyArray:

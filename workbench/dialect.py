@@ -6,17 +6,19 @@ and a stage that calls `write_program`.
 
 from __future__ import annotations
 
+import math
 import re
+import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from workbench.artefacts import Document, Gate, Moves
+from workbench.artefacts import Document, Moves, PathGate, RobotCell, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 LONGEST_REMARK = 70  # characters
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
@@ -116,20 +118,63 @@ class Dialect(Protocol):
         ...
 
 
-def write_program(dialect: Dialect, gate: Gate) -> Document | None:
-    """The dialect's job as a file; None where the path did not pass its own checks: then no robot may run it.
+def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> Document | None:
+    """The dialect's job as a file; None where the path did not pass its checks: then no robot may run it.
+
+    Args:
+        dialect: the job in its language.
+        gate: the decision on the path of the job's moves.
+        cell: the robot cell of the pipeline, if it has one.
 
     Raises:
-        InputError: no moves, or values that no controller could take.
+        InputError: the gate is another path's, or does not hold for these moves (`released`); no moves, or values that
+            no controller could take.
     """
-    if not gate.passed:
-        return None
     name, moves = dialect.job.name, dialect.job.moves
+    if not released(name, moves.toolpath, gate, cell, moves):
+        return None
     columns = (moves.position_mm, moves.quaternion_wxyz, moves.feed_mm_s, moves.via_position_mm[moves.circular])
     if not len(moves.layer) or not all(np.isfinite(column).all() for column in columns) or moves.feed_mm_s.min() <= 0:
         raise InputError(name, "expected moves with finite targets and feeds above 0")
-    text = "\n".join([*dialect.head(), *_moves(dialect), *dialect.foot()]) + "\n"
+    said = (dialect.remark(line) for line in reservations(gate)) if gate else ()
+    text = "\n".join([*dialect.head(), *said, *_moves(dialect), *dialect.foot()]) + "\n"
     return Document(name + dialect.suffix, text.encode("ascii"))
+
+
+def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCell | None,
+             moves: Moves | None = None) -> bool:  # fmt: skip
+    """Whether the path may be run, as far as this pipeline can know.
+
+    Raises:
+        InputError: no decision on this very path; a cell, but no postures; moves that leave the path farther than its
+            check allows for.
+    """
+    if gate is None or gate.toolpath is not toolpath:
+        raise InputError(name, "expected a path that was checked: the gate is not this path's (path.check after the "
+                         "last stage that changes it)")  # fmt: skip
+    if not gate.passed:
+        return False
+    if (cell is not None or gate.reached) and (not gate.reached or (moves and moves.start_joints_deg is None)):
+        raise InputError(name, "the pipeline knows the robot's cell: expected moves that rest on postures "
+                         "(stiffness.posture before path.simplify)")  # fmt: skip
+    if moves and (off := deviation_mm(moves)) > gate.tolerance_mm + 1e-9:
+        raise InputError(name, f"the moves leave the path by up to {off:.3g} mm, and it was checked for "
+                         f"{gate.tolerance_mm:g} mm: expected smaller tolerances of path.simplify")  # fmt: skip
+    return True
+
+
+def deviation_mm(moves: Moves) -> float:
+    """How far the cutter may leave its path between targets: off the line, and turned, over half its flutes."""
+    lever = moves.toolpath.cutter.flute_length_mm / 2
+    return moves.chord_tolerance_mm + lever * math.sin(min(moves.angle_tolerance_deg, 90.0) * DEG)
+
+
+def reservations(gate: PathGate) -> tuple[str, ...]:
+    """Comments on what was not looked at, or with less force than the rule; plain and in short lines."""
+    robot = () if gate.reached else ("reach, joint limits and collisions of the robot, which needs its cell",)
+    texts = [f"CHECK LOOSENED: {text}" for text in gate.loosened]
+    texts += [f"Not checked: {text}" for text in (*gate.unchecked, *robot)]
+    return tuple(line for text in texts for line in textwrap.wrap(UNSAFE.sub("?", text), LONGEST_REMARK))
 
 
 def _moves(dialect: Dialect) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -76,6 +77,12 @@ def strict_json(document: Mapping[str, Any]) -> bytes:
     """A JSON object, one member a line, one entry a line in a list of objects; NaN becomes null."""
     members = (f"{json.dumps(key)}: {_lines(plain(value))}" for key, value in document.items())
     return ("{\n  " + ",\n  ".join(members) + "\n}\n").encode()
+
+
+def content_digest(document: Mapping[str, Any]) -> str:
+    """SHA-256 of what an object says, however it is laid out: a file that is read back has the same."""
+    text = json.dumps(plain(document), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _lines(value: Any) -> str:

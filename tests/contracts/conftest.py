@@ -78,8 +78,8 @@ class Chains:
         return dict(step.parameters) if step else stage.validate(GIVEN.get(stage.name, {}))
 
     def sources(self, stage: Stage) -> dict[str, Any]:
-        """The artefacts that a stage takes: those of its step, else the last of each type."""
-        home = next((chain for chain in self.chains if chain.step(stage)), None)
+        """The artefacts that a stage takes: those of its step, else the last of each type that one chain offers."""
+        home = next((chain for chain in self.chains if chain.step(stage)), None) or self.whole(stage)
         taken = {}
         for source in stage.sources:
             chains = [home] if home else self.chains
@@ -97,6 +97,12 @@ class Chains:
         return made if isinstance(made, tuple) else () if made is None else (made,)
 
     values = staticmethod(Chain.values)
+
+    def whole(self, stage: Stage) -> Chain | None:
+        """The last chain that has all that a stage must be given: what belongs together stays together."""
+        wanted = [source.type for source in stage.sources if source.required and source.type is not Provenance]
+        return next((c for c in self.chains[::-1] if all(any(isinstance(one, kind) for one in c.results) for kind in wanted)),
+                    None)  # fmt: skip
 
 
 @pytest.fixture(scope="session")

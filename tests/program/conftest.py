@@ -2,12 +2,20 @@
 
 import pytest
 
-from workbench.artefacts import Gate, Moves
+from workbench.artefacts import Moves, PathGate, Toolpath
 from workbench.path import simplify
 
 from .paths import Shape, mill_path
 
-PASSED, REJECTED = Gate(True, "ok"), Gate(False, "layer 1 cuts below the finished bevel")
+
+def passed(path: Toolpath) -> PathGate:
+    """As `path.check` decides on a sound path."""
+    return PathGate(True, "ok", toolpath=path, tolerance_mm=0.05)
+
+
+def rejected(path: Toolpath) -> PathGate:
+    """As it decides on another."""
+    return PathGate(False, "layer 1 cuts below the finished bevel", toolpath=path, tolerance_mm=0.05)
 
 
 @pytest.fixture(scope="session")

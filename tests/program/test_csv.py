@@ -7,13 +7,13 @@ import numpy as np
 
 from workbench.program import csv
 
-from .conftest import PASSED, REJECTED
+from .conftest import passed, rejected
 from .paths import Shape, all_points, mill_path
 
 
 def test_read_back_the_points_are_the_same() -> None:
     path = mill_path(Shape(bend=1 / 300, length_mm=60, lifted_mm=(20, 40)))
-    document = csv(path, PASSED)
+    document = csv(path, passed(path))
     assert document is not None
     assert document.name == "toolpath.csv"
     rows = list(comma_separated.DictReader(io.StringIO(document.content.decode("ascii"), newline="")))
@@ -36,4 +36,5 @@ def test_read_back_the_points_are_the_same() -> None:
 
 
 def test_nothing_is_written_for_a_path_that_failed_its_checks() -> None:
-    assert csv(mill_path(Shape(length_mm=10)), REJECTED) is None
+    path = mill_path(Shape(length_mm=10))
+    assert csv(path, rejected(path)) is None

@@ -12,13 +12,13 @@ from workbench.errors import PipelineError
 from workbench.program import krl
 from workbench.program.krl import euler_deg
 
-from .conftest import PASSED, REJECTED
+from .conftest import passed, rejected
 
 FRAME = r"\{X (\S+),Y (\S+),Z (\S+),A (\S+),B (\S+),C ([^\s}]+)\}"
 
 
 def lines(moves: Moves, **parameters: object) -> list[str]:
-    document = krl(moves, PASSED, **parameters)
+    document = krl(moves, passed(moves.toolpath), **parameters)
     assert document is not None
     assert document.name == "BevelPath.src"
     return document.content.decode("ascii").splitlines()
@@ -78,10 +78,10 @@ def test_turns_where_two_axes_are_one() -> None:
 
 
 def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves) -> None:
-    assert krl(moves, REJECTED) is None
+    assert krl(moves, rejected(moves.toolpath)) is None
 
 
 @pytest.mark.parametrize("name", ["", "1a", "a b", "a" * 25, "LIN", "end", "a\n", "ä"])
 def test_a_name_that_krl_does_not_allow_is_refused(moves: Moves, name: str) -> None:
     with pytest.raises(PipelineError, match=r"program\.krl\.name: expected a letter"):
-        krl(moves, PASSED, name=name)
+        krl(moves, passed(moves.toolpath), name=name)

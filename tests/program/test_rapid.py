@@ -20,12 +20,12 @@ from workbench.program.rapid import Rapid
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import RapidProgram
 
-from .conftest import PASSED, REJECTED
+from .conftest import passed, rejected
 from .paths import Shape, all_points, deviations, mill_path
 
 
 def text(moves: Moves, **parameters: Any) -> str:
-    document = rapid(moves, PASSED, **parameters)
+    document = rapid(moves, passed(moves.toolpath), **parameters)
     assert document is not None
     return document.content.decode("ascii")
 
@@ -88,7 +88,7 @@ def test_tool_and_work_object(moves: Moves) -> None:
     assert {(move.tool, move.work_object) for move in program.moves} == {("tSpindle", "woPlate")}
     assert (program.module, list(program.procedures)) == ("Left", ["Go"])
     with pytest.raises(PipelineError, match="expected a quaternion w x y z of unit length, this one has 2"):
-        rapid(moves, PASSED, tool_quaternion_wxyz=[2, 0, 0, 0])
+        rapid(moves, passed(moves.toolpath), tool_quaternion_wxyz=[2, 0, 0, 0])
 
 
 def test_every_target_is_reached_at_the_ends_and_blended_between(moves: Moves) -> None:
@@ -103,7 +103,7 @@ def test_external_axes_are_unused_or_the_turntables(moves: Moves) -> None:
     spindle = tool((0, 0, 400), (1, 0, 0, 0), 15, (0, 0, 150))
     turning = np.linspace(-90, 90, len(moves.layer))
     job = ProgramJob("Turned", moves, spindle, 0.3, turntable_deg=turning)
-    document = write_program(Rapid(job, "Go", "tSpindle", "woPlate"), PASSED)
+    document = write_program(Rapid(job, "Go", "tSpindle", "woPlate"), passed(moves.toolpath))
     assert document is not None
     program = parse_rapid(document.content.decode())
     assert [move.target.external_axes[0] for move in program.moves] == pytest.approx(turning, abs=1e-4)
@@ -113,7 +113,7 @@ def test_external_axes_are_unused_or_the_turntables(moves: Moves) -> None:
 
 
 def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves) -> None:
-    assert rapid(moves, REJECTED) is None
+    assert rapid(moves, rejected(moves.toolpath)) is None
 
 
 @pytest.mark.parametrize(
@@ -124,12 +124,12 @@ def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves) -> N
 @pytest.mark.parametrize("key", ["module", "procedure", "tool_name", "work_object_name"])
 def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, key: str, name: str) -> None:
     with pytest.raises(PipelineError, match=rf"program\.rapid\.{key}: expected a "):
-        rapid(moves, PASSED, **{key: name})
+        rapid(moves, passed(moves.toolpath), **{key: name})
 
 
 def test_names_differ(moves: Moves) -> None:
     with pytest.raises(InputError, match="expected four different names"):
-        rapid(moves, PASSED, tool_name="mill", work_object_name="MILL")
+        rapid(moves, passed(moves.toolpath), tool_name="mill", work_object_name="MILL")
 
 
 ATTACKS = [
@@ -163,8 +163,8 @@ def test_moves_that_no_controller_could_take_are_refused(moves: Moves) -> None:
     hole[3, 1] = np.nan
     for broken in (replace(moves, position_mm=hole), replace(moves, feed_mm_s=0 * moves.feed_mm_s)):
         with pytest.raises(InputError, match="expected moves with finite targets and feeds above 0"):
-            rapid(broken, PASSED)
-        assert rapid(broken, REJECTED) is None
+            rapid(broken, passed(broken.toolpath))
+        assert rapid(broken, rejected(broken.toolpath)) is None
 
 
 def test_the_text_is_what_abb_writes(moves: Moves) -> None:

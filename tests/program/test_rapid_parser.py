@@ -14,7 +14,7 @@ from workbench.program import rapid
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import JointTarget
 
-from .conftest import PASSED
+from .conftest import passed
 from .paths import Shape, mill_path
 
 UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -120,7 +120,7 @@ def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
 
 @pytest.fixture(scope="module")
 def text(moves: Moves) -> str:
-    document = rapid(moves, PASSED)
+    document = rapid(moves, passed(moves.toolpath))
     assert document is not None
     return document.content.decode()
 
@@ -172,7 +172,7 @@ def test_any_text_is_refused_in_one_line(text: str) -> None:
 
 def test_fifty_thousand_targets_are_read_in_seconds() -> None:
     moves = simplify(mill_path(Shape(length_mm=5000, layers=10)), chord_tolerance_mm=0, angle_tolerance_deg=0)
-    document = rapid(moves, PASSED)
+    document = rapid(moves, passed(moves.toolpath))
     assert document is not None
     begin = time.process_time()
     program = parse_rapid(document.content.decode())

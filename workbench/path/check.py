@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import Annotated
 
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge, Gate, Toolpath
+from workbench.artefacts import Cloud, Edge, PathDeflection, PathGate, Toolpath
 from workbench.path.collisions import collisions
 from workbench.path.feed_checks import feed_faults
 from workbench.path.frame_checks import frame_faults
 from workbench.path.layer_checks import layer_faults
+from workbench.path.loaded import greatest_mm, loaded
 from workbench.stage import stage
 
 MOST_TOLD = 3  # faults that the reason names
+PENETRATION_MM = 0.05  # the rule: more than this loosens the check
 
 
 @stage("path.check")
@@ -23,13 +25,14 @@ def check(
     toolpath: Toolpath,
     edge: Edge,
     cloud: Cloud,
+    predicted: PathDeflection | None = None,
     *,
     v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000, description="no feed is greater; null: no limit")] = None,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="nor is the feed's change, per time")] = 50.0,
     penetration_mm: Annotated[
         float, Field(gt=0, le=2, description="how deep the cutter may touch what must remain, besides 3 u of the edge")
-    ] = 0.05,
-) -> Gate:  # fmt: skip
+    ] = PENETRATION_MM,
+) -> PathGate:  # fmt: skip
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
     Layers: the last one lies on the finished bevel, none below it; each takes no more than the depth of cut, and some
@@ -38,23 +41,49 @@ def check(
     cylinder, without end on the shank's side: it meets no clamp, and enters nothing that remains after its layer, by
     more than `penetration_mm` + 3 u. Feeds within v_slow and v_fast and the acceleration.
 
+    Where a deflection is predicted (a path that `stiffness.compensate` moved against it), the loaded cutter must come
+    where the plan asks; the path as commanded is held against clamps and part as well, with the deflection allowed for.
+    A `penetration_mm` above 0.05 loosens the check: programs then say so, and the exit status is 1.
+
     Args:
         toolpath: the path.
         edge: the edge that it mills.
         cloud: the scan.
+        predicted: how far the robot gives way along this path.
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed.
         penetration_mm: how deep the cutter may touch what must remain.
+
+    Raises:
+        InputError: the prediction is of another path.
     """
-    faults = list(_first(chain(
-        layer_faults(toolpath, edge), frame_faults(toolpath, edge),
-        feed_faults(toolpath, v_fast_mm_s, acceleration_mm_s2), collisions(toolpath, edge, cloud, penetration_mm),
-    )))  # fmt: skip
-    if faults:
-        more = "; and more" if len(faults) > MOST_TOLD else ""
-        return Gate(False, f"path refused: {'; '.join(faults[:MOST_TOLD])}{more}")
+    comes = toolpath if predicted is None else loaded(toolpath, predicted)
+    faults: Iterator[str] = chain(
+        layer_faults(comes, edge), frame_faults(comes, edge), feed_faults(toolpath, v_fast_mm_s, acceleration_mm_s2),
+        collisions(comes, edge, cloud, penetration_mm),
+    )  # fmt: skip
+    if predicted is not None:
+        faults = chain(faults, collisions(toolpath, edge, cloud, penetration_mm + greatest_mm(predicted)))
+    return decision(toolpath, faults, penetration_mm, weakened(penetration_mm))
+
+
+def decision(toolpath: Toolpath, faults: Iterable[str], tolerance_mm: float, loosened: tuple[str, ...],
+             unchecked: tuple[str, ...] = ()) -> PathGate:  # fmt: skip
+    """The gate: passed where there is no fault."""
+    told = list(_first(iter(faults)))
     points = sum(len(layer.arc_length_mm) for layer in toolpath.layers)
-    return Gate(True, f"path checked: {len(toolpath.layers)} layers, {points} points")
+    reason = f"path checked: {len(toolpath.layers)} layers, {points} points"
+    if told:
+        more = "; and more" if len(told) > MOST_TOLD else ""
+        reason = f"path refused: {'; '.join(told[:MOST_TOLD])}{more}"
+    return PathGate(not told, reason, loosened, unchecked, toolpath=toolpath, tolerance_mm=tolerance_mm)
+
+
+def weakened(penetration_mm: float) -> tuple[str, ...]:
+    """What a greater penetration than the rule's is called in programs."""
+    if penetration_mm <= PENETRATION_MM:
+        return ()
+    return (f"the cutter may enter what must remain by {penetration_mm:g} mm, the rule is {PENETRATION_MM:g} mm",)
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

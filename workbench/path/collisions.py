@@ -13,10 +13,11 @@ from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.poses import poses_of
 from workbench.path.remaining import moves_in_order, standing
 from workbench.path.section import bevel_of
-from workbench.units import Float, Int
+from workbench.units import Float
 
 SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
 STOCK_SHARE = 1.5  # of the depth of cut: beside where it cuts, the cutter may meet a layer and what is rough on it
+CORE_SHARE = 0.95  # of the radius: what comes so near the axis was run into, whatever the depth of cut
 STEP_MM = 1.0  # between looks at a move through the air
 
 
@@ -35,12 +36,14 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
     stands[foreign.frame, foreign.column] = ALWAYS
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
-    allowed = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge)
+    allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.diameter_mm / 2.0
+    if allowed >= radius:
+        yield f"the cutter's radius is no more than the {allowed:.2f} mm that it may enter: it cannot be checked"
+        return
+    in_stock = min(STOCK_SHARE * toolpath.depth_of_cut_mm + allowed, CORE_SHARE * radius)
     for points, done in moves_in_order(toolpath):
         yield from _entered(toolpath, points, ALWAYS - 1, stock, allowed, "what must remain")
-        yield from _entered(
-            toolpath, points, done, stock, STOCK_SHARE * toolpath.depth_of_cut_mm + allowed, "the stock"
-        )
+        yield from _entered(toolpath, points, done, stock, in_stock, "the stock")
 
 
 def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
@@ -55,19 +58,14 @@ def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
 def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float,
              what: str) -> Iterator[str]:  # fmt: skip
     """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
-    cutter, poses = toolpath.cutter, poses_of(toolpath, points)
-    radius, tip = cutter.diameter_mm / 2.0, cutter.flute_length_mm / 2.0
-    if allowed >= radius:
-        return
-    centre = poses.origin_mm - radius * poses.x
-    axis, at = poses.z, np.arange(len(centre))
+    radius, tip = toolpath.cutter.diameter_mm / 2.0, toolpath.cutter.flute_length_mm / 2.0
+    centre, axis = axes_of(toolpath, points)
+    at = np.arange(len(centre))
     if isinstance(points, Layer) and after < ALWAYS - 1:
         at = np.flatnonzero(~points.cutting)
         centre, axis = centre[at], axis[at]
     if not len(at):
         return
-    if isinstance(points, Travel):
-        centre, axis, at = _dense(centre, poses.z)
     start, end = centre + (tip - allowed) * axis, centre - SHANK_MM * axis
     bound = np.full(len(start), radius - allowed)
     depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat=True)
@@ -79,7 +77,14 @@ def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stoc
         yield f"the cutter enters {what} by {depth[worst]:.2f} mm {where}"
 
 
-def _dense(centre: Float, axis: Float) -> tuple[Float, Float, Int]:
+def axes_of(toolpath: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
+    """Points on the cutter's axis beside the path's own, and its directions; every mm on the lines of a travel."""
+    poses = poses_of(toolpath, points)
+    centre = poses.origin_mm - toolpath.cutter.diameter_mm / 2.0 * poses.x
+    return _dense(centre, poses.z) if isinstance(points, Travel) and len(centre) else (centre, poses.z)
+
+
+def _dense(centre: Float, axis: Float) -> tuple[Float, Float]:
     """Points every mm on the straight lines of a move through the air."""
     length = np.linalg.norm(np.diff(centre, axis=0), axis=1)
     counts = np.maximum(np.ceil(length / STEP_MM).astype(int), 1)
@@ -87,5 +92,4 @@ def _dense(centre: Float, axis: Float) -> tuple[Float, Float, Int]:
     share = np.concatenate([*(np.arange(n) / n for n in counts), [0.0]])[:, None]
     after = np.minimum(at + 1, len(centre) - 1)
     middle = axis[at] + share * (axis[after] - axis[at])
-    return (centre[at] + share * (centre[after] - centre[at]),
-            middle / np.linalg.norm(middle, axis=1, keepdims=True), at)  # fmt: skip
+    return centre[at] + share * (centre[after] - centre[at]), middle / np.linalg.norm(middle, axis=1, keepdims=True)

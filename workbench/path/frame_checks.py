@@ -20,15 +20,23 @@ UNIT = 1e-6
 
 def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
     """What is wrong with the frames, in words."""
+    told = list(insane(toolpath))
+    yield from told
+    if told:
+        return
+    for layer in toolpath.layers:
+        yield from _directions(toolpath, layer, edge)
+        yield from _advance(toolpath, layer)
+
+
+def insane(toolpath: Toolpath) -> Iterator[str]:
+    """What no controller could take, in words."""
     for points in toolpath.in_order:
         norm = np.abs(np.linalg.norm(points.quaternion_wxyz, axis=1) - 1.0)
         sane = np.isfinite(points.position_mm).all() and (norm < UNIT).all()
         if not sane or (np.sum(points.quaternion_wxyz[1:] * points.quaternion_wxyz[:-1], axis=1) < 0).any():
             yield "a position is not finite, or a quaternion not of unit length or not continuous in sign"
             return
-    for layer in toolpath.layers:
-        yield from _directions(toolpath, layer, edge)
-        yield from _advance(toolpath, layer)
 
 
 def _directions(toolpath: Toolpath, layer: Layer, edge: Edge) -> Iterator[str]:

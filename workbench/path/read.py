@@ -12,6 +12,7 @@ from pydantic import Field
 from workbench.artefacts import Cutter, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
+from workbench.path.claim import read_claim
 from workbench.stage import InputFile, stage
 from workbench.strict_json import read_json
 from workbench.units import Bool, Float
@@ -26,8 +27,8 @@ DEFAULTS = {"root_mm": 1.5, "bevel_deg": 40.0, "depth_of_cut_mm": 1.0}  # the pa
 def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (docs/pipelines.md)")]) -> Toolpath:
     """Read a milling path from a `toolpath.json`, its own or another program's.
 
-    What the contract does not ask for may be absent: travels, requirements, and the width of the face that is cut,
-    which is then taken as the depth of cut. Positions in mm, in the frame that the file names.
+    What the contract does not ask for may be absent: travels, requirements, what its check said, and the width of the
+    face that is cut, which is then taken as the depth of cut. Positions in mm, in the frame that the file names.
 
     Args:
         toolpath: the file.
@@ -55,7 +56,7 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         v_slow_mm_s=float(feeds.min()),
         edge_length_mm=_size(document.get("edge_length_mm", float(lengths.max())), f"{where}.edge_length_mm"),
         base_from_workobject=_frame(document, where), source=str(toolpath), root_mm=needs["root_mm"],
-        bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"],
+        bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"], claim=read_claim(document, where),
     )  # fmt: skip
 
 

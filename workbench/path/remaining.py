@@ -31,7 +31,7 @@ class Remaining:
 def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
     """What stands along a path. A point is gone once a layer cut below it, within the reach of the cutter's tip."""
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, standing(toolpath, cloud, edge))
-    return Remaining(stock, tuple(_face_lines(toolpath, layer) for layer in toolpath.layers))
+    return Remaining(stock, tuple(face_lines(toolpath, layer) for layer in toolpath.layers))
 
 
 def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
@@ -116,7 +116,8 @@ def _swept(height: Float, s: Float, table: Course, bevel: Bevel, radius: float) 
     return out
 
 
-def _face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:
+def face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:
+    """The face that a layer leaves, as lines across it where it cuts; None where it cuts nothing."""
     poses, half = poses_of(toolpath, layer), layer.width_mm[:, None] / 2.0
     cut = layer.cutting
     return index_lines((poses.origin_mm + half * poses.z)[cut], (poses.origin_mm - half * poses.z)[cut])

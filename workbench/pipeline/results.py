@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from workbench.artefacts import Document, Engagement, Inspection, Layer, Rework, Section, Toolpath
+from workbench.artefacts import Document, Engagement, Inspection, Layer, PathGate, Rework, Section, Toolpath
 from workbench.errors import PipelineError
-from workbench.strict_json import strict_json
+from workbench.strict_json import content_digest, strict_json
 
 RUN_FILE = "run.json"
 
@@ -34,10 +34,14 @@ def _section(section: Section) -> dict[str, Any]:
     return {f.name: getattr(section, f.name) for f in dataclasses.fields(section) if f.name != "frames"}
 
 
-def toolpath_document(path: Toolpath) -> dict[str, Any]:
-    """`toolpath.json`, version 1 (docs/pipelines.md): mm, quaternions w x y z, mm/s."""
+def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str, Any]:
+    """`toolpath.json`, version 1 (docs/pipelines.md): mm, quaternions w x y z, mm/s.
+
+    `check` is what `gate` said of this path, with the digest of all the rest: `path.check_file` believes it only of a
+    path that was not changed since.
+    """
     work = path.base_from_workobject
-    return {
+    document = {
         "format": "bevel-toolpath",
         "version": 1,
         "frame": "base" if work is None else "workobject",
@@ -50,6 +54,10 @@ def toolpath_document(path: Toolpath) -> dict[str, Any]:
         "layers": [_layer(layer) for layer in path.layers],
         "travels": [{"points": _rows(travel, POSE_COLUMNS)} for travel in path.travels],
     }
+    if gate is None:
+        return document
+    said = {"passed": gate.passed, "reason": gate.reason, "loosened": list(gate.loosened)}
+    return {**document, "check": {**said, "unchecked": list(gate.unchecked), "sha256": content_digest(document)}}
 
 
 POSE_COLUMNS = ("position_mm", "quaternion_wxyz", "feed_mm_s")
@@ -102,18 +110,26 @@ def file_of(kind: type) -> str | None:
     return next((name for made, (name, _) in WRITERS.items() if issubclass(kind, made)), None)
 
 
-def result_files(artefacts: Iterable[Any]) -> dict[str, bytes]:
-    """File name -> content for everything among the artefacts that is a result."""
+def result_files(artefacts: Iterable[Any], gates: Sequence[PathGate] = ()) -> dict[str, bytes]:
+    """File name -> content for everything among the artefacts that is a result; `gates` decided on paths."""
     files: dict[str, bytes] = {}
     for artefact in artefacts:
         for kind, (name, document) in WRITERS.items():
             if isinstance(artefact, kind):
                 files[name] = strict_json(document(artefact))
+        if isinstance(artefact, Toolpath) and (gate := _gate_of(artefact, gates)):
+            files["toolpath.json"] = strict_json(toolpath_document(artefact, gate))
         if isinstance(artefact, Document):
             if not is_plain_name(artefact.name) or artefact.name in (*files, RUN_FILE):
                 raise PipelineError(f"result {artefact.name!r}", "expected a file name of its own, without directories")
             files[artefact.name] = artefact.content
     return files
+
+
+def _gate_of(path: Toolpath, gates: Sequence[PathGate]) -> PathGate | None:
+    """The decision on this path: a refusal where there is one, else the last."""
+    own = sorted((gate for gate in gates if gate.toolpath is path), key=lambda gate: not gate.passed)
+    return own[-1] if own else None
 
 
 def is_plain_name(name: Any) -> bool:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench import __version__
-from workbench.artefacts import Gate, Provenance
+from workbench.artefacts import Gate, PathGate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
 from workbench.pipeline.digests import digesting
@@ -67,8 +67,8 @@ class Results:
 
     @property
     def passed(self) -> bool:
-        """Whether every gate of the pipeline let the part through."""
-        return all(artefact.passed for artefact in self if isinstance(artefact, Gate))
+        """Whether every gate of the pipeline let the part through, with all its checks in force."""
+        return all(artefact.clean for artefact in self if isinstance(artefact, Gate))
 
 
 class Pipeline:
@@ -216,7 +216,7 @@ def _versions() -> dict[str, str]:
 def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
     """All result files of a run, `run.json` included."""
     written = (made for step in checked.steps if step.write for made in results.artefacts[step.id])
-    files = result_files(written)
+    files = result_files(written, [one for one in results if isinstance(one, PathGate)])
     made_of = provenance(checked, results)
     files[RUN_FILE] = strict_json(
         {

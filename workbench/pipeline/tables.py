@@ -32,15 +32,19 @@ def print_results(results: Results) -> None:
         if isinstance(artefact, Rework):
             console.print(Text(one_line(f"rework: {artefact.reason}")), soft_wrap=True)
         if isinstance(artefact, Gate):
-            console.print(
-                Text(one_line(f"gate: {'passed' if artefact.passed else 'rejected'} ({artefact.reason})")),
-                soft_wrap=True,
-            )
+            console.print(Text(one_line(f"gate: {gate_summary(artefact)}")), soft_wrap=True)
     for note in results.warnings:
         console.print(Text(one_line(f"warning: {note}"), "yellow"), soft_wrap=True)
     for path in sorted(results.files, key=lambda path: path.suffix == ".html"):
         label = "report" if path.suffix == ".html" else "wrote"
         console.print(Text(one_line(f"{label}: {path}")), soft_wrap=True)
+
+
+def gate_summary(gate: Gate) -> str:
+    """The decision and its reason in a line."""
+    if gate.loosened and gate.passed:
+        return f"loosened, {gate.cause} ({gate.reason})"
+    return f"{'passed' if gate.passed else 'rejected'} ({gate.reason})"
 
 
 def path_summary(path: Toolpath) -> str:

@@ -6,21 +6,31 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import Document, Gate, Layer, Toolpath, Travel
+from workbench.artefacts import Document, Layer, PathGate, RobotCell, Toolpath, Travel
+from workbench.dialect import released
 from workbench.stage import stage
 
 HEADER = "layer,arc_length_mm,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,cutting,measured"
 
 
 @stage("program.csv")
-def csv(toolpath: Toolpath, gate: Gate) -> Document | None:
+def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Document | None:
     """Every point of the path as a row of `toolpath.csv`, in the order of motion, before any simplification.
 
     Lengths in mm, orientations as unit quaternions w x y z, feeds in mm/s, in the frame of the path (base or work
     object); cutting and measured are 1 or 0. Between the layers the layer is 0 and the arc length empty. ASCII, a comma
-    between fields, lines end in CR LF (RFC 4180). Nothing is written where the gate rejects the path.
+    between fields, lines end in CR LF (RFC 4180). Nothing is written where the gate rejects the path, nor where one of
+    its checks was loosened: a table has no comment that could say so.
+
+    Args:
+        toolpath: the path.
+        gate: of this path's own checks.
+        cell: the robot cell, where the pipeline has one: then the path must have postures.
+
+    Raises:
+        InputError: the gate is another path's; a cell, but no postures.
     """
-    if not gate.passed:
+    if not released("program.csv", toolpath, gate, cell) or gate.loosened:
         return None
     rows = [HEADER]
     for part in toolpath.in_order:

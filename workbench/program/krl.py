@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Gate, Moves
+from workbench.artefacts import Document, Moves, PathGate, RobotCell
 from workbench.dialect import ProgramJob, rounded_feeds, write_program
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
@@ -46,7 +46,8 @@ def free_name(name: str) -> str:
 @stage("program.krl")
 def krl(
     moves: Moves,
-    gate: Gate,
+    gate: PathGate,
+    cell: RobotCell | None = None,
     *,
     name: Annotated[str, AfterValidator(free_name), Field(description="of the program and its file")] = "BevelPath",
     tool_position_mm: ToolPosition = TOOL_POSITION_MM,
@@ -64,18 +65,20 @@ def krl(
 
     Args:
         moves: the path as straight and circular moves.
-        gate: of the path's own checks.
+        gate: of this path's own checks.
+        cell: the robot cell, where the pipeline has one: then the moves must rest on postures.
         name: of the program and its file.
 
     Raises:
-        InputError: the moves rest on postures.
+        InputError: the moves rest on postures; the gate is another path's; a cell, but no postures; moves that leave
+            the path farther than its check allows for.
     """
     if moves.start_joints_deg is not None:
         raise InputError("program.krl", "expected moves without postures: only program.rapid writes a turntable and a "
                          "first posture")  # fmt: skip
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
     job = ProgramJob(name, moves, spindle, zone_mm)
-    return write_program(Krl(job), gate)
+    return write_program(Krl(job), gate, cell)
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Gate, Moves
+from workbench.artefacts import Document, Moves, PathGate, RobotCell
 from workbench.dialect import ProgramJob, rounded_feeds, write_program
 from workbench.errors import InputError
 from workbench.program.parameters import (
@@ -36,7 +36,8 @@ TURN_DEG_S = 50  # where the orientation alone moves
 @stage("program.rapid")
 def rapid(
     moves: Moves,
-    gate: Gate,
+    gate: PathGate,
+    cell: RobotCell | None = None,
     *,
     module: Annotated[Name, Field(description="of the module and its file")] = "BevelPath",
     procedure: Annotated[Name, Field(description="of the procedure that mills")] = "MillBevel",
@@ -61,21 +62,23 @@ def rapid(
 
     Args:
         moves: the path as straight and circular moves.
-        gate: of the path's own checks.
+        gate: of this path's own checks.
+        cell: the robot cell, where the pipeline has one: then the moves must rest on postures.
         module: name of the module and its file.
         procedure: name of the procedure.
         tool_name: name of the tool data.
         work_object_name: name of the work object.
 
     Raises:
-        InputError: two of the names are the same.
+        InputError: two of the names are the same; the gate is another path's; a cell, but no postures; moves that
+            leave the path farther than its check allows for.
     """
     names = [module, procedure, tool_name, work_object_name]
     if len({name.lower() for name in names}) < len(names):
         raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm, moves)
     job = ProgramJob(module, moves, spindle, zone_mm, moves.turntable_deg)
-    return write_program(Rapid(job, procedure, tool_name, work_object_name), gate)
+    return write_program(Rapid(job, procedure, tool_name, work_object_name), gate, cell)
 
 
 @dataclass

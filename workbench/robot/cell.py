@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.artefacts import RobotCell
 from workbench.robot.chain import Chain
 from workbench.robot.shapes import Shape
 from workbench.units import Float
@@ -41,7 +42,7 @@ class LoadingSetup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cell:
+class Cell(RobotCell):
     """A robot cell as its file describes it; `shapes` are the robot's links first, then all that stands around."""
 
     source: str  # the file's name as given, for messages

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import Gate, Layer, Toolpath, Travel
+from workbench.artefacts import Layer, PathGate, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, rotation_from_vector
 from workbench.path import read
@@ -178,8 +178,24 @@ def test_travels_are_looked_at_every_5_mm(cell: Cell, path: Toolpath, stiffness:
 def test_a_rejected_path_stays_rejected(
     cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> None:
-    assert not posture(cell, stiffness, path, acts, Gate(False, "too steep"), **COARSE)[1].passed
-    assert posture(cell, stiffness, path, acts, **COARSE)[1].passed
+    refused = PathGate(False, "too steep", toolpath=path, tolerance_mm=0.05)
+    gate = posture(cell, stiffness, path, acts, refused, **COARSE)[1]
+    assert gate is not None
+    assert not gate.passed
+    assert gate.reason.startswith("too steep; postures found")
+
+
+def test_without_a_decision_on_this_path_there_is_none(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    """Postures alone do not release a path, and another path's gate does not count."""
+    other = PathGate(True, "", toolpath=dataclasses.replace(path), tolerance_mm=0.05)
+    assert posture(cell, stiffness, path, acts, **COARSE)[1] is None
+    assert posture(cell, stiffness, path, acts, other, **COARSE)[1] is None
+    own = posture(cell, stiffness, path, acts, dataclasses.replace(other, toolpath=path), **COARSE)[1]
+    assert own is not None
+    assert own.passed
+    assert own.reached
 
 
 def far_away(path: Toolpath) -> Toolpath:

@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from workbench.artefacts import Gate, Postures, Toolpath
+from workbench.artefacts import PathGate, Postures, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.path import read, simplify
@@ -23,7 +23,9 @@ from workbench.units import Float
 
 from .test_posture import PATH, thinned
 
-FREE = Gate(True, "")
+
+def free(path: Toolpath, *, reached: bool = True) -> PathGate:
+    return PathGate(True, "", toolpath=path, tolerance_mm=0.05, reached=reached)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,7 @@ def made(request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: Milli
 
 @pytest.fixture(scope="module")
 def program(made: Postures, path: Toolpath) -> RapidProgram:
-    document = rapid(simplify(path, made), FREE)
+    document = rapid(simplify(path, made), free(path))
     assert document is not None
     return parse_rapid(document.content.decode())
 
@@ -118,7 +120,7 @@ def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell
 
 def test_krl_refuses_postures(made: Postures, path: Toolpath) -> None:
     with pytest.raises(InputError, match="without postures"):
-        krl(simplify(path, made), FREE)
+        krl(simplify(path, made), free(path))
 
 
 def test_postures_of_another_path_are_refused(made: Postures, path: Toolpath, cell: Cell, acts: MillingForce,

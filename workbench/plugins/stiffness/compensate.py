@@ -30,7 +30,9 @@ def compensate(
     Raises:
         InputError: the prediction is of another path.
     """
-    return dataclasses.replace(toolpath, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers))
+    return dataclasses.replace(
+        toolpath, claim=None, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers)
+    )
 
 
 def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench.api import DEG, Cell, Chapter, Document, Float, Gate, InputError, Postures, Toolpath, stage
+from workbench.api import DEG, Cell, Chapter, Document, Float, InputError, PathGate, Postures, Toolpath, stage
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
@@ -29,7 +30,7 @@ def posture(
     stiffness: JointStiffness,
     toolpath: Toolpath,
     force: MillingForce,
-    gate: Gate | None = None,
+    gate: PathGate | None = None,
     *,
     mode: Annotated[
         Literal["constant", "along_path"], Field(description="one posture law for all points, or a law along the path")
@@ -66,7 +67,7 @@ def posture(
     whole_map: Annotated[
         bool, Field(description="false: cells worse than the optimum are not examined for collision")
     ] = True,
-) -> tuple[Postures, Gate, Document, Chapter]:
+) -> tuple[Postures, PathGate | None, Document, Chapter]:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
     `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
@@ -80,7 +81,7 @@ def posture(
         stiffness: of the joints.
         toolpath: the path, as planned.
         force: on the cutter along it.
-        gate: of the path's own checks, passed on.
+        gate: of this path's own checks, passed on; without them there is no decision and no program.
         mode: one pair of angles, or a law along the path.
         turntable_moves: whether the law moves the turntable too; else it stands at one angle, chosen for the law.
         cutter_rotation_deg: range of the cutter rotation.
@@ -155,9 +156,10 @@ def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> di
     return {name: case_at(examiner, k, *place) for name, place in places.items()}
 
 
-def _gate(gate: Gate | None, found: Found) -> Gate:
-    """The decision so far, with what was found."""
-    reason = (
-        f"postures found for {len(found.points.layer)} points, mean displacement {found.displacement_mm.mean():.4f} mm"
-    )
-    return Gate(True, reason) if gate is None else Gate(gate.passed, f"{gate.reason}; {reason}")
+def _gate(gate: PathGate | None, found: Found) -> PathGate | None:
+    """The decision so far, with what was found; None where it is on another path, or there is none."""
+    if gate is None or gate.toolpath is not found.postures.toolpath:
+        return None
+    mean = found.displacement_mm.mean()
+    reason = f"postures found for {len(found.points.layer)} points, mean displacement {mean:.4f} mm"
+    return dataclasses.replace(gate, reason=f"{gate.reason}; {reason}", reached=True)

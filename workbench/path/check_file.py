@@ -1,0 +1,81 @@
+"""`path.check_file`: may a path out of a file be run? By what the file says of its check, and by the path itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Layer, PathGate, Toolpath
+from workbench.geometry.segments import LineIndex, line_distances
+from workbench.path.check import PENETRATION_MM, decision, weakened
+from workbench.path.collisions import SHANK_MM, axes_of
+from workbench.path.frame_checks import insane
+from workbench.path.layer_checks import HEIGHT_MM
+from workbench.path.remaining import face_lines, moves_in_order
+from workbench.stage import stage
+
+ALONE = "the workpiece. Its file tells of no check against a scan; the path was held against its own final layer"
+
+
+@stage("path.check_file")
+def check_file(
+    toolpath: Toolpath,
+    *,
+    penetration_mm: Annotated[
+        float, Field(gt=0, le=2, description="how deep the cutter may enter the bevel that the final layer leaves")
+    ] = PENETRATION_MM,
+) -> PathGate:
+    """Check a path that comes out of a file, where no scan is at hand.
+
+    A path that its file says was refused stays refused, and so does one that was changed after its check. Then the path
+    itself, whoever made it: finite poses, layers that step down to the final one, and the cutter as a cylinder nowhere
+    deeper than `penetration_mm` in the bevel face that the final layer leaves, travels included. A path of which the
+    file tells no check passes so, but its programs say that the workpiece was not looked at.
+
+    Args:
+        toolpath: the path.
+        penetration_mm: how deep the cutter may enter the finished bevel.
+    """
+    claim = toolpath.claim
+    told = [f"its file says: {claim.reason}"] if claim and not claim.passed else []
+    loosened = (*(claim.loosened if claim else ()), *weakened(penetration_mm))
+    return decision(toolpath, chain(told, _own_faults(toolpath, penetration_mm)), penetration_mm, loosened,
+                    claim.unchecked if claim else (ALONE,))  # fmt: skip
+
+
+def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:
+    """What the path says against itself."""
+    told = list(insane(toolpath))
+    yield from told
+    if told:
+        return
+    heights = [layer.height_mm for layer in toolpath.layers]
+    if (np.diff(heights) >= 0).any() or abs(heights[-1]) > HEIGHT_MM:
+        yield "layers do not step down to the final one"
+    if penetration_mm >= toolpath.cutter.diameter_mm / 2.0:
+        yield "the cutter is thinner than what it may enter: it cannot be checked"
+        return
+    face = face_lines(toolpath, toolpath.layers[-1])
+    if face is None:
+        yield "the final layer cuts nothing"
+        return
+    yield from _entered(toolpath, face, penetration_mm)
+
+
+def _entered(toolpath: Toolpath, face: LineIndex, allowed: float) -> Iterator[str]:
+    """The deepest place of each move at which the cutter is inside the finished bevel."""
+    radius, tip = toolpath.cutter.diameter_mm / 2.0, toolpath.cutter.flute_length_mm / 2.0
+    for points, _ in moves_in_order(toolpath):
+        centre, axis = axes_of(toolpath, points)
+        if not len(centre):
+            continue
+        depth = radius - line_distances(face, centre + (tip - allowed) * axis, centre - SHANK_MM * axis)
+        worst = int(np.argmax(depth))
+        if depth[worst] > allowed + 1e-9:
+            where = f"in layer {points.index}" if isinstance(points, Layer) else "in the air"
+            place = np.round(centre[worst], 1).tolist()
+            yield f"the cutter enters the finished bevel by {depth[worst]:.2f} mm {where} at {place} mm"

@@ -94,7 +94,8 @@ def _check(points_mm: Float, unit: Unit, where: str) -> None:
     if far.any():
         at = int(far.argmax())
         place = ", ".join(f"{v:.6g}" for v in points_mm[at] / MM[unit])
-        raise InputError(f"{where}: point {at + 1}", f"expected coordinates in {unit}, found ({place})")
+        raise InputError(f"{where}: point {at + 1}", f"expected coordinates in {unit}, found ({place}), beyond 1 km: "
+                         f"{'is the unit another?' if unit != 'mm' else 'is it a point?'}")  # fmt: skip
     low, high = np.percentile(points_mm, [0.5, 99.5], axis=0)
     size = float((high - low).max())
     if not LEAST_MM <= size <= MOST_MM:

@@ -17,13 +17,14 @@ from workbench.edge.segment_cloud_grid import organised
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.slices import Laid, cut, lay_out
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Bool, Float, Int
 
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
 NEIGHBOURS = 16
 VIEWS = 24  # directions of sight that are tried, around the edge
 TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
 LEAST_SLICES = 3
+HIDDEN_MM, MOST_LOST = 5.0, 0.15  # a longer gap is a hidden stretch; share of slices lost in shorter ones
 REACH_MM = 25.0  # of the cloud only this much on each side of the edge is sliced
 PATH_STEP_MM = 0.5
 
@@ -55,10 +56,31 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> Cloud:
     view = best_view(points, straight, step, nominal)
     coarse = _sliced(points, straight, view, step, COARSE_SLICES)
     found = find_faces(coarse, nominal.root_mm, nominal.bevel_deg)
+    check_agreement(coarse, found.seen)
     course = measure_edge(coarse, found).curve
     near = _near(points.points_mm, course)
     frame, column = np.nonzero(found.labels == ROOT_FACE)
-    return _sliced(points, near, view, spacing(points.points_mm, _placed(coarse, frame, column)), MOST_SLICES)
+    cloud = _sliced(points, near, view, spacing(points.points_mm, _placed(coarse, frame, column)), MOST_SLICES)
+    check_agreement(cloud, find_faces(cloud, nominal.root_mm, nominal.bevel_deg).seen)
+    return cloud
+
+
+def check_agreement(cloud: Cloud, seen: Bool) -> None:
+    """Refuse slices that lose the edge here and there: what they hold is no one surface.
+
+    seen (N,): slices that show root face and bevel. Where a clamp hides the edge, they lack in one long stretch.
+    """
+    place = cloud.base_from_profiler[:, :3, 3]
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+    known = np.flatnonzero(seen)
+    gap = np.diff(known)
+    short = (gap > 1) & (np.diff(s[known]) < HIDDEN_MM)
+    lost = float((gap[short] - 1).sum()) / max(1.0, float(known.size + (gap[short] - 1).sum()))
+    if lost > MOST_LOST:
+        words = f"{100 * lost:.0f} % of its slices lose the edge here and there: expected one surface"
+        raise InputError(
+            cloud.source, f"{words}; do its passes disagree? Give points in scan order or each pass alone"
+        )
 
 
 def _straight(points: PointSet) -> Laid:

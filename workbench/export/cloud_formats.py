@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import io
 import math
 import tempfile
@@ -18,6 +19,7 @@ from workbench.export.points import PointTable
 FINEST_LAS_MM = 1e-5
 MOST_E57_ROWS = 65_535  # pye57 reads and writes row and column as uint16
 M = 1e-3  # m per mm
+NO_DATE = datetime.date(1970, 1, 1)
 NOTE = b"unit mm; face: 0 unlabelled, 1 root face, 2 bevel face, 3 upper surface, 4 lower surface"
 
 
@@ -49,6 +51,7 @@ def _las(compressed: bool, table: PointTable) -> bytes:
     header.scales = np.full(3, max(FINEST_LAS_MM, 10.0 ** math.ceil(math.log10(max(reach, 1.0) / 2**31))))
     header.system_identifier = "unit: mm"
     header.generating_software = "workbench"
+    header.creation_date = NO_DATE  # the same cloud gives the same bytes
     for name, kind in (("face", "u1"), ("frame", "u4"), ("column", "u4")):
         header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind))
     las = laspy.LasData(header)

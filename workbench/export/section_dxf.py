@@ -28,6 +28,18 @@ DIMENSIONS = {
 
 def sections_dxf(shapes: list[SectionShape]) -> bytes:
     """The drawing (DXF R2010, ASCII). A section's x axis is its normal, y goes across, origin the lower edge."""
+    from ezdxf._options import options
+
+    varying, out = options.write_fixed_meta_data_for_testing, io.StringIO()
+    try:  # no time of writing, no random identity: the same sections give the same bytes
+        options.write_fixed_meta_data_for_testing = True
+        _drawing(shapes).write(out)
+    finally:
+        options.write_fixed_meta_data_for_testing = varying
+    return out.getvalue().encode()
+
+
+def _drawing(shapes: list[SectionShape]) -> Any:
     from ezdxf import filemanagement, units
 
     drawing = filemanagement.new("R2010", setup=True, units=units.MM)
@@ -40,9 +52,7 @@ def sections_dxf(shapes: list[SectionShape]) -> bytes:
         left, stop = _extent(shape)
         drawing.modelspace().add_blockref(block.name, (right - left, 0.0))
         right += stop - left + GAP_MM
-    out = io.StringIO()
-    drawing.write(out)
-    return out.getvalue().encode()
+    return drawing
 
 
 def _draw(block: Any, shape: SectionShape) -> None:

@@ -9,8 +9,9 @@ from tests.compare.bodies import AT, LENGTH, box, scanned
 from workbench.compare import deviation, register
 from workbench.compare.course import course_of
 from workbench.compare.distances import Scales, deviations, places_of
+from workbench.compare.regions import changed_regions
 from workbench.compare.statistics import changed
-from workbench.compare.surface_values import Registration, Surface
+from workbench.compare.surface_values import Deviations, Registration, Surface
 from workbench.errors import InputError
 from workbench.units import Float
 
@@ -114,3 +115,34 @@ def _phi(z: float) -> float:
     from statistics import NormalDist
 
     return NormalDist().cdf(z)
+
+
+def test_a_changed_stretch_is_one_region_of_its_size() -> None:
+    """A step over the middle third of the front face: one region there, and nothing else of any size."""
+    found, document, chapter = deviation(scanned(1, step_mm=0.08), scanned(2), position_u_mm=0.0)
+    regions = json.loads(document.content)["regions"]
+    front = np.isfinite(found.distance_mm) & (found.normal[:, 1] > 0.9)
+    reach = LENGTH / 6 + 0.5 * SCALES.projection_mm  # a cylinder on the step's end holds some of both
+    stands_out = front & (np.abs(found.position_mm[:, 0] - AT[0] - LENGTH / 2) < reach)
+    assert regions[0]["area_mm2"] == pytest.approx(stands_out.sum(), rel=0.15)
+    assert regions[0]["extreme_mm"] == pytest.approx(0.08, abs=0.01)
+    assert 0.06 < regions[0]["mean_mm"] < 0.08  # at its ends the step is averaged with what lies beside it
+    assert regions[0]["to_mm"] - regions[0]["from_mm"] == pytest.approx(LENGTH / 3, abs=3.0)
+    assert sum(region["area_mm2"] for region in regions[1:]) < 0.1 * regions[0]["area_mm2"]
+    assert "hang together" in chapter.html
+
+
+def test_regions_are_kept_apart_by_sign_and_by_distance() -> None:
+    """Three squares: two outside the reference and 3 mm apart, one inside and beside the first."""
+    arc, across = (grid.ravel() for grid in np.meshgrid(np.arange(30.0), np.arange(6.0), indexing="ij"))
+    distance = np.select([arc < 6, arc < 10, (arc >= 13) & (arc < 16)], [0.1, -0.1, 0.2], 0.0)
+    n = len(arc)
+    places = np.stack([arc, across, np.zeros(n)], axis=1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
+    made = Deviations(places, up, distance, np.full(n, 0.01), np.full(n, 0.02), arc, across)
+    found = changed_regions(made, distance != 0, 1.0)
+    assert [(one.places, one.from_mm, one.to_mm, round(one.mean_mm, 3)) for one in found] == [
+        (36, 0.0, 5.0, 0.1),
+        (24, 6.0, 9.0, -0.1),
+        (18, 13.0, 15.0, 0.2),
+    ]

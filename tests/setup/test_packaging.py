@@ -25,7 +25,7 @@ MODULE_OF = {
     "pyyaml": "yaml",
 }
 COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
-LATER = {"scikit-image", "s3fs"}  # s3fs: fsspec imports it
+BY_FSSPEC = {"s3fs"}
 HEAVY = {"fcl", "h5py", "matplotlib", "numba", "numpy", "open3d", "pinocchio", "pydantic", "pyvista", "scipy"} | {
     "skimage",
     "vtkmodules",
@@ -66,7 +66,7 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     modules = {MODULE_OF.get(name, name) for name in declared}
     imported = imported_packages()
     assert imported - modules - COMPANIONS == set()
-    assert {name for name in declared - LATER if MODULE_OF.get(name, name) not in imported} == set()
+    assert {name for name in declared - BY_FSSPEC if MODULE_OF.get(name, name) not in imported} == set()
 
 
 @pytest.mark.parametrize("point", metadata.entry_points(group="workbench.stages"), ids=lambda point: point.name)

@@ -71,7 +71,7 @@ def deviation(
     course = course_of(laid, reference, edge, places.normal.mean(axis=0))
     found = deviations(laid, reference, places, registration, position_u_mm, course, scales)
     what = "change" if reference.triangles is None else "deviation"
-    summary = summarise(found, sections, half_width_mm, course.name, what)
+    summary = summarise(found, sections, half_width_mm, course.name, what, spacing_mm)
     if summary.compared < LEAST_PLACES:
         words = f"only {summary.compared} of {len(found.distance_mm)} places find the reference within {depth_mm:g} mm"
         raise InputError(scan.source or "compare.deviation", f"{words}: expected surfaces that lie on each other, and "

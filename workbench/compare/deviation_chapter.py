@@ -12,6 +12,7 @@ from workbench.compare.deviation_pictures import course_picture, map_picture
 from workbench.compare.statistics import Summary
 from workbench.compare.surface_values import Deviations, Registration, Surface
 
+MOST_REGIONS = 10
 NO_FRAMES = "the points' frames are not known: errors that a frame's points share count as independent noise"
 
 
@@ -25,6 +26,7 @@ def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, refere
                          "below 5 % at most are false, on average."),
         html.figure_html(course_picture(found, summary), "Deviations along the part, and their histogram",
                          "The level of detection is 1.96 standard uncertainties of one place."),
+        *_regions(summary),
         html.heading("Sections"), _sections(summary),
         html.heading("Percentiles"), _percentiles(summary),
         html.heading("Registration"), *_registration(registration, position_u_mm),
@@ -43,6 +45,20 @@ def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surfac
         ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),
         ("Places beyond their level of detection", f"{100 * summary.significant:.1f} % (5 % by chance)"),
     ]  # fmt: skip
+
+
+def _regions(summary: Summary) -> list[str]:
+    """The largest regions of change, if anything changed."""
+    if not summary.regions:
+        return []
+    head = ("Region", "Arc length, mm", "Across, mm", "Area, mm²", "Mean, mm", "u of it, mm", "Extreme, mm")
+    rows = [(f"{k}", f"{one.from_mm:.1f} to {one.to_mm:.1f}", f"{one.across_from_mm:.1f} to {one.across_to_mm:.1f}",
+             f"{one.area_mm2:.0f}", _signed(one.mean_mm), _number(one.u_mm), _signed(one.extreme_mm))
+            for k, one in enumerate(summary.regions[:MOST_REGIONS], start=1)]  # fmt: skip
+    more = len(summary.regions) - len(rows)
+    caption = f"Significant {summary.what}s that hang together, one sign each"
+    caption += f"; {more} smaller ones" if more else ""
+    return [html.heading("Regions"), html.table_html(head, rows, caption)]
 
 
 def _sections(summary: Summary) -> str:

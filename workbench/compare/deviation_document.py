@@ -37,6 +37,7 @@ def deviation_document(found: Deviations, summary: Summary, scan: Surface, refer
         "scales": dataclasses.asdict(scales),
         "arc_length_along": summary.along,
         "sections": [dataclasses.asdict(section) for section in summary.sections],
+        "regions": [dataclasses.asdict(region) for region in summary.regions],
         "histogram": {"edges_mm": summary.edges_mm, "counts": summary.counts},
         "places": {
             "position_mm": found.position_mm.round(4),

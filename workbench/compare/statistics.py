@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erfc
 
+from workbench.compare.regions import Region, changed_regions
 from workbench.compare.surface_values import Deviations
 from workbench.units import Bool, Float
 
@@ -40,6 +41,7 @@ class Summary:
     percentiles_mm: dict[int, float]
     significant: float  # share of places beyond their own level of detection: about 0.05 where nothing changed
     changed: Bool  # (c,) changed, with 5 % false discoveries among these
+    regions: tuple[Region, ...]  # of these, the largest first
     detectable_mm: float  # median level of detection
     sections: tuple[SectionDeviation, ...]
     counts: Float  # (b,) of the histogram
@@ -58,17 +60,19 @@ class Summary:
                 f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)")  # fmt: skip
 
 
-def summarise(found: Deviations, sections: int, half_width_mm: float, along: str, what: str) -> Summary:
-    """The summary of deviations, by `sections` along the part."""
+def summarise(found: Deviations, sections: int, half_width_mm: float, along: str, what: str,
+              spacing_mm: float) -> Summary:  # fmt: skip
+    """The summary of deviations at places `spacing_mm` apart, by `sections` along the part."""
     seen = np.isfinite(found.distance_mm)
     values = found.distance_mm[seen]
     if not len(values):
         values = np.array([math.nan])
+    new = changed(found.distance_mm, found.u_mm)
     counts, edges = np.histogram(values, bins=BINS, range=_range(values))
     return Summary(
         int(seen.sum()), float(values.mean()), float(np.sqrt(np.mean(values**2))),
         {k: float(np.percentile(values, k)) for k in PERCENTILES}, _share(found.significant[seen]),
-        changed(found.distance_mm, found.u_mm), _median(found.detectable_mm[seen]),
+        new, changed_regions(found, new, spacing_mm), _median(found.detectable_mm[seen]),
         _sections(found, seen, sections, half_width_mm), counts.astype(float), edges, along, what,
     )  # fmt: skip
 

@@ -12,7 +12,12 @@ from pydantic import Field
 from workbench.api import Chapter, Document, stage
 from workbench_welding.groove import Groove, GrooveSection
 
-STYLE: Any = {"svg.hashsalt": "workbench-welding", "font.size": 9.0}  # the same data give the same bytes
+STYLE: Any = {
+    "svg.hashsalt": "workbench-welding",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}  # the same data give the same bytes
 HEAD = ("Section", "Arc length, mm", "Area ± U, mm²", "Weld metal, g/mm", "Verdict")
 
 
@@ -45,8 +50,8 @@ def _table(sections: tuple[GrooveSection, ...], gram: float) -> str:
     for s in sections:
         area = mass = "–"
         if s.area_mm2 is not None and s.area_u_mm2 is not None:
-            area, mass = f"{s.area_mm2:.2f} ± {2 * s.area_u_mm2:.2f}", f"{gram * s.area_mm2:.3f}"
-        body += (f'<tr data-mark="{s.index}"><th>{s.index}</th><td>{s.arc_length_mm:.1f}</td><td>{area}</td>'
+            area, mass = f"{s.area_mm2:.1f} ± {2 * s.area_u_mm2:.1f}", f"{gram * s.area_mm2:.3f}"
+        body += (f'<tr><th>{s.index}</th><td>{s.arc_length_mm:.1f}</td><td>{area}</td>'
                  f'<td>{mass}</td><td class="{s.verdict}">{s.verdict}</td></tr>')  # fmt: skip
     return f'<table class="results"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from workbench.artefacts import Document, Moves, PathGate, RobotCell, Toolpath
 from workbench.errors import InputError
+from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from workbench.units import DEG, Float
 
@@ -47,11 +48,21 @@ class ProgramJob:
     tool: MillingTool
     zone_mm: float  # from a target, where the next move may begin to blend in; 0: every target is reached
     turntable_deg: Float | None = None  # (k,) external axis at each target; None: it is not driven
+    rounding_mm: float = 0.05  # by which blending may leave the path: sharper corners are driven to their point
 
     @property
     def tool_centre_point_mm(self) -> Float:
         """Of the tool with the path's own cutter (3,), in the flange."""
         return self.tool.tool_centre_point_mm(self.moves.toolpath.cutter.diameter_mm / 2.0)
+
+    @property
+    def blends(self) -> list[bool]:
+        """Whether the next move may blend in before each target (k,)."""
+        moves = self.moves
+        off = rounding_mm(moves.position_mm, moves.via_position_mm, moves.circular, self.zone_mm)
+        free = (off <= self.rounding_mm) & (self.zone_mm > 0)
+        free[[0, -1]] = False
+        return [bool(one) for one in free]
 
     @property
     def work_object(self) -> tuple[Float, Float]:

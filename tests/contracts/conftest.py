@@ -101,8 +101,11 @@ class Chains:
     def whole(self, stage: Stage) -> Chain | None:
         """The last chain that has all that a stage must be given: what belongs together stays together."""
         wanted = [source.type for source in stage.sources if source.required and source.type is not Provenance]
-        return next((c for c in self.chains[::-1] if all(any(isinstance(one, kind) for one in c.results) for kind in wanted)),
-                    None)  # fmt: skip
+
+        def has_all(chain: Chain) -> bool:
+            return all(any(isinstance(one, kind) for one in chain.results) for kind in wanted)
+
+        return next(filter(has_all, self.chains[::-1]), None)
 
 
 @pytest.fixture(scope="session")

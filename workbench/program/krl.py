@@ -77,7 +77,7 @@ def krl(
         raise InputError("program.krl", "expected moves without postures: only program.rapid writes a turntable and a "
                          "first posture")  # fmt: skip
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
-    job = ProgramJob(name, moves, spindle, zone_mm)
+    job = ProgramJob(name, moves, spindle, zone_mm, rounding_mm=gate.tolerance_mm if gate else 0.0)
     return write_program(Krl(job), gate, cell)
 
 
@@ -103,6 +103,11 @@ class Krl:
         """Of the moves, mm/s."""
         rounded: list[float] = rounded_feeds(self.job.moves.feed_mm_s).tolist()
         return rounded
+
+    @functools.cached_property
+    def blends(self) -> list[bool]:
+        """Where the next move may blend in."""
+        return self.job.blends
 
     def head(self) -> Iterator[str]:
         """MillingTool, load, base and how to move."""
@@ -141,7 +146,7 @@ class Krl:
         return [f"  $VEL.CP={self.feeds[i] / 1000:.9g}"] if self.feeds[i] != self.feeds[i - 1] else []
 
     def _blend(self, i: int) -> str:
-        return " C_DIS" if self.job.zone_mm and i + 1 < len(self.frames) else ""
+        return " C_DIS" if self.blends[i] else ""
 
 
 def euler_deg(quaternion_wxyz: Float) -> Float:

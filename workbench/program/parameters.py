@@ -35,7 +35,12 @@ ToolQuaternion = Annotated[
 ToolMass = Annotated[float, Field(gt=0, le=1000, description="of spindle and cutter")]
 ToolCentreOfGravity = Annotated[Vector, Field(description="centre of gravity of spindle and cutter in the flange")]
 Zone = Annotated[
-    float, Field(ge=0, le=50, description="how far before a target the next move may blend in; 0: all are reached")
+    float,
+    Field(
+        ge=0,
+        le=50,
+        description="how far before a target the next move may blend in, but at sharp corners; 0: never",
+    ),
 ]
 
 TOOL_POSITION_MM: Vector = (0.0, 0.0, 400.0)

@@ -77,7 +77,7 @@ def rapid(
     if len({name.lower() for name in names}) < len(names):
         raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
     spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm, moves)
-    job = ProgramJob(module, moves, spindle, zone_mm, moves.turntable_deg)
+    job = ProgramJob(module, moves, spindle, zone_mm, moves.turntable_deg, gate.tolerance_mm if gate else 0.0)
     return write_program(Rapid(job, procedure, tool_name, work_object_name), gate, cell)
 
 
@@ -101,8 +101,7 @@ class Rapid:
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
-        zones = ["zonePath" if self.job.zone_mm else "fine"] * len(which)
-        zones[0] = zones[-1] = "fine"
+        zones = ["zonePath" if blends else "fine" for blends in self.job.blends]
         tail = f"{self.tool_name}\\WObj:={self.work_object_name};"
         return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
 

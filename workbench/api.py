@@ -24,6 +24,7 @@ from workbench.artefacts import (
     Moves,
     PathDeflection,
     PathGate,
+    PointSet,
     Postures,
     Provenance,
     Recording,
@@ -55,6 +56,8 @@ from workbench.geometry.poses import (
     vector_from_rotation,
 )
 from workbench.stage import InputFile, Progress, Seed, stage
+from workbench.strict_json import read_json, strict_json
+from workbench.text_files import numbered_lines, read_text
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
@@ -80,7 +83,6 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         joint_axes,
         motions,
         read_cell,
-        read_json,
         spherical_wrist,
         turntable_pose,
         within_limits,
@@ -125,6 +127,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "PathDeflection",
     "PathGate",
     "PipelineError",
+    "PointSet",
     "Postures",
     "ProgramJob",
     "Progress",
@@ -158,16 +161,19 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "jacobian_derivative",
     "joint_axes",
     "motions",
+    "numbered_lines",
     "pose_from",
     "quaternion_from_rotation",
     "read_cell",
     "read_json",
+    "read_text",
     "rotation_from_quaternion",
     "rotation_from_rpy",
     "rotation_from_vector",
     "rpy_from_rotation",
     "spherical_wrist",
     "stage",
+    "strict_json",
     "turntable_pose",
     "vector_from_rotation",
     "within_limits",

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.fits import Shape
+from workbench.text_files import numbered_lines, read_text
 from workbench.units import Float
 
 MAX_BYTES = 2**28
@@ -26,8 +27,9 @@ def read_points(path: Path) -> Float:
     Raises:
         InputError: unreadable, no numbers; with the line.
     """
-    rows = [_numbers(line, f"{path}: line {k}") for k, line in _lines(path)]
-    for (k, _), row in zip(_lines(path), rows, strict=True):
+    lines = numbered_lines(read_text(path, MAX_BYTES))
+    rows = [_numbers(line, f"{path}: line {k}") for k, line in lines]
+    for (k, _), row in zip(lines, rows, strict=True):
         if len(row) != 3:
             raise InputError(f"{path}: line {k}", f"expected three numbers, found {len(row)}")
     if not rows:
@@ -41,7 +43,8 @@ def read_answer(path: Path, shape: Shape) -> Float:
     Raises:
         InputError: another count of numbers than the shape has, no direction, no diameter.
     """
-    values = np.array([value for k, line in _lines(path) for value in _numbers(line, f"{path}: line {k}")])
+    lines = numbered_lines(read_text(path, MAX_BYTES))
+    values = np.array([value for k, line in lines for value in _numbers(line, f"{path}: line {k}")])
     count, words = NUMBERS[shape]
     if len(values) != count:
         raise InputError(str(path), f"expected {count} numbers for a {shape}, {words}, found {len(values)}")
@@ -50,21 +53,6 @@ def read_answer(path: Path, shape: Shape) -> Float:
     if count != 6 and not values[-1] > 0:
         raise InputError(str(path), f"expected a diameter above 0, found {values[-1]:g}")
     return values
-
-
-def _lines(path: Path) -> list[tuple[int, str]]:
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
-    if len(content) > MAX_BYTES:
-        raise InputError(str(path), f"expected at most {MAX_BYTES} bytes")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}", "expected text") from None
-    return [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
 
 
 def _numbers(line: str, where: str) -> list[float]:

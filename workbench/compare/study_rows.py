@@ -10,6 +10,7 @@ from pathlib import Path
 from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError, nearest
 from workbench.strict_json import read_json
+from workbench.text_files import numbered_lines, read_text
 
 MAX_BYTES = 2**24
 COLUMNS = ("part", "operator", "trial", "inspection", "section", "arc_length_mm",
@@ -35,8 +36,7 @@ def study_rows(path: Path) -> list[tuple[str, Mapping[str, str]]]:
 
 
 def _csv_rows(path: Path) -> Iterator[tuple[str, Mapping[str, str]]]:
-    lines = [(number, line) for number, line in enumerate(_text(path).splitlines(), 1)
-             if line.strip() and not line.lstrip().startswith("#")]  # fmt: skip
+    lines = numbered_lines(read_text(path, MAX_BYTES))
     if not lines:
         return
     try:
@@ -78,17 +78,3 @@ def _check_columns(names: list[str], where: str) -> None:
             raise InputError(where, f"unknown column '{name}'{nearest(name, COLUMNS)}")
     if len(set(names)) < len(names):
         raise InputError(where, "expected every column once")
-
-
-def _text(path: Path) -> str:
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}") from None
-    if len(content) > MAX_BYTES:
-        raise InputError(str(path), f"expected at most {MAX_BYTES} bytes")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start}", "expected UTF-8 text") from None

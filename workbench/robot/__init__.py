@@ -21,7 +21,6 @@ from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
 from workbench.robot.triangles import cell_triangles
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
-from workbench.strict_json import read_json
 
 __all__ = [
     "AngleConvention",
@@ -47,7 +46,6 @@ __all__ = [
     "joint_axes",
     "motions",
     "read_cell",
-    "read_json",
     "spherical_wrist",
     "turntable_pose",
     "within_limits",

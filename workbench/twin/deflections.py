@@ -12,8 +12,8 @@ import numpy as np
 
 from workbench.artefacts import Layer
 from workbench.errors import InputError
-from workbench.storage import regular_file
 from workbench.strict_json import read_any_json
+from workbench.text_files import numbered_lines, read_text
 from workbench.units import Float
 
 COLUMNS = ("layer", "point", "dx_mm", "dy_mm", "dz_mm")
@@ -48,15 +48,10 @@ def _rows(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
-    if regular_file(path).st_size > MAX_BYTES:
-        raise InputError(str(path), f"expected deflections of at most {MAX_BYTES} bytes")
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        return list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    except OSError as error:
-        raise InputError(str(path), f"a readable file of deflections ({error.strerror or error})") from error
-    except (ValueError, csv.Error) as error:
-        raise InputError(str(path), "a CSV or JSON file of deflections, in UTF-8") from error
+        return list(csv.DictReader(line for _, line in numbered_lines(read_text(path, MAX_BYTES))))
+    except csv.Error as error:
+        raise InputError(str(path), f"a CSV or JSON file of deflections ({error})") from None
 
 
 def _whole(where: str, row: Mapping[str, Any], name: str) -> int:

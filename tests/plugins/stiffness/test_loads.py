@@ -71,5 +71,5 @@ def test_bytes_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "loads.csv").write_bytes(b"\xff\xfe\x00posture")
     with pytest.raises(InputError, match="UTF-8"):
         read_loads(tmp_path / "loads.csv")
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_loads(tmp_path / "none.csv")

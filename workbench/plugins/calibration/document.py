@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
-from typing import Any
-
-import numpy as np
-
-from workbench.api import DEG, Document, rpy_from_rotation
+from workbench.api import DEG, Document, rpy_from_rotation, strict_json
 from workbench.plugins.calibration.values import Calibration
 
 
@@ -31,14 +25,4 @@ def hand_eye_document(found: Calibration) -> Document:
         "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in found.frames_rejected],
         "warnings": found.warnings,
     }
-    members = (f"{json.dumps(key)}: {json.dumps(_plain(value), allow_nan=False)}" for key, value in content.items())
-    return Document("handeye.json", ("{\n  " + ",\n  ".join(members) + "\n}\n").encode())
-
-
-def _plain(value: Any) -> Any:
-    """Arrays as lists; what is not finite as null."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return Document("handeye.json", strict_json(content))

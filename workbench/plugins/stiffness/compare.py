@@ -7,8 +7,7 @@ import io
 
 import numpy as np
 
-from workbench.api import Chapter, Document, EdgeProfile, Float, Inspection, PathDeflection, stage
-from workbench.plugins.stiffness.writing import strict_json
+from workbench.api import Chapter, Document, EdgeProfile, Float, Inspection, PathDeflection, stage, strict_json
 
 
 @stage("stiffness.compare")

@@ -17,10 +17,10 @@ from workbench.api import (
     abb_angles,
     forward_kinematics,
     stage,
+    strict_json,
 )
 from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness
 from workbench.plugins.stiffness.values import Deflection, JointStiffness
-from workbench.plugins.stiffness.writing import strict_json
 
 Vector = tuple[float, float, float]
 Method = Literal["balance", "third_order", "second_order", "linear_kc", "linear"]

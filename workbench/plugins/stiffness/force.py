@@ -18,11 +18,11 @@ from workbench.api import (
     Toolpath,
     rotation_from_quaternion,
     stage,
+    strict_json,
 )
 from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
 from workbench.plugins.stiffness.cutting import milling_force
 from workbench.plugins.stiffness.values import LayerForce, MillingForce
-from workbench.plugins.stiffness.writing import strict_json
 
 Pressure = Annotated[float, Field(ge=0, le=1e5)]
 Six = tuple[Pressure, Pressure, Pressure, Pressure, Pressure, Pressure]

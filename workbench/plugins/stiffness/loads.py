@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError
+from workbench.api import DEG, Float, InputError, numbered_lines, read_text
 from workbench.plugins.stiffness.values import LoadingTests
 
 ANGLES = tuple(f"q{i}_deg" for i in range(1, 7))
@@ -62,16 +62,7 @@ def read_loads(path: Path) -> LoadingTests:
 
 def _table(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
     """Header and rows as text with their line numbers; comments and empty lines left out."""
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-        text = content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise InputError(str(path), f"cannot be read: {why}") from None
-    if len(content) > MAX_BYTES:
-        raise InputError(str(path), f"expected at most {MAX_BYTES} bytes")
-    numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    numbered = numbered_lines(read_text(path, MAX_BYTES))
     if len(numbered) < 2:
         raise InputError(str(path), "expected a header and one row a load")
     header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, Float, Postures
+from workbench.api import DEG, AnyArray, Float, Postures, strict_json
 from workbench.plugins.stiffness.feasible import CAUSES
 from workbench.plugins.stiffness.search import PostureMap
 from workbench.plugins.stiffness.standing import Case, Found
-from workbench.plugins.stiffness.writing import strict_json
 
 
 def posture_document(found: Found) -> bytes:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, InputFile, read_json, stage
+from workbench.api import Document, Float, InputError, InputFile, read_json, stage, strict_json
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, JointStiffness
 
 Positive = Annotated[float, Field(gt=0, le=1e12)]
@@ -71,8 +71,6 @@ def _is_covariance(matrix: Float) -> bool:
 
 def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
     """`stiffness.json` (docs/pipelines.md); `more`: what the identification adds."""
-    from workbench.plugins.stiffness.writing import strict_json
-
     return Document(
         "stiffness.json",
         strict_json(

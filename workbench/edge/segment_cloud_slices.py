@@ -21,6 +21,7 @@ from workbench.units import DEG, Bool, Float, Int
 
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
 NEIGHBOURS = 16
+THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices
 VIEWS = 24  # directions of sight that are tried, around the edge
 TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
 LEAST_SLICES = 3
@@ -78,9 +79,7 @@ def check_agreement(cloud: Cloud, seen: Bool) -> None:
     lost = float((gap[short] - 1).sum()) / max(1.0, float(known.size + (gap[short] - 1).sum()))
     if lost > MOST_LOST:
         words = f"{100 * lost:.0f} % of its slices lose the edge here and there: expected one surface"
-        raise InputError(
-            cloud.source, f"{words}; do its passes disagree? Give points in scan order or each pass alone"
-        )
+        raise InputError(cloud.source, f"{words}; do its passes disagree? Give points in scan order or each pass alone")
 
 
 def _straight(points: PointSet) -> Laid:
@@ -111,7 +110,7 @@ def spacing(points_mm: Float, at_mm: Float | None = None) -> Spacing:
     distance = cKDTree(points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
     width = float(np.median(distance[:, 1]))
     area = float(np.median(np.pi * distance[:, -1] ** 2)) / NEIGHBOURS  # of the surface, a point
-    return Spacing(width, max(area / width, width))
+    return Spacing(width, max(THICKER * area / width, width))
 
 
 def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int) -> Cloud:

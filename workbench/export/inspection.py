@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Document, Inspection, Provenance, Section
+from workbench.spreadsheet import as_text
 from workbench.stage import stage
 
 FORMAT, VERSION = "bevel-inspection-rows", 1
@@ -82,9 +83,10 @@ def _parquet(rows: list[dict[str, Any]]) -> bytes:
 
 
 def _csv(rows: list[dict[str, Any]]) -> bytes:
-    """UTF-8, a comma between fields, lines end in CR LF (RFC 4180); numbers as they read back exactly."""
+    """UTF-8, a comma between fields, lines end in CR LF (RFC 4180); numbers as they read back exactly, texts that no
+    spreadsheet takes for formulas."""
     out = io.StringIO(newline="")
     table = csv.DictWriter(out, COLUMNS)
     table.writeheader()
-    table.writerows(rows)
+    table.writerows({name: as_text(value) for name, value in row.items()} for row in rows)
     return out.getvalue().encode()

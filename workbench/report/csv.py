@@ -6,6 +6,7 @@ import csv as comma_separated
 import io
 
 from workbench.artefacts import Document, Inspection
+from workbench.spreadsheet import as_text
 from workbench.stage import stage
 
 HEADER = (
@@ -27,7 +28,7 @@ def csv(inspection: Inspection) -> Document:
     for s in inspection.sections:
         place = (s.arc_length_mm, *s.origin_mm)
         values = (s.root_mm, s.root_u_mm, s.bevel_deg, s.bevel_u_deg)
-        table.writerow([s.index, *map(_number, place), *map(_number, values), s.verdict, s.reason])
+        table.writerow([s.index, *map(_number, place), *map(_number, values), s.verdict, as_text(s.reason)])
     return Document("sections.csv", out.getvalue().encode())
 
 

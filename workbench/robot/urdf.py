@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,9 +17,11 @@ from workbench.errors import InputError, nearest
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.robot.chain import Chain
 from workbench.robot.shapes import Shape, read_mesh
+from workbench.storage import regular_file
 from workbench.units import Float
 
 MM = 1e3  # mm per m
+MAX_BYTES, MAX_DEPTH = 2**24, 64
 
 
 def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tuple[Shape, ...]]:
@@ -65,8 +68,10 @@ def _built(document: ElementTree.Element, path: Path) -> pin.Model:
 
 
 def _parsed(path: Path) -> ElementTree.Element:
+    if regular_file(path).st_size > MAX_BYTES:
+        raise InputError(str(path), f"expected a URDF of at most {MAX_BYTES} bytes")
     try:
-        root = ElementTree.fromstring(path.read_bytes())
+        root = ElementTree.fromstring(path.read_bytes(), ElementTree.XMLParser(target=_Builder()))
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     except (ElementTree.ParseError, ValueError) as error:
@@ -74,6 +79,28 @@ def _parsed(path: Path) -> ElementTree.Element:
     if root.tag != "robot":
         raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
     return root
+
+
+class _Builder(ElementTree.TreeBuilder):
+    """Builds elements; a document type is refused, since its entities could grow without end or name other files."""
+
+    depth = 0
+
+    def start(self, tag: Any, attrs: Any) -> ElementTree.Element:
+        """An element begins: what reads the document after this descends into it."""
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise ValueError(f"of at most {MAX_DEPTH} levels")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> ElementTree.Element:
+        """An element ends."""
+        self.depth -= 1
+        return super().end(tag)
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Called where one begins."""
+        raise ValueError(f"without a document type, found '{name}'")
 
 
 def _check_joints(model: pin.Model, path: Path) -> None:

@@ -24,7 +24,7 @@ html_copy_source = False
 html_theme_options = {
     "description": "Point-cloud workbench for robotic bevel milling",
     "fixed_sidebar": True,
-    "page_width": "1180px",
+    "page_width": "1280px",
     "sidebar_width": "240px",
     "font_family": "system-ui, sans-serif",
     "head_font_family": "system-ui, sans-serif",

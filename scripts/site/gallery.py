@@ -37,7 +37,7 @@ def hang(page: Path, project: Path) -> int:
             pictures[0] += 1
             file = page.parent / f"made_{pictures[0]:02}{SUFFIX[kind]}"
             file.write_bytes(content)
-            lines.append(f"![{words}]({file.name})\n\n*{words}*")
+            lines.append(f"```{{figure}} {file.name}\n:alt: {words}\n\n{words}\n```")
         return "\n\n".join(lines)
 
     page.write_text(ASKED.sub(shown, text))

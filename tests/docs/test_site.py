@@ -105,7 +105,7 @@ def test_a_gallery_hangs_the_pictures_that_its_page_asks_for(tmp_path):
     page.write_text(GALLERY.format("A map"))
     assert hang(page, tmp_path) == 1
     assert (tmp_path / "made_01.svg").read_bytes() == b"<svg/>"
-    assert "![A map & more](made_01.svg)" in page.read_text()
+    assert "```{figure} made_01.svg\n:alt: A map & more\n" in page.read_text()
     page.write_text(GALLERY.format("A mop"))
     with pytest.raises(PageError, match="has no picture 'A mop'"):
         hang(page, tmp_path)

@@ -1,7 +1,8 @@
 """The inverse against EAIK (Ostermeier, Kuelz, Althoff 2025), an independent solver: the same set of branches.
 
-EAIK also gives least-squares answers where a pose cannot be had, and where no axes are parallel or meet it marks all
-its answers so; those that miss the pose are left out by forward kinematics, which is pin's (test_kinematics.py).
+EAIK also gives least-squares answers where a pose cannot be had. Those that miss the pose are left out by forward
+kinematics, which is pin's (test_kinematics.py). Where no axes are parallel or meet it marks all its answers as such,
+and they reach the pose to 4e-7 only; least squares miss it by far more there.
 """
 
 from typing import Any
@@ -14,7 +15,7 @@ from workbench.units import Float
 
 EAIK = pytest.importorskip("eaik.pybindings.EAIK", reason="EAIK has no wheel for this Python")
 MOST = 64  # answers of EAIK, least squares included
-REACHES = 1e-9  # m, 1
+REACHES, ROUGHLY = 1e-9, 1e-6  # m, 1
 SAME = 1e-6  # rad
 ARMS = ["irb6700", "puma", "skewed", "oblique"]
 
@@ -39,15 +40,15 @@ def forearm_nearly_stretched(chain: Chain, q: Float, rng: np.random.Generator) -
     q[:, 2] = -np.arctan2(1592.5, 200) + rng.choice([-1, 1], len(q)) * 10.0 ** rng.uniform(-4, -2, len(q))
 
 
-def assert_same_branches(chain: Chain, q: Float, missed: int = 0) -> None:
-    """Ours and EAIK's at the poses of postures `q` (n, 6); EAIK may have missed a few that reach the pose."""
+def assert_same_branches(chain: Chain, q: Float) -> None:
+    """Ours and EAIK's at the poses of postures `q` (n, 6)."""
     poses = forward_kinematics(chain, q)
     ours, theirs = inverse_kinematics(chain, poses), peer(chain, poses)
     assert np.nanmax(miss(chain, ours, poses)) < 1e-12
     distance = np.abs((ours[:, :, None] - theirs[:, None] + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
     distance[np.isnan(distance)] = np.inf
     assert (distance.min(axis=1)[np.isfinite(theirs[..., 0])] < SAME).all()
-    assert (distance.min(axis=2)[np.isfinite(ours[..., 0])] > SAME).sum() <= missed
+    assert (distance.min(axis=2)[np.isfinite(ours[..., 0])] < SAME).all()
     assert np.isfinite(ours[..., 0]).sum() > 3 * len(q)
 
 
@@ -58,11 +59,12 @@ def peer(chain: Chain, poses: Float) -> Float:
     robot: Any = EAIK.Robot(chain.axes.T, np.diff(points, axis=0).T, turn, [], True)
     metres = poses.copy()
     metres[:, :3, 3] /= 1e3
-    found = np.full((len(poses), MOST, 6), np.nan)
+    found, marked = np.full((len(poses), MOST, 6), np.nan), True
     for row, solution in zip(found, robot.calculate_IK_batched(list(metres), 1), strict=True):
         if len(solution.Q):
             row[: len(solution.Q)] = solution.Q
-    found[~(miss(chain, found, poses) < REACHES)] = np.nan
+            marked = marked and all(solution.is_LS)
+    found[~(miss(chain, found, poses) < (ROUGHLY if marked else REACHES))] = np.nan
     return found
 
 
@@ -92,8 +94,8 @@ def test_other_robots_have_the_branches_of_eaik(arms: Any, name: str, where: Any
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_branches_of_eaik_at_100_000_poses(arms: Any, name: str) -> None:
-    """EAIK misses some of the pairs that nearly coincide where its elimination has a double root."""
+    """Some minutes a robot, most of them spent on comparing."""
     chain, rng = arms(name), np.random.default_rng(3)
     for _ in range(10):
         q = rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (10_000, 6))
-        assert_same_branches(chain, q, missed=12 if name == "skewed" else 0)
+        assert_same_branches(chain, q)

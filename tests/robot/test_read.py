@@ -46,7 +46,7 @@ def test_coaxial_spindle_is_pointed_out(cell_file: Any) -> None:
 Change = Callable[[Any], Any]
 BAD: list[tuple[Change, str]] = [
     (lambda t: t["robot"].update(flange_frame="tool1"), "unknown frame; did you mean 'tool0'?"),
-    (lambda t: t["robot"].update(urdf="none.urdf"), "none.urdf: cannot be read"),
+    (lambda t: t["robot"].update(urdf="none.urdf"), "none.urdf: no such file"),
     (lambda t: t["robot"].update(urdf="cell.json"), "expected a URDF"),
     (lambda t: t["workpiece"].update(mesh="plate.stl"), "plate.stl' does not exist"),
     (lambda t: t.update(turntabel=t.pop("turntable")), "did you mean 'turntable'?"),

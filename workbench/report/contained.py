@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
-FORBIDDEN = {"script", "link", "iframe", "object", "embed", "base", "meta", "form"}
-ADDRESSES = {"src", "srcset", "href", "xlink:href", "data", "poster", "background"}
+FORBIDDEN = {"script", "style", "link", "iframe", "object", "embed", "base", "meta", "form"}
+ADDRESSES = {"src", "srcset", "href", "xlink:href", "data", "poster", "background", "action", "formaction", "ping"}
+WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
+CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
 
 
 class _Outside(HTMLParser):
@@ -20,8 +22,9 @@ class _Outside(HTMLParser):
             self.found.append(f"<{tag}>")
         for name, value in attrs:
             address = (value or "").strip()
-            elsewhere = name in ADDRESSES and not address.startswith(("data:", "#"))
-            if elsewhere or name.startswith("on") or (name == "style" and "url(" in address):
+            elsewhere = name in ADDRESSES and not address.startswith(WITHIN)
+            fetches = name == "style" and any(call in address.lower() for call in CALLS)
+            if elsewhere or fetches or name.startswith("on") or name == "srcdoc":
                 self.found.append(f"<{tag} {name}={address[:40]!r}>")
 
 

@@ -1,0 +1,179 @@
+"""Texts that a file carries stay texts, wherever they come out: page, program, table, terminal, file name."""
+
+import csv
+import io
+import json
+
+import pytest
+
+from tests.conftest import forget_strangers
+from tests.security.hostile import MARKUP, NAMES, PROGRAM, Page, assert_plain_lines, assert_refused, files_below
+from workbench.api import Chapter, Document, stage
+from workbench.program.rapid_parser import parse_rapid
+
+INSPECT = (
+    {"stage": "scan.read", "recording": "${recording}"},
+    {"stage": "scan.fuse"},
+    {"stage": "cloud.denoise"},
+    {"stage": "edge.segment"},
+    {"stage": "inspect.sections", "sections": 2},
+    {"stage": "inspect.gate", "reject": ["fail"]},
+)
+PLAN = (
+    *INSPECT[:3],
+    {"stage": "edge.segment_raw", "upper_side": [0, 0, 1]},
+    {"stage": "path.layers", "depth_of_cut_mm": 2},
+    {"stage": "path.feed"},
+    {"stage": "path.check"},
+    {"stage": "path.simplify"},
+    {"stage": "program.rapid"},
+    {"stage": "program.krl"},
+    {"stage": "program.csv"},
+)
+TABLES = ({"stage": "export.inspection", "format": "csv"}, {"stage": "report.csv"})
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tmp_path):
+    """Tables hold the name as a text; nothing is written but the results; the terminal sees plain lines."""
+    path = hostile_part("milled", name)
+    before = files_below(tmp_path)
+    pipeline = pipeline_file(*INSPECT, *TABLES, recording=str(path), title=name[:500])
+    outcome = command("run", pipeline, "--out", tmp_path / "out")
+    assert outcome.status in (0, 1), outcome.err
+    assert_plain_lines(outcome.out + outcome.err)
+    assert files_below(tmp_path) - before - {"pipeline.json", "out"} == {
+        f"out/{file}" for file in ("inspection.json", "inspection.csv", "sections.csv", "run.json")
+    }
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "out/inspection.csv").read_bytes().decode(), newline="")))
+    assert len(rows) == 2
+    for row in rows:
+        assert not any(text.startswith(("=", "+", "@", "\t", "\r", "\n")) for text in row.values())
+        assert row["part_id"].lstrip("'")[:40] == name.replace("\x00", " ").lstrip("'")[:40]
+    json.loads((tmp_path / "out/run.json").read_text())
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_part_that_is_milled(name, hostile_part, pipeline_file, command, tmp_path):
+    """A program with the name differs from one without it in comments only, and is still one program."""
+    texts = {}
+    for part in ("plate", name):
+        pipeline = pipeline_file(*PLAN, recording=str(hostile_part("raw", part)))
+        outcome = command("run", pipeline, "--out", tmp_path / "out")
+        assert outcome.status == 0, outcome.err
+        assert_plain_lines(outcome.out + outcome.err)
+        texts[part] = [
+            (tmp_path / "out" / file).read_bytes() for file in ("BevelPath.mod", "BevelPath.src", "toolpath.csv")
+        ]
+    for sign, before, after in zip((b"!", b";"), texts["plate"], texts[name], strict=False):
+        assert after.isascii()
+        pairs = list(zip(before.splitlines(), after.splitlines(), strict=True))
+        changed = [line for plain, line in pairs if line != plain]
+        assert len(changed) == 1
+        assert changed[0].strip().startswith(sign + b" part: ")
+        assert not set(changed[0].strip()[1:]) & set(b"!;%&$\\\"'`{}[]<>\r\n\x00\x1b")
+        assert len(changed[0]) < 100
+    assert texts["plate"][2] == texts[name][2]
+    assert len(parse_rapid(texts[name][0].decode()).procedures) == 1
+
+
+@pytest.mark.parametrize("file_name", ["=1+2.h5", "a\nerror: forged\n.h5", "<img src=x onerror=alert(1)>.h5", "%%%!.h5",
+                                       "-out.h5", "${x}.h5"])  # fmt: skip
+def test_a_recording_with_a_hostile_file_name(file_name, hostile_part, pipeline_file, command, tmp_path):
+    path = hostile_part("milled", "plate", file_name)
+    outcome = command("run", pipeline_file(*INSPECT, *TABLES, recording="x"), "--out", tmp_path / "out",
+                      "--input", f"recording={path}")  # fmt: skip
+    assert outcome.status in (0, 1), outcome.err
+    assert_plain_lines(outcome.out + outcome.err)
+    path.write_bytes(b"not HDF5")
+    outcome = command("run", pipeline_file(*INSPECT, recording="x"), "--out", tmp_path / "out2",
+                      "--input", f"recording={path}")  # fmt: skip
+    assert_refused(outcome, "part" if "part" in file_name else file_name.partition("\n")[0])
+    assert not (tmp_path / "out2").exists()
+
+
+@pytest.fixture
+def stranger():
+    """A plug-in that hands on what a file says."""
+
+    @stage("hostile.page")
+    def page(*, title: str, html: str = "<p>x</p>", warning: str = "w", summary: str = "", part: str = "") -> Chapter:
+        """Make a chapter."""
+        return Chapter(title, html, "", summary, part, (warning,))
+
+    @stage("hostile.file")
+    def file(*, name: str) -> Document:
+        """Make a file."""
+        return Document(name, b"x")
+
+    yield
+    forget_strangers()
+
+
+@pytest.mark.parametrize("text", NAMES.values(), ids=NAMES)
+def test_every_text_of_a_chapter_is_escaped(stranger, text, pipeline_file, command, tmp_path):
+    text = text.replace("${", "$ {")  # in a pipeline that is a reference to an input
+    pipeline = pipeline_file(
+        {"stage": "hostile.page", "title": text, "warning": text, "summary": text, "part": text},
+        {"stage": "hostile.page", "id": "other", "title": "b"}, {"stage": "report.html"}, title=text,
+    )  # fmt: skip
+    outcome = command("run", pipeline, "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.err
+    assert_plain_lines(outcome.out + outcome.err)
+    page = Page((tmp_path / "out/report.html").read_text(encoding="utf-8"))
+    assert (page.scripts, page.active) == (0, [])
+    if "<script>" in text:
+        assert page.text.count("<script>alert(1)</script>") >= 4
+        assert str(7 * 191 * 1000003) not in page.text  # no template ran it
+
+
+@pytest.mark.parametrize("html", [
+    "<script>alert(1)</script>", "<img src='http://a/b.png'>", "<p onclick='x()'>y</p>",
+    "<a href='javascript:x()'>y</a>",
+    "<iframe srcdoc='x'></iframe>", "<meta http-equiv=refresh content='0;url=http://a'>", "<base href='http://a'>",
+    "<svg><image xlink:href='http://a/b'/></svg>", "<form action='http://a'></form>", "<SCRIPT>x</SCRIPT>",
+    "<p style='background:url(http://a)'>x</p>", "<p style='background:URL(http://a)'>x</p>",
+    "<style>@import 'http://a'</style>", "<style>p{background:u\\72l(http://a)}</style>",
+    "<a href='data:text/html,<script>alert(1)</script>'>x</a>", "<button formaction='javascript:x()'>x</button>",
+    "<a ping='http://a' href='#b'>x</a>",
+])  # fmt: skip
+def test_html_that_reaches_outside_is_refused(stranger, html, pipeline_file, command, tmp_path):
+    pipeline = pipeline_file({"stage": "hostile.page", "title": "a", "html": html}, {"stage": "report.html"})
+    assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "complete in itself")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", "/tmp/x", "..", ".", "", ".hidden", "a\\b", "run.json", "a\nb",
+                                  "a\x00b", "\x1b[31m", "C:\\x", "a\u202eb"])  # fmt: skip
+def test_a_result_can_only_be_a_visible_file_in_the_folder(stranger, name, pipeline_file, command, tmp_path):
+    before = files_below(tmp_path)
+    outcome = command("run", pipeline_file({"stage": "hostile.file", "name": name}), "--out", tmp_path / "out")
+    assert_refused(outcome, "file name")
+    assert files_below(tmp_path) - before == {"pipeline.json"}
+
+
+@pytest.mark.parametrize("change", [
+    {"id": "../x"}, {"id": "a b"}, {"id": PROGRAM}, {"id": MARKUP}, {"stage": "../../os.system"},
+    {"stage": "os.system"},
+    {"stage": "subprocess.run"}, {"stage": "workbench.cli.main"}, {"stage": MARKUP}, {"from": {PROGRAM: "x"}},
+    {PROGRAM: 1}, {"__class__": 1},
+])  # fmt: skip
+def test_names_in_a_pipeline_that_are_none(stranger, change, pipeline_file, command, tmp_path):
+    """Only registered stages run: no name is looked up as a module of anybody's choice."""
+    pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt", **change})
+    assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "stages[0]")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("key", [PROGRAM, MARKUP, "../x", "a.b", "__init__ "])
+def test_names_of_inputs_that_are_none(stranger, key, pipeline_file, command, tmp_path):
+    pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt"}, **{key: 1})
+    assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "inputs")
+
+
+@pytest.mark.parametrize("name", ["a\nMODULE b", "x!y", "BevelPath;", "PROC", "../x", "a" * 40, "", "é"])
+@pytest.mark.parametrize("key", ["module", "procedure", "tool_name", "work_object_name"])
+def test_names_in_a_program_are_the_languages(name, key, pipeline_file, command, part_file, tmp_path):
+    stages = [{**one, key: name} if one["stage"] == "program.rapid" else one for one in PLAN]
+    outcome = command("run", pipeline_file(*stages, recording=str(part_file("raw"))), "--out", tmp_path / "out")
+    assert_refused(outcome, f"stages[8].{key}")

@@ -1,0 +1,120 @@
+"""What the package's own text must not hold: ways to run what a file says, to listen, to call out."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import workbench
+
+PACKAGE = Path(workbench.__file__).parent
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__", "os.system", "os.popen", "input", "breakpoint"}
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "cloudpickle", "marshal", "shelve", "code", "runpy", "imp",
+                     "telnetlib", "ftplib", "smtplib", "requests", "urllib3", "httpx", "aiohttp", "lxml", "paramiko",
+                     "ssl"}  # fmt: skip
+MAY = {  # who may do what docs/security.md tells of
+    "subprocess": {"batch/processes.py", "cloud/read.py", "compare/mesh_file.py", "offscreen.py"},
+    "multiprocessing": {"batch/processes.py", "batch/worker.py"},
+    "os.fork": {"scan/trial.py"},
+    "http.server": {"view/server.py"},
+    "webbrowser": {"view/server.py"},
+    "socket": set(),
+    "urllib.request": set(),
+    "fsspec": {"batch/store.py"},
+    "distributed": {"batch/cluster.py"},
+    "importlib": {"batch/record.py", "importing/kinds.py", "pipeline/registry.py", "pipeline/run.py"},
+    "ctypes": {"offscreen.py"},
+    "xml.etree.ElementTree": {"robot/urdf.py"},
+}
+
+
+def place(path: Path) -> str:
+    return path.relative_to(PACKAGE).as_posix()
+
+
+def dotted(node: ast.AST) -> str:
+    """`a.b.c` of an expression, '' for others."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        head = dotted(node.value)
+        return f"{head}.{node.attr}" if head else ""
+    return ""
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            yield node.module
+
+
+def done(tree: ast.AST) -> set[str]:
+    """What a source imports or calls, by dotted names."""
+    return {*imported(tree), *(dotted(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call))}
+
+
+def faults(text: str, name: str) -> list[str]:
+    """What a source file does that it must not."""
+    tree, found = ast.parse(text), []
+    for module in imported(tree):
+        top = module.partition(".")[0]
+        if top in FORBIDDEN_MODULES:
+            found.append(f"imports {module}")
+    for what, allowed in MAY.items():
+        if name not in allowed and any(one == what or one.startswith(f"{what}.") for one in done(tree)):
+            found.append(f"uses {what}")
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        call, words = dotted(node.func), {word.arg: word.value for word in node.keywords}
+        if call in FORBIDDEN_CALLS:
+            found.append(f"calls {call}")
+        if call.endswith(("yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load")):
+            loader = dotted(node.args[1]) if len(node.args) > 1 else ""
+            if loader != "StrictLoader":
+                found.append(f"calls {call} with {loader or 'no loader'}")
+        for word in ("shell", "allow_pickle"):
+            if word in words and not (isinstance(words[word], ast.Constant) and words[word].value is False):
+                found.append(f"calls {call} with {word}")
+        if call.endswith("Environment") and "autoescape" not in words:
+            found.append(f"calls {call} without autoescape")
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=place)
+def test_no_source_runs_what_files_say_nor_listens_nor_calls_out(path: Path) -> None:
+    assert faults(path.read_text(encoding="utf-8"), place(path)) == []
+
+
+@pytest.mark.parametrize("text", [
+    "eval('1')", "import pickle", "from pickle import loads", "import os\nos.system('x')", "import subprocess",
+    "import yaml\nyaml.load('a')", "import yaml\nyaml.load('a', yaml.Loader)", "f(x, shell=True)", "f(x, shell=flag)",
+    "import numpy as np\nnp.load('a', allow_pickle=True)", "import socket",
+    "import os\nos.fork()", "from http.server import HTTPServer",
+    "import urllib.request", "from jinja2 import Environment\nEnvironment()", "import xml.etree.ElementTree as E",
+])  # fmt: skip
+def test_this_test_finds_what_it_looks_for(text: str) -> None:
+    assert faults(text, "somewhere.py")
+
+
+def test_every_name_in_the_list_is_in_the_package_and_needed() -> None:
+    """An exception that nobody uses any more would be an open door."""
+    used = {place(path): done(ast.parse(path.read_text(encoding="utf-8"))) for path in SOURCES}
+    for what, allowed in MAY.items():
+        for name in allowed:
+            assert any(one == what or one.startswith(f"{what}.") for one in used.get(name, ())), (what, name)
+
+
+SAFE = {"page.html.j2": {"{{ chapter.html | safe }}"}}  # after `report.contained.outside` has looked at it
+
+
+def test_templates_switch_no_escaping_off() -> None:
+    for path in PACKAGE.rglob("*.j2"):
+        text = path.read_text(encoding="utf-8")
+        assert "autoescape false" not in text
+        unescaped = {line.strip() for line in text.splitlines() if "|safe" in line.replace(" ", "")}
+        assert unescaped <= SAFE.get(path.name, set()), path

@@ -28,9 +28,10 @@ def build(target: Path, quick: bool) -> None:
     """Copy the pages, run what they tell to run, add navigation, write HTML.
 
     Raises:
-        PageError: a page's command fails, or it says what is not so.
-        subprocess.CalledProcessError: Sphinx has an error or a warning.
+        PageError: a page's command fails, or it says what is not so; Sphinx warns; `target` holds something else.
     """
+    if not replaceable(target):
+        raise PageError(f"{target}: expected an empty folder, or a site made earlier")
     with tempfile.TemporaryDirectory() as folder:
         source = copy_pages(Path(folder) / "source")
         if not quick:
@@ -81,12 +82,20 @@ def run_pages(source: Path, project: Path) -> None:
 
 
 def write_html(source: Path, target: Path) -> None:
-    """Sphinx, warnings as errors; the start page is index.html as well."""
-    shutil.rmtree(target, ignore_errors=True)
+    """Sphinx, warnings as errors; the start page is index.html as well. `target` keeps what it has if that fails."""
+    made = source.parent / "html"
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-c", str(HERE)]
-    doctrees = source.parent / "doctrees"
-    subprocess.run([*command, "-d", str(doctrees), str(source), str(target)], check=True)
-    shutil.copyfile(target / "README.html", target / "index.html")
+    done = subprocess.run([*command, "-d", str(source.parent / "doctrees"), str(source), str(made)], check=False)
+    if done.returncode:
+        raise PageError("Sphinx says above what is wrong with the pages")
+    shutil.copyfile(made / "README.html", made / "index.html")
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(made, target)
+
+
+def replaceable(target: Path) -> bool:
+    """Whether `target` is empty, or a site that this made earlier."""
+    return not target.exists() or not any(target.iterdir()) or (target / "searchindex.js").exists()
 
 
 def main() -> int:
@@ -97,7 +106,7 @@ def main() -> int:
     given = parser.parse_args()
     try:
         build(given.folder.resolve(), given.quick)
-    except (PageError, subprocess.CalledProcessError) as error:
+    except PageError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(f"site: {given.folder / 'index.html'}")

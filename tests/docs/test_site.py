@@ -9,6 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from scripts.site.__main__ import main
 from scripts.site.commands import ROOT, PageError
 from scripts.site.gallery import hang
 from scripts.site.navigation import chapters_of, toctree
@@ -77,6 +78,14 @@ def test_every_page_of_the_project_is_in_the_site_and_its_contents(site, pages):
         waiting += [(path.parent / unquote(urlsplit(one).path)).resolve() for one in pages[path].linked]
     sources = [*(ROOT / "docs").rglob("*.md"), *(ROOT / f"{name}.md" for name in ("CHANGELOG", "CONTRIBUTING"))]
     assert {site / path.relative_to(ROOT).with_suffix(".html") for path in sources} - reached == set()
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path, capsys, monkeypatch):
+    (tmp_path / "thesis.txt").write_text("mine")
+    monkeypatch.setattr(sys, "argv", ["site", "--quick", str(tmp_path)])
+    assert main() == 1
+    assert "expected an empty folder" in capsys.readouterr().err
+    assert (tmp_path / "thesis.txt").read_text() == "mine"
 
 
 def test_the_contents_are_the_links_of_a_page():

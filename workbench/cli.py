@@ -57,7 +57,7 @@ def batch(options: argparse.Namespace) -> int:
     )
     printed(print_batch, made)
     if made.exit_status == 2:
-        print(one_line(f"error: {made.without_results} of {len(made.records)} parts have no results"), file=sys.stderr)
+        print(one_line(f"error: {made.failure}"), file=sys.stderr)
     return made.exit_status
 
 

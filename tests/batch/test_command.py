@@ -36,7 +36,8 @@ def test_status_and_table(batch: Any, record: Write) -> None:
     assert "2 parts, 1 rejected, 1 passed (verdicts: 1 fail, 1 pass); 1 from an earlier run" in out
     status, out, err = batch(good, bad, torn)
     assert status == 2
-    assert err.splitlines()[-1] == "error: 1 of 3 parts have no results"
+    assert err.splitlines()[-1].startswith(f"error: {torn}: ")
+    assert err.splitlines()[-1].endswith("(1 of 3 parts have no results)")
     rows = [line.split()[1] for line in out.splitlines() if line.startswith("│") and line.split()[1] != "│"]
     assert rows == ["torn", "bad"]  # worst first; what passed is not listed
     assert out.rstrip().endswith("fleet.parquet")

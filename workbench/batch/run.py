@@ -41,9 +41,16 @@ class Batch:
         return int(any(record.outcome == "rejected" for record in self.records))
 
     @property
-    def without_results(self) -> int:
-        """How many parts have none."""
-        return sum(record.outcome not in ("passed", "rejected") for record in self.records)
+    def without_results(self) -> tuple[Record, ...]:
+        """Parts that have none, in order."""
+        return tuple(record for record in self.records if record.outcome not in ("passed", "rejected"))
+
+    @property
+    def failure(self) -> str:
+        """The first part without results, its recording and the cause, and how many there are."""
+        first, count = self.without_results[0], len(self.without_results)
+        named = first.cause if first.recording in first.cause else f"{first.recording}: {first.cause}"
+        return f"{named} ({count} of {len(self.records)} parts have no results)"
 
 
 def run_batch(

@@ -69,7 +69,7 @@ def written_and_read(cloud: Cloud) -> PointSet:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cloud.ply"
         path.write_bytes(export_cloud(cloud).content)
-        return read(file=path)
+        return replace(read(file=path), source="cloud.ply")
 
 
 def one_route(result: CloudResult, route: str, points: PointSet, nominal: dict[str, float],

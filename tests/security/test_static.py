@@ -64,8 +64,9 @@ def faults(text: str, name: str) -> list[str]:
         top = module.partition(".")[0]
         if top in FORBIDDEN_MODULES:
             found.append(f"imports {module}")
+    used = done(tree)
     for what, allowed in MAY.items():
-        if name not in allowed and any(one == what or one.startswith(f"{what}.") for one in done(tree)):
+        if name not in allowed and any(one == what or one.startswith(f"{what}.") for one in used):
             found.append(f"uses {what}")
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
@@ -85,9 +86,10 @@ def faults(text: str, name: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=place)
-def test_no_source_runs_what_files_say_nor_listens_nor_calls_out(path: Path) -> None:
-    assert faults(path.read_text(encoding="utf-8"), place(path)) == []
+def test_no_source_runs_what_files_say_nor_listens_nor_calls_out() -> None:
+    found = {place(path): faults(path.read_text(encoding="utf-8"), place(path)) for path in SOURCES}
+    assert len(found) > 300
+    assert {name: what for name, what in found.items() if what} == {}
 
 
 @pytest.mark.parametrize("text", [

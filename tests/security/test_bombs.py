@@ -1,0 +1,241 @@
+"""Small files that would grow without end, or lead out of themselves: one line, soon, and nothing written."""
+
+import gzip
+import json
+import os
+import resource
+import time
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.security.conftest import ROOT
+from tests.security.hostile import assert_refused
+
+READ = ({"stage": "scan.read", "recording": "${file}"},)
+SOON_S, MEMORY_KB = 8.0, 400_000
+
+
+@pytest.fixture
+def refused(pipeline_file, command, tmp_path):
+    """`refused(stages, file, place)`: the run ends soon in one line that names the place, and leaves nothing."""
+
+    def run(stages, file, place=""):
+        before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
+        outcome = command("run", pipeline_file(*stages, file=str(file)), "--out", tmp_path / "out")
+        assert_refused(outcome, place)
+        assert time.monotonic() - start < SOON_S
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MEMORY_KB
+        assert not (tmp_path / "out").exists()
+        return outcome
+
+    return run
+
+
+DEEP = {"arrays": "[" * 100_000 + "]" * 100_000, "objects": '{"a":' * 100_000 + "1" + "}" * 100_000}
+JSON = {
+    **DEEP,
+    "a million digits": '{"version": ' + "9" * 1_000_000 + "}",
+    "beyond float64": '{"version": 1e999, "format": 1e999}',
+    "a huge exponent": '{"version": 1E+99999999999999, "format": 1}',
+    "NaN": '{"version": NaN, "format": NaN}',
+    "infinite": '{"version": -Infinity, "format": 1}',
+    "a key twice": '{"version": 1, "version": 1, "format": "a", "format": "b"}',
+    "a list": "[]",
+    "a text": '"' + "a" * 100_000 + '"',
+    "nothing": "",
+    "UTF-16": '{"version": 1}'.encode("utf-16"),
+    "half a surrogate": b'{"version": "\xed\xa0\x80"}',
+    "zero bytes": b"\0" * 1000,
+    "gzip": gzip.compress(b'{"version": 1}'),
+}
+READERS = {
+    "toolpath": ({"stage": "path.read", "toolpath": "${file}"},),
+    "cell": ({"stage": "robot.cell", "cell": "${file}"},),
+    "stiffness": ({"stage": "stiffness.read", "stiffness": "${file}"},),
+    "recipe": ({"stage": "twin.part", "recipe": "${file}"},),
+}
+
+
+@pytest.mark.parametrize("content", JSON.values(), ids=JSON)
+@pytest.mark.parametrize("reader", READERS)
+def test_json(reader, content, refused, tmp_path):
+    file = tmp_path / "file.json"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    refused(READERS[reader], file, "file.json")
+
+
+@pytest.mark.parametrize("content", JSON.values(), ids=JSON)
+def test_json_as_a_pipeline(content, command, tmp_path):
+    file = tmp_path / "file.json"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    for action in (("run", file, "--out", tmp_path / "out"), ("validate", file)):
+        assert_refused(command(*action), "file.json")
+    assert not (tmp_path / "out").exists()
+
+
+YAML = {
+    "aliases": "a: &a [x]\n" + "".join(f"k{i}: &b{i} [*{'a' if not i else f'b{i - 1}'}, *a]\n" for i in range(30)),
+    "a python object": "format: !!python/object/apply:os.system ['touch owned']\n",
+    "another tag": "format: !!binary aGFsbG8=\n",
+    "itself": "a: &a\n  b: *a\n",
+    "merge": "a: &a {b: 1}\nc:\n  <<: *a\n",
+    "deep": "[" * 20_000,
+    "deep by indentation": "".join(" " * i + "a:\n" for i in range(1000)),
+    "two documents": "format: robot-cell\n---\nformat: robot-cell\n",
+    "a key twice": "format: a\nformat: b\n",
+    "infinite": "version: .inf\n",
+}
+
+
+@pytest.mark.parametrize("content", YAML.values(), ids=YAML)
+def test_yaml(content, refused, tmp_path):
+    file = tmp_path / "cell.yaml"
+    file.write_text(content)
+    refused(READERS["cell"], file, "cell.yaml")
+    assert not list(tmp_path.glob("**/owned"))
+
+
+LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10 if i else "ha" * 100}">' for i in range(12))
+URDF = {
+    "entities": f'<!DOCTYPE robot [{LAUGHS}]><robot name="&l11;"/>',
+    "one long entity": f'<!DOCTYPE robot [<!ENTITY a "{"a" * 100_000}">]><robot name="{"&a;" * 100_000}"/>',
+    "another file": '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="x">&a;</robot>',
+    "a file of parameters": '<!DOCTYPE robot [<!ENTITY % a SYSTEM "file:///etc/passwd"> %a;]><robot name="x"/>',
+    "a schema elsewhere": '<!DOCTYPE robot SYSTEM "http://127.0.0.1:9/x.dtd"><robot name="x"/>',
+    "deep": '<robot name="x">' + "<link>" * 50_000 + "</link>" * 50_000 + "</robot>",
+    "no robot": "<html/>",
+    "many attributes": '<robot name="x"><link ' + " ".join(f'a{i}="x"' for i in range(20_000)) + "/></robot>",
+}
+
+
+@pytest.mark.parametrize("content", URDF.values(), ids=URDF)
+def test_urdf(content, refused, tmp_path):
+    cell = json.loads((ROOT / "data/robot/cell.json").read_text())
+    cell["robot"]["urdf"] = "robot.urdf"
+    (tmp_path / "cell.json").write_text(json.dumps(cell))
+    (tmp_path / "robot.urdf").write_text(content)
+    outcome = refused(READERS["cell"], tmp_path / "cell.json", "robot.urdf")
+    assert "root:" not in outcome.err
+
+
+@pytest.mark.parametrize(
+    "named", ["/dev/zero", "/dev/stdin", "..", "/proc/self/mem", "pipe", "missing.urdf", "a\x00b", ""]
+)
+def test_files_that_a_cell_names_are_files(named, refused, tmp_path):
+    """A device or a pipe would be read for ever."""
+    os.mkfifo(tmp_path / "pipe")
+    cell = json.loads((ROOT / "data/robot/cell.json").read_text())
+    (tmp_path / "cell.json").write_text(json.dumps({**cell, "robot": {**cell["robot"], "urdf": named}}))
+    refused(READERS["cell"], tmp_path / "cell.json")
+    shipped = str(ROOT / "data/robot" / cell["robot"]["urdf"])
+    changed = {**cell, "robot": {**cell["robot"], "urdf": shipped}, "workpiece": {"mesh": named or "x"}}
+    (tmp_path / "cell.json").write_text(json.dumps(changed))
+    refused(READERS["cell"], tmp_path / "cell.json")
+
+
+def external_link(file, path, secret):
+    del file[path]
+    file[path] = h5py.ExternalLink(str(secret), "/profiles/time")
+
+
+def external_link_of_a_group(file, path, secret):
+    group = path.rpartition("/")[0]
+    del file[group]
+    file[group] = h5py.ExternalLink(str(secret), group)
+
+
+def soft_link_in_a_circle(file, path, secret):
+    del file[path]
+    file[path] = h5py.SoftLink(path)
+
+
+def soft_link_into_an_external_one(file, path, secret):
+    del file[path]
+    file["/out"] = h5py.ExternalLink(str(secret), "/profiles")
+    file[path] = h5py.SoftLink("/out/time")
+
+
+def virtual(file, path, secret):
+    shape = file[path].shape
+    del file[path]
+    layout = h5py.VirtualLayout(shape=shape, dtype="f4")
+    layout[...] = h5py.VirtualSource(str(secret), "/profiles/x", shape=shape)
+    file.create_virtual_dataset(path, layout)
+
+
+def external_storage(file, path, secret):
+    shape = file[path].shape
+    del file[path]
+    file.create_dataset(path, shape, "f4", external=[("/etc/passwd", 0, h5py.h5f.UNLIMITED)])
+
+
+def declared_not_stored(file, path, secret):
+    del file[path]
+    file.create_dataset(path, (10**9, 1000), "f4", chunks=(1000, 1000))
+
+
+def packed_bomb(file, path, secret):
+    """A gigabyte of zeros in a megabyte of gzip."""
+    del file[path]
+    file.create_dataset(path, (2**18, 2**10), "f4", chunks=(2**12, 2**10), compression="gzip", compression_opts=9)
+    raw = np.zeros((2**12, 2**10), "f4").tobytes()
+    packed = zlib.compress(raw, 9)
+    for row in range(0, 2**18, 2**12):
+        file[path].id.write_direct_chunk((row, 0), packed)
+
+
+def chunk_of_another_size(file, path, secret):
+    shape = file[path].shape
+    del file[path]
+    file.create_dataset(path, shape, "f4", chunks=shape, compression="gzip")
+    file[path].id.write_direct_chunk((0,) * len(shape), zlib.compress(bytes(2**27), 9))
+
+
+def an_object_reference(file, path, secret):
+    del file[path]
+    file.create_dataset(path, (3,), h5py.ref_dtype)
+
+
+def a_python_pickle(file, path, secret):
+    """What PyTables stores for objects: a text of bytes that it would unpickle."""
+    del file[path]
+    file[path] = np.void(b"cos\nsystem\n(S'touch owned'\ntR.")
+
+
+HDF5 = [external_link, external_link_of_a_group, soft_link_in_a_circle, soft_link_into_an_external_one, virtual,
+        external_storage, declared_not_stored, packed_bomb, chunk_of_another_size, an_object_reference,
+        a_python_pickle]  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", HDF5, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("path", ["/profiles/x", "/profiles/time"])
+def test_hdf5(damage, path, refused, part_file, tmp_path):
+    file = tmp_path / "part.h5"
+    file.write_bytes(part_file("milled").read_bytes())
+    with h5py.File(file, "r+") as opened:
+        damage(opened, path, part_file("milled"))
+    outcome = refused(READ, file, "part.h5")
+    assert "root:" not in outcome.err
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e300, 3e38, 1e12])
+@pytest.mark.parametrize("path", ["/robot/position", "/profiles/x", "/profiles/time", "/robot/time"])
+def test_numbers_that_no_part_has(value, path, pipeline_file, command, part_file, tmp_path):
+    """Refused in a line, or carried to a verdict; never a traceback, and never a NaN in a result."""
+    file = tmp_path / "part.h5"
+    file.write_bytes(part_file("milled").read_bytes())
+    with h5py.File(file, "r+") as opened, np.errstate(over="ignore"):
+        values = opened[path][...]
+        values.reshape(-1)[values.size // 2] = value
+        opened[path][...] = values
+    stages = [*READ, {"stage": "scan.fuse"}, {"stage": "cloud.denoise"}, {"stage": "edge.segment"},
+              {"stage": "inspect.sections"}]  # fmt: skip
+    outcome = command("run", pipeline_file(*stages, file=str(file)), "--out", tmp_path / "out")
+    if outcome.status:
+        assert_refused(outcome, "part.h5")
+        return
+    text = (tmp_path / "out/inspection.json").read_text()
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in a result"))

@@ -1,0 +1,188 @@
+"""What each command does: a function of its arguments that returns the exit status. Imports wait until it is called."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from workbench.arguments import assignments
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a pipeline: results as files and as a table, progress on standard error."""
+    from workbench.pipeline import Pipeline
+    from workbench.pipeline.progress import Lines
+    from workbench.pipeline.tables import print_results
+
+    lines = Lines(sys.stderr)
+    try:
+        results = Pipeline.load(options.pipeline).run(
+            options.out,
+            inputs=assignments(options.input, "--input"),
+            settings=assignments(options.set, "--set"),
+            reporter=lines,
+        )
+    except BaseException:
+        lines.close()
+        raise
+    printed(print_results, results)
+    return 0 if results.passed else 1
+
+
+def batch(options: argparse.Namespace) -> int:
+    """Run a pipeline once for each recording."""
+    from workbench.batch import run_batch
+    from workbench.batch.table import print_batch
+    from workbench.errors import one_line
+
+    made = run_batch(
+        options.pipeline,
+        options.recordings,
+        options.out,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        time_limit_s=options.time_limit_s,
+        inputs=assignments(options.input, "--input"),
+        settings=assignments(options.set, "--set"),
+        cache=options.cache,
+        progress=sys.stderr,
+    )
+    printed(print_batch, made)
+    if made.exit_status == 2:
+        print(one_line(f"error: {made.failure}"), file=sys.stderr)
+    return made.exit_status
+
+
+def validate(options: argparse.Namespace) -> int:
+    """Check a pipeline without running it."""
+    from workbench.pipeline import Pipeline
+    from workbench.pipeline.tables import print_plan
+
+    plan = Pipeline.load(options.pipeline).plan(
+        assignments(options.input, "--input"), assignments(options.set, "--set")
+    )
+    printed(print_plan, options.pipeline, len(plan.steps), plan.warnings)
+    return 0
+
+
+def stages(options: argparse.Namespace) -> int:
+    """List the stages, or describe one."""
+    from workbench.errors import one_line
+    from workbench.pipeline.registry import every_stage, find
+    from workbench.pipeline.tables import print_stage, print_stages
+
+    if options.name:
+        printed(print_stage, find(options.name, "workbench stages"))
+        return 0
+    known, broken = every_stage()
+    for why in broken.values():
+        print(one_line(f"warning: {why}"), file=sys.stderr)
+    printed(print_stages, known)
+    return 0
+
+
+def schema(options: argparse.Namespace) -> int:
+    """Print the JSON Schema of a pipeline."""
+    import json
+
+    from workbench.pipeline.registry import every_stage
+    from workbench.pipeline.schema import pipeline_schema
+
+    printed(print, json.dumps(pipeline_schema(every_stage()[0]), indent=2))
+    return 0
+
+
+def simulate(options: argparse.Namespace) -> int:
+    """Make a synthetic recording and its truth."""
+    from workbench.pipeline.progress import Lines, compilation_watch
+    from workbench.synthetic.simulate import simulate_file, truth_path
+
+    lines = Lines(sys.stderr)
+
+    def advance(done: int, count: int) -> None:
+        if not lines.label:  # the recipe is read and found good
+            lines.begin(0, 1, "simulate")
+        lines.fraction(done / count)
+
+    try:
+        with compilation_watch(lines):
+            simulate_file(options.recipe, options.out, advance)
+    finally:
+        lines.close()
+    printed(print, f"recording: {options.out}\ntruth: {truth_path(options.out)}")
+    return 0
+
+
+def samples(options: argparse.Namespace) -> int:
+    """Copy the shipped pipelines and data."""
+    from pathlib import Path
+
+    from workbench.samples import copy_samples
+
+    for made in copy_samples(Path(options.directory)):
+        printed(print, made)
+    return 0
+
+
+def import_(options: argparse.Namespace) -> int:
+    """Make a recording of other people's files, and tell what was understood of them."""
+    from workbench.importing.command import import_files
+
+    understood = import_files(options.source, options.out, options.mapping)
+    printed(print, "\n".join([*understood.lines, f"recording: {options.out}"]))
+    return 0
+
+
+def view_cell(options: argparse.Namespace) -> int:
+    """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
+    from workbench.robot.view_cell import view_cell
+
+    printed(print, "\n".join(view_cell(options.cell, options.posture, options.turntable_deg, options.out)))
+    return 0
+
+
+def view(options: argparse.Namespace) -> int:
+    """Serve the results in a directory to a browser on this machine, until Ctrl-C."""
+    from pathlib import Path
+
+    from workbench.view import serve
+
+    def tell(address: str) -> None:
+        printed(print, f"view: {address}\nCtrl-C ends it")
+
+    try:
+        serve(Path(options.directory), options.port, browser=not options.no_browser, tell=tell)
+    except KeyboardInterrupt as stop:
+        if stop.args:  # not Ctrl-C: a signal that asks for the end
+            raise
+    return 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "run": run,
+    "validate": validate,
+    "stages": stages,
+    "schema": schema,
+    "simulate": simulate,
+    "batch": batch,
+    "import": import_,
+    "samples": samples,
+    "view": view,
+    "view-cell": view_cell,
+}
+
+
+def printed(write: Callable[..., None], *what: Any) -> None:
+    """Write to standard output; a reader that has gone away (`| head`) is no error, a full disk is."""
+    try:
+        write(*what)
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again at its end
+        if not isinstance(error, BrokenPipeError):
+            from workbench.errors import OutputError
+
+            raise OutputError("standard output", f"cannot be written: {error.strerror}") from None

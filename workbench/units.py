@@ -15,3 +15,10 @@ Bool = NDArray[np.bool_]
 AnyArray = NDArray[Any]
 
 DEG = math.pi / 180.0  # rad per degree: `angle_deg * DEG` is in rad, `angle / DEG` in deg
+
+
+def frozen(array: AnyArray) -> AnyArray:
+    """`array`, made read-only (a view; the caller gives up writing to it)."""
+    view = np.asarray(array).view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,65 @@
+"""The values that stages exchange. Frozen: a stage takes artefacts and returns new ones.
+
+Lengths in mm, times in s, angles in rad unless a name ends in `_deg`; `a_from_b` maps coordinates in b to a.
+N frames, M columns, K robot poses. NaN marks what was not measured.
+"""
+
+from workbench.artefacts.decisions import Gate, Provenance, RobotCell
+from workbench.artefacts.edges import (
+    BEVEL_FACE,
+    FACE_NAMES,
+    LOWER_SURFACE,
+    ROOT_FACE,
+    UNLABELLED,
+    UPPER_SURFACE,
+    Edge,
+    EdgeFrames,
+)
+from workbench.artefacts.inspections import EdgeProfile, Inspection, Requirements, Section, Verdict
+from workbench.artefacts.milling import Engagement, LayerEngagement, Rework, Stretch
+from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
+from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
+from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
+from workbench.units import frozen
+
+__all__ = [
+    "BEVEL_FACE",
+    "FACE_NAMES",
+    "LOWER_SURFACE",
+    "ROOT_FACE",
+    "UNLABELLED",
+    "UPPER_SURFACE",
+    "Chapter",
+    "Cloud",
+    "Cutter",
+    "Document",
+    "Edge",
+    "EdgeFrames",
+    "EdgeProfile",
+    "Engagement",
+    "Gate",
+    "HandEye",
+    "Inspection",
+    "Layer",
+    "LayerEngagement",
+    "Mark",
+    "Moves",
+    "PathDeflection",
+    "PathGate",
+    "PointSet",
+    "Postures",
+    "Provenance",
+    "Recording",
+    "Requirements",
+    "Rework",
+    "RobotCell",
+    "Scene",
+    "Section",
+    "Shading",
+    "Stretch",
+    "Strokes",
+    "Toolpath",
+    "Travel",
+    "Verdict",
+    "frozen",
+]

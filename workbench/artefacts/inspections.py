@@ -1,0 +1,65 @@
+"""What was measured on a milled edge, against what was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.units import Float, Int
+
+Verdict = Literal["pass", "fail", "undecided"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Requirements:
+    """What the part must satisfy: nominal values and deviations from them, lower <= 0 <= upper."""
+
+    root_nominal_mm: float = 1.5
+    root_tolerance_mm: tuple[float, float] = (-0.5, 0.5)
+    bevel_nominal_deg: float = 40.0
+    bevel_tolerance_deg: tuple[float, float] = (-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """One inspected section. Values are None where the edge is hidden; `verdict` is then 'undecided'."""
+
+    index: int  # from 1
+    arc_length_mm: float
+    origin_mm: Float  # (3,) on the lower edge
+    tangent: Float  # (3,) unit, normal of the section plane
+    normal: Float  # (3,) unit, n
+    across: Float  # (3,) unit, m
+    root_mm: float | None
+    root_u_mm: float | None
+    bevel_deg: float | None
+    bevel_u_deg: float | None
+    verdict: Verdict
+    reason: str
+    frames: Int  # indices of the frames that it rests on
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeProfile:
+    """Root size and bevel angle along the whole edge; NaN where they cannot be measured."""
+
+    arc_length_mm: Float  # (n,)
+    position_mm: Float  # (n, 3) lower edge in the base
+    root_mm: Float  # (n,)
+    root_u_mm: Float  # (n,)
+    bevel_deg: Float  # (n,)
+    bevel_u_deg: Float  # (n,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """The measured part against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+
+    sections: tuple[Section, ...]
+    profile: EdgeProfile
+    requirements: Requirements
+    guard_factor: float
+    verdict: Verdict
+    reason: str
+    root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
+    warnings: tuple[str, ...] = ()

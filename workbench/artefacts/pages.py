@@ -1,0 +1,80 @@
+"""What a report is made of: chapters, views in space, files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.artefacts.inspections import Verdict
+from workbench.units import AnyArray, Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shading:
+    """One way to colour the n points of a scene, and what the colours mean."""
+
+    name: str
+    index: AnyArray  # (n,) uint8, row of the palette
+    palette: AnyArray  # (p, 3) uint8 red, green, blue
+    legend: tuple[tuple[str, str], ...]  # text, '#rrggbb'
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strokes:
+    """Lines of a scene that are shown and hidden together."""
+
+    name: str
+    lines_mm: tuple[Float, ...]  # each (k, 3) in the base, finite
+    colours: tuple[AnyArray, ...]  # each (k, 3) uint8, one a point
+    shown: bool = True  # at first
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """What can be chosen in a scene, such as a section.
+
+    A row of the chapter's tables with the attribute `data-mark` equal to `key` is chosen with it.
+    """
+
+    key: str
+    place_mm: Float  # (3,) in the base: where its label stands
+    outline_mm: Float  # (k, 3) in the base: drawn, and closed where it can be clicked
+    colour: str  # '#rrggbb'
+    facts: tuple[tuple[str, str], ...]  # name and value, shown while it is chosen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What a chapter shows in space, to be turned in a browser. Any first part of the points shows the whole."""
+
+    points_mm: Float  # (n, 3) in the base
+    shadings: tuple[Shading, ...]  # at least one where there are points
+    strokes: tuple[Strokes, ...]
+    marks: tuple[Mark, ...]
+    axes: Float  # (3, 3) rows t, n, m: the first look is along them, m stays upright
+    marks_are: str = "sections"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chapter:
+    """A part of the report: a title and HTML that is complete in itself (pictures as data addresses).
+
+    Its own headings are <h3>; the page numbers them. Text out of files must be escaped in it. Where it has a scene,
+    its HTML says with an empty `<figure class="space"></figure>` where that is to stand.
+    """
+
+    title: str
+    html: str
+    verdict: Verdict | Literal[""] = ""  # '': the chapter decides nothing
+    summary: str = ""  # one line for the top of the page, plain text
+    part: str = ""  # the part that it is about, as its recording names it
+    warnings: tuple[str, ...] = ()
+    scene: Scene | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """A file that a run writes: `name` inside the output directory and its bytes."""
+
+    name: str
+    content: bytes

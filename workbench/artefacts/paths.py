@@ -1,0 +1,158 @@
+"""Milling paths: the cutter, layers of points, travels; how the robot stands, gives way and moves along them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import zip_longest
+
+import numpy as np
+
+from workbench.artefacts.decisions import Gate
+from workbench.geometry.times import step_lengths_mm, travel_time_s
+from workbench.units import Bool, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cutter:
+    """A cylindrical end mill that cuts with its flank (peripheral milling; the paper's section 6.2)."""
+
+    diameter_mm: float = 10.0
+    flutes: int = 4
+    flute_length_mm: float = 30.0  # cutting length, along the axis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """One layer of a milling path: k points in the order of feed, lead-in and lead-out included.
+
+    A point's frame (docs/conventions.md): origin at mid-width of the layer's bevel face, y along the feed, z along the
+    cutter's axis from shank to tip, x = y x z into the material. The cutter's axis runs a radius off, at x = -radius.
+    """
+
+    index: int  # from 1, in cutting order
+    height_mm: float  # of its bevel face above the finished one, along the bevel's outward normal; 0: the final layer
+    arc_length_mm: Float  # (k,) below 0 in the lead-in, beyond the edge's length in the lead-out
+    position_mm: Float  # (k, 3)
+    quaternion_wxyz: Float  # (k, 4)
+    feed_mm_s: Float  # (k,) towards the point
+    cutting: Bool  # (k,)
+    measured: Bool  # (k,) False: over a hidden stretch, where nothing is cut
+    width_mm: Float  # (k,) of the bevel face that is cut here; 0 in the air
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Travel:
+    """A move through the air between layers: k points with frames as in `Layer`."""
+
+    position_mm: Float  # (k, 3)
+    quaternion_wxyz: Float  # (k, 4)
+    feed_mm_s: Float  # (k,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Toolpath:
+    """A milling path: layers in cutting order, the last one final, and the moves through the air between them."""
+
+    cutter: Cutter
+    layers: tuple[Layer, ...]
+    travels: tuple[Travel, ...]  # one before each layer, and one after the last
+    root_mm: float  # required
+    bevel_deg: float  # required
+    depth_of_cut_mm: float
+    v_slow_mm_s: float  # feed while cutting
+    edge_length_mm: float
+    base_from_workobject: Float | None = None  # (4, 4): positions are in the work object's frame; None: in the base
+    part_id: str | None = None
+    source: str = ""
+    refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
+    warnings: tuple[str, ...] = ()
+    claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
+
+    @property
+    def in_order(self) -> tuple[Travel | Layer, ...]:
+        """Travels and layers in the order in which they are run."""
+        return tuple(part for pair in zip_longest(self.travels, self.layers) for part in pair if part is not None)
+
+    @property
+    def time_s(self) -> float:
+        """Time of the whole path at its feeds, travels included."""
+        position, feed = (
+            np.concatenate([getattr(p, name) for p in self.in_order]) for name in ("position_mm", "feed_mm_s")
+        )
+        return travel_time_s(position, feed)
+
+    @property
+    def time_at_v_slow_s(self) -> float:
+        """The same at constant v_slow: what the paper's equation (26) is compared with."""
+        return float(step_lengths_mm(np.concatenate([p.position_mm for p in self.in_order])).sum()) / self.v_slow_mm_s
+
+    def in_base(self, position_mm: Float) -> Float:
+        """Positions (k, 3) of the path, in the base."""
+        pose = self.base_from_workobject
+        return position_mm if pose is None else position_mm @ pose[:3, :3].T + pose[:3, 3]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathGate(Gate):
+    """The decision on one milling path: a program is written for this path only, and only if it passed."""
+
+    toolpath: Toolpath = field(kw_only=True)
+    tolerance_mm: float = field(kw_only=True)  # by which a program's moves may leave the path and the decision holds
+    reached: bool = False  # postures were found for all points: reachable, inside limits, clear of collision
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Postures:
+    """How robot, cutter and turntable stand at n points of a path, travels included, in the order of motion.
+
+    Travels have more points than the path's own. Turned with the cutter and the turntable, a point's frame is where
+    the tool frame on the flange goes; the robot's base is the frame of all that follows.
+    """
+
+    toolpath: Toolpath  # that they are for
+    layer: Int  # (n,) index of the layer; 0: through the air between layers
+    cutting: Bool  # (n,)
+    measured: Bool  # (n,)
+    position_mm: Float  # (n, 3) of the turned frame
+    quaternion_wxyz: Float  # (n, 4)
+    feed_mm_s: Float  # (n,) towards the point, as the base sees it; on the workpiece it is the path's
+    cutter_rotation: Float  # (n,) of the flange about the cutter's axis, rad
+    turntable: Float  # (n,) rad
+    joints: Float  # (n, 6) the controller's angles, rad
+    displacement_mm: Float  # (n, 3) by which the cutter gives way
+    clearance_mm: Float  # (n,) between bodies that must not touch; NaN: nothing could
+    flange_from_point: Float  # (4, 4) the tool frame in the flange
+    has_turntable: bool
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathDeflection:
+    """By how much the tool is displaced at the points of a path's layers, in each point's own frame."""
+
+    by_layer_mm: Mapping[int, Float]  # index of the layer -> (k, 3), in the order of its points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moves:
+    """A path as a robot's controller runs it: k straight or circular moves, each to its target.
+
+    The first target is where the robot starts.
+    """
+
+    position_mm: Float  # (k, 3) targets
+    quaternion_wxyz: Float  # (k, 4)
+    circular: Bool  # (k,) over `via`, else straight
+    via_position_mm: Float  # (k, 3) NaN for straight moves
+    via_quaternion_wxyz: Float  # (k, 4) NaN for straight moves
+    feed_mm_s: Float  # (k,)
+    cutting: Bool  # (k,)
+    layer: Int  # (k,) index of the layer; 0: through the air between layers
+    toolpath: Toolpath  # that it was made from
+    points_before: int  # of that path
+    chord_tolerance_mm: float
+    angle_tolerance_deg: float
+    turntable_deg: Float | None = None  # (k,) at each target; None: no turntable is driven
+    start_joints_deg: Float | None = None  # (6,) the posture of the first target; None: the controller chooses
+    flange_from_point: Float | None = None  # (4, 4) the tool frame that the postures rest on; None: any

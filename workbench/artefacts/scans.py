@@ -1,0 +1,68 @@
+"""What was scanned: recordings, the scanner on the robot, clouds with and without a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from workbench.units import AnyArray, Bool, Float, Float32, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Profile frames and robot poses as recorded (docs/conventions.md; INTERFACES section 1)."""
+
+    source: str  # the file's name as given, for messages
+    time_s: Float  # (N,) exposure times on the robot's clock (or the profiler's own, see `clock`)
+    x_mm: Float32  # (N, M) lateral, profiler frame; NaN = no return
+    z_mm: Float32  # (N, M) range, profiler frame; NaN = no return
+    pass_index: Int  # (N,) scanning pass of each frame
+    robot_time_s: Float  # (K,)
+    robot_position_mm: Float  # (K, 3) flange origin in the base
+    robot_quaternion_wxyz: Float  # (K, 4) flange orientation in the base, unit length
+    robot_pass: Int  # (K,)
+    flange_from_profiler: Float | None = None  # (4, 4)
+    intensity: AnyArray | None = None  # (N, M) uint16
+    sphere_diameter_mm: float | None = None  # set: a calibration recording
+    clock: Literal["robot", "own"] = "robot"
+    part_id: str | None = None  # free text out of the file: data, never a path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandEye:
+    """Pose of the profiler on the flange, with its uncertainty where known."""
+
+    flange_from_profiler: Float  # (4, 4)
+    covariance: Float | None = None  # (6, 6) tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """An organised point cloud: the scanner's grid (frame x column), a pose a frame and what is kept.
+
+    Base coordinates of point (i, j) are `base_from_profiler[i] @ (x, 0, z, 1)`; they are computed where needed
+    (`workbench.geometry.grids.fuse`), since the grid itself is the index that every later stage works on.
+    """
+
+    x_mm: Float32  # (N, M) profiler frame
+    z_mm: Float32  # (N, M)
+    keep: Bool  # (N, M) False: no return, or rejected by a filter
+    base_from_profiler: Float  # (N, 4, 4)
+    time_s: Float  # (N,)
+    pass_index: Int  # (N,)
+    hand_eye_covariance: Float | None = None  # (6, 6) as in HandEye
+    flange_from_profiler: Float | None = None  # (4, 4)
+    source: str = ""
+    part_id: str | None = None
+    rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointSet:
+    """A cloud without a grid, as other people's scanners and programs write it: n points in the base, in no order."""
+
+    points_mm: Float  # (n, 3) finite
+    source: str = ""  # the file's name as given, for messages
+    part_id: str | None = None

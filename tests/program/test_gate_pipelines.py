@@ -1,0 +1,149 @@
+"""Random parts, cells and faults through the command: where a program is written, an outsider finds no fault in it."""
+
+import copy
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
+
+from tests.conftest import forget_strangers
+from workbench.api import Toolpath, stage
+from workbench.cli import main
+
+from .judge_program import Judge
+
+ROOT = Path(__file__).resolve().parents[2]
+CELL = json.loads((ROOT / "data/robot/cell.json").read_text())
+RECIPE = json.loads((ROOT / "data/synthetic/raw_arc.json").read_text())
+FLUTE_MM, RADIUS_MM = 13.0, 5.0
+COUNTS = {"written": 0, "rejected": 0, "unusable": 0}
+
+
+@pytest.fixture(autouse=True)
+def fault():
+    """A stage that spoils a path as a bug in planning would."""
+
+    @stage("fault.sink")
+    def sink(toolpath: Toolpath, *, layer: int, by_mm: float) -> Toolpath:
+        """Push one layer along its points' x, into the material."""
+        from workbench.api import rotation_from_quaternion
+
+        parts = list(toolpath.layers)
+        one = parts[layer % len(parts)]
+        into = rotation_from_quaternion(one.quaternion_wxyz)[:, :, 0]
+        parts[layer % len(parts)] = dataclasses.replace(one, position_mm=one.position_mm + by_mm * into)
+        return dataclasses.replace(toolpath, layers=tuple(parts))
+
+    yield
+    forget_strangers()
+
+
+def stages(case: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {"stage": "scan.read", "recording": "part.h5"}, {"stage": "scan.fuse"}, {"stage": "cloud.denoise"},
+        {"stage": "edge.segment_raw", "upper_side": [0, 0, 1]},
+        {"stage": "path.layers", "root_mm": case["root_mm"], "bevel_deg": case["bevel_deg"], "depth_of_cut_mm": 2,
+         "flute_length_mm": FLUTE_MM, "v_slow_mm_s": 2},
+        {"stage": "path.feed"},
+        *([{"stage": "fault.sink", "layer": case["layer"], "by_mm": case["sink_mm"]}] if case["sink_mm"] else []),
+        {"stage": "path.check"},
+        {"stage": "robot.cell", "cell": "cell.json"}, {"stage": "stiffness.read"}, {"stage": "stiffness.force"},
+        {"stage": "stiffness.posture", "step_deg": 10, "sampled_points": 12, "whole_map": False,
+         "turntable_deg": [-90, 90]},
+        {"stage": "path.simplify"}, {"stage": "program.rapid"},
+    ]  # fmt: skip
+
+
+def run(case: dict[str, Any], folder: Path) -> tuple[int, list[str] | None]:
+    """Exit status, and what the judge finds wrong with the program; None: none was written."""
+    recipe, cell = copy.deepcopy(RECIPE), copy.deepcopy(CELL)
+    recipe["part"] |= {"length_mm": 40, "thickness_mm": case["thickness_mm"],
+                       "curve": {"shape": "arc", "radius_mm": case["radius_mm"], "sense": case["sense"]}}  # fmt: skip
+    place = np.array(recipe["part"]["base_from_part"]["position_mm"]) + case["place_mm"]
+    recipe["part"]["base_from_part"] = {"position_mm": place.tolist(), "rpy_deg": [case["turn_deg"], 2.5, -1.5]}
+    recipe["seed"], recipe["scanner"]["columns"], recipe["passes"][0]["to_mm"] = case["seed"], 400, 38
+    cell["robot"]["urdf"] = str(ROOT / "data/robot" / CELL["robot"]["urdf"])
+    cell["turntable"]["limits_deg"] = case["limits_deg"]
+    for i, (off, size) in enumerate(case["boxes"]):
+        cell["fixtures"].append({"name": f"box {i}", "pose": {"position_mm": (place + off).tolist()}, "box_mm": size})
+    for name, content in (("recipe", recipe), ("cell", cell), ("run", {"version": 1, "stages": stages(case)})):
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    assert main(["simulate", str(folder / "recipe.json"), "--out", str(folder / "part.h5")]) == 0
+    status, out = main(["run", str(folder / "run.json"), "--out", str(folder / "out")]), folder / "out"
+    if not (out / "BevelPath.mod").exists():
+        return status, None
+    judge = Judge(folder / "cell.json", folder / "part.truth.json", case["root_mm"], case["bevel_deg"])
+    return status, judge.judge(out, RADIUS_MM, FLUTE_MM)
+
+
+SOUND: dict[str, Any] = {
+    "thickness_mm": 7.0, "radius_mm": 900, "sense": "convex", "place_mm": [0, 0, 0], "turn_deg": 35, "seed": 1,
+    "limits_deg": [-180, 180], "boxes": [], "root_mm": 1.5, "bevel_deg": 40, "sink_mm": 0.0, "layer": 0,
+}  # fmt: skip
+
+
+def test_a_sound_part_in_an_empty_cell(tmp_path):
+    assert run(SOUND, tmp_path) == (0, [])
+
+
+@pytest.mark.parametrize(("change", "status", "words"), [
+    ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
+    ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "'box 0'"),
+    ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "unreachable 100%"),
+])  # fmt: skip
+def test_a_fault_gives_no_program_and_the_reason(change, status, words, tmp_path, capsys):
+    assert run(SOUND | change, tmp_path) == (status, None)
+    assert words in "".join(capsys.readouterr())
+
+
+def test_the_judge_sees_what_is_wrong(tmp_path):
+    """A program that was written, judged in a cell and for a part that it was not made for."""
+    assert run(SOUND, tmp_path) == (0, [])
+    truth, out = tmp_path / "part.truth.json", tmp_path / "out"
+    assert any("below" in f for f in Judge(tmp_path / "cell.json", truth, 2.5, 40).judge(out, RADIUS_MM, FLUTE_MM))
+    cell = json.loads((tmp_path / "cell.json").read_text())
+    cell["turntable"]["limits_deg"] = [179, 180]
+    cell["fixtures"].append({"name": "box", "pose": {"position_mm": [2000, 0, 1150]}, "box_mm": [3000, 3000, 600]})
+    (tmp_path / "cell.json").write_text(json.dumps(cell))
+    found = Judge(tmp_path / "cell.json", truth, 1.5, 40).judge(out, RADIUS_MM, FLUTE_MM)
+    assert any("beyond limits" in f for f in found)
+    assert any("hits box" in f for f in found)
+
+
+def vectors(low: float, high: float) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.floats(low, high), min_size=3, max_size=3)
+
+
+CASES = st.fixed_dictionaries({
+    "thickness_mm": st.floats(4, 8), "radius_mm": st.floats(400, 2000), "sense": st.sampled_from(["convex", "concave"]),
+    "place_mm": vectors(-120, 120), "turn_deg": st.floats(0, 70), "seed": st.integers(0, 10**6),
+    "limits_deg": st.sampled_from([[-180, 180], [-60, 60], [0, 30]]),
+    "boxes": st.lists(st.tuples(vectors(-500, 500), vectors(40, 400)), max_size=3),
+    "root_mm": st.floats(0.5, 4.5), "bevel_deg": st.floats(20, 50),
+    "sink_mm": st.sampled_from([0, 0, 0, 0.2, 1.0]), "layer": st.integers(0, 5),
+})  # fmt: skip
+
+
+@pytest.mark.slow
+@seed(20261120)
+@settings(max_examples=25, deadline=None, database=None, derandomize=False, print_blob=False,
+          suppress_health_check=list(HealthCheck))  # fmt: skip
+@given(case=CASES)
+def test_whatever_is_written_passes_the_judge(case, tmp_path_factory):
+    status, faults = run(case, tmp_path_factory.mktemp("case"))
+    COUNTS["written" if faults is not None else "rejected" if status == 1 else "unusable"] += 1
+    assert (status == 0) == (faults is not None)
+    assert not faults, (case, faults[:5])
+
+
+@pytest.mark.slow
+def test_the_property_was_not_empty():
+    """Runs after it: programs were written, and refused for each kind of reason."""
+    assert COUNTS["written"] >= 3, COUNTS
+    assert COUNTS["unusable"] >= 3, COUNTS
+    print(COUNTS)

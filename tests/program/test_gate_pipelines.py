@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.conftest import forget_strangers
 from workbench.api import Toolpath, stage
 from workbench.cli import main
+from workbench.pipeline import Pipeline
 
 from .judge_program import Judge
 
@@ -113,6 +114,65 @@ def test_the_judge_sees_what_is_wrong(tmp_path):
     found = Judge(tmp_path / "cell.json", truth, 1.5, 40).judge(out, RADIUS_MM, FLUTE_MM)
     assert any("beyond limits" in f for f in found)
     assert any("hits box" in f for f in found)
+
+
+def plan(folder: Path, *more: dict[str, Any], **change: Any) -> Path:
+    """A pipeline up to `path.check`, and more; its recording is made."""
+    status, faults = run(SOUND | change, folder)
+    assert (status, faults) == (1 if change else 0, None if change else [])
+    entries = stages(SOUND | change)
+    at = next(i for i, entry in enumerate(entries) if entry["stage"] == "path.check")
+    (folder / "plan.json").write_text(json.dumps({"version": 1, "stages": [*entries[: at + 1], *more]}))
+    return folder / "plan.json"
+
+
+def test_a_rejected_path_gives_no_program_by_way_of_its_file(tmp_path, capsys):
+    """It is written for the report, marked as refused; whoever reads it back is told so."""
+    pipeline, out = plan(tmp_path, sink_mm=0.3, layer=-1), tmp_path / "plan"
+    assert main(["run", str(pipeline), "--out", str(out)]) == 1
+    again = [{"stage": "path.read", "toolpath": "plan/toolpath.json"}, {"stage": "path.check_file"},
+             {"stage": "path.simplify"}, {"stage": "program.rapid"}, {"stage": "program.csv"}]  # fmt: skip
+    (tmp_path / "again.json").write_text(json.dumps({"version": 1, "stages": again}))
+    capsys.readouterr()
+    assert main(["run", str(tmp_path / "again.json"), "--out", str(tmp_path / "programs")]) == 1
+    assert "its file says: path refused" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "programs").iterdir()} == {"run.json", "toolpath.json"}
+
+
+def test_what_changes_a_path_after_its_check_takes_the_release_with_it(tmp_path, capsys):
+    sink = {"stage": "fault.sink", "layer": 0, "by_mm": 0.0, "id": "later"}
+    pipeline = plan(tmp_path, sink, {"stage": "path.simplify"}, {"stage": "program.rapid"})
+    assert main(["run", str(pipeline), "--out", str(tmp_path / "new")]) == 2
+    assert "the gate is not this path's" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(("entries", "words"), [
+    ([{"stage": "path.simplify"}, {"stage": "program.rapid"}], "needs a PathGate"),
+    ([{"stage": "path.simplify"}, {"stage": "program.rapid", "from": {"gate": "inspect.gate"}}], "makes no PathGate"),
+    ([{"stage": "path.simplify"}, {"stage": "program.rapid", "gate": True}], "no such parameter"),
+])  # fmt: skip
+def test_other_gates_are_refused_before_anything_runs(entries, words, tmp_path, capsys):
+    """That a part was inspected says nothing about a path."""
+    first = [{"stage": "path.read", "toolpath": str(ROOT / "data/synthetic/paths/raw_arc.json")},
+             {"stage": "scan.read", "recording": str(ROOT / "data/synthetic/milled_edge.h5")}, {"stage": "scan.fuse"},
+             {"stage": "cloud.denoise"}, {"stage": "edge.segment"}, {"stage": "inspect.sections"},
+             {"stage": "inspect.gate"}]  # fmt: skip
+    (tmp_path / "x.json").write_text(json.dumps({"version": 1, "stages": [*first, *entries]}))
+    assert main(["validate", str(tmp_path / "x.json")]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").glob("*.json")), ids=lambda path: path.stem)
+def test_every_shipped_program_has_a_gate_on_its_path(pipeline):
+    """Where a shipped pipeline knows the robot, that is the gate of its postures."""
+    steps = {step.id: step for step in Pipeline.load(pipeline).plan().steps}
+    for step in steps.values():
+        if not step.stage.name.startswith("program."):
+            continue
+        gate = steps[step.sources["gate"][0]].stage.name
+        known = any(one.stage.name == "robot.cell" for one in steps.values())
+        assert gate == ("stiffness.posture" if known else "path.check")
 
 
 def vectors(low: float, high: float) -> st.SearchStrategy[list[float]]:

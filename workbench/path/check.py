@@ -17,6 +17,7 @@ from workbench.path.loaded import greatest_mm, loaded
 from workbench.stage import stage
 
 MOST_TOLD = 3  # faults that the reason names
+MOST_DEFLECTION_MM = 1.0  # what a path may allow for: unloaded, the cutter is that much deeper
 PENETRATION_MM = 0.05  # the rule: more than this loosens the check
 
 
@@ -63,7 +64,10 @@ def check(
         collisions(comes, edge, cloud, penetration_mm),
     )  # fmt: skip
     if predicted is not None:
-        faults = chain(faults, collisions(toolpath, edge, cloud, penetration_mm + greatest_mm(predicted)))
+        given_way = greatest_mm(predicted)
+        much = [f"a deflection of {given_way:.2f} mm is predicted, more than {MOST_DEFLECTION_MM:g} mm"]
+        faults = chain(much if given_way > MOST_DEFLECTION_MM else [], faults,
+                       collisions(toolpath, edge, cloud, penetration_mm + given_way))  # fmt: skip
     return decision(toolpath, faults, penetration_mm, weakened(penetration_mm))
 
 

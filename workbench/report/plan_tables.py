@@ -106,9 +106,11 @@ def layer_rows(toolpath: Toolpath, run: Run) -> Iterator[tuple[str, ...]]:
 
 
 def refused(edge: Edge, toolpath: Toolpath, gate: Gate | None) -> Iterator[tuple[str, str]]:
-    """What is not milled, and why: what, where or why."""
+    """What is not milled, and why, and which check was loosened: what, where or why."""
     if gate is not None and not gate.passed:
         yield "The whole path", one_line(gate.reason)
+    for what in gate.loosened if gate is not None else ():
+        yield "Check loosened", one_line(what)
     for what in toolpath.refused:
         yield "Not milled", one_line(what)
     for start, end in hidden_stretches(edge):

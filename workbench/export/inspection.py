@@ -84,7 +84,8 @@ def _parquet(rows: list[dict[str, Any]]) -> bytes:
 
 def _csv(rows: list[dict[str, Any]]) -> bytes:
     """UTF-8, a comma between fields, lines end in CR LF (RFC 4180); numbers as they read back exactly, texts that no
-    spreadsheet takes for formulas."""
+    spreadsheet takes for formulas.
+    """
     out = io.StringIO(newline="")
     table = csv.DictWriter(out, COLUMNS)
     table.writeheader()

@@ -48,7 +48,7 @@ BAD: list[tuple[Change, str]] = [
     (lambda t: t["robot"].update(flange_frame="tool1"), "unknown frame; did you mean 'tool0'?"),
     (lambda t: t["robot"].update(urdf="none.urdf"), "none.urdf: no such file"),
     (lambda t: t["robot"].update(urdf="cell.json"), "expected a URDF"),
-    (lambda t: t["workpiece"].update(mesh="plate.stl"), "plate.stl' does not exist"),
+    (lambda t: t["workpiece"].update(mesh="plate.stl"), "plate.stl': no such file"),
     (lambda t: t.update(turntabel=t.pop("turntable")), "did you mean 'turntable'?"),
     (lambda t: t["tool"].update(flange_from_cutter=[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
      "expected a rigid motion"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.storage import regular_file
 from workbench.units import AnyArray, Float
 
 ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot
@@ -29,6 +30,14 @@ class Shape:
     triangles: AnyArray | None = None  # (t, 3)
 
 
+def named_file(path: Path, where: str, what: str) -> None:
+    """Refuse a file that the cell names at `where` and that is not there, or is none."""
+    try:
+        regular_file(path)
+    except InputError as error:
+        raise InputError(where, f"the {what} '{path}': {error.expected}") from None
+
+
 def read_mesh(path: Path, where: str) -> tuple[Float, AnyArray]:
     """Vertices (v, 3), in the file's own unit, and triangles (t, 3) of an STL, OBJ or PLY file.
 
@@ -37,8 +46,7 @@ def read_mesh(path: Path, where: str) -> tuple[Float, AnyArray]:
     """
     import open3d
 
-    if not path.is_file():
-        raise InputError(where, f"the mesh '{path}' does not exist")
+    named_file(path, where, "mesh")
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         mesh = open3d.io.read_triangle_mesh(path)
     if not len(mesh.triangles):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.robot.shapes import named_file
 from workbench.units import AnyArray, Float
 
 CLOUDS = (".pcd", ".xyz", ".pts")  # hold points only; a PLY file may hold either
@@ -22,8 +23,7 @@ def read_workpiece(path: Path, where: str, voxel_mm: float) -> tuple[Float, AnyA
     """
     import open3d
 
-    if not path.is_file():
-        raise InputError(where, f"the mesh or cloud '{path}' does not exist")
+    named_file(path, where, "mesh or cloud")
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         if path.suffix.lower() in CLOUDS:
             points, triangles = np.array(open3d.io.read_point_cloud(path).points), np.empty((0, 3), np.int64)

@@ -55,6 +55,24 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     assert (bevel < 3 * values(found, "bevel_u_deg")).all()
 
 
+def test_shuffled_passes_that_disagree_are_refused_and_one_of_them_is_not(drawn):
+    scan = drawn("two_pass", 9)
+    rng = np.random.default_rng(5)
+    with pytest.raises(InputError, match=r"a\.ply: .* two sheets .* mm apart .* scan order or each pass alone"):
+        segment_cloud(PointSet(rng.permutation(points_of(scan.cloud)), "a.ply"))
+    first = replace(scan.cloud, keep=scan.cloud.keep & (scan.cloud.pass_index == 0)[:, None])
+    segment_cloud(PointSet(rng.permutation(points_of(first)), "a.ply"))
+
+
+@pytest.mark.parametrize("shift_mm", [0.04, 0.15])
+def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
+    scan = scanned()
+    points = points_of(scan.cloud)
+    other = np.random.default_rng(3).permutation(points[::2]) + shift_mm * scan.edge.normal[0]
+    with pytest.raises(InputError, match="two sheets"):
+        segment_cloud(PointSet(np.concatenate([points[1::2], other]), "a.ply"), use_order=False)
+
+
 def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     raw = scanned(part={"kind": "raw", "length_mm": 40.0})
     up = (

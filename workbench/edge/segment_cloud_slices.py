@@ -14,6 +14,7 @@ from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised
+from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.slices import Laid, cut, lay_out
@@ -62,7 +63,9 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> Cloud:
     near = _near(points.points_mm, course)
     frame, column = np.nonzero(found.labels == ROOT_FACE)
     cloud = _sliced(points, near, view, spacing(points.points_mm, _placed(coarse, frame, column)), MOST_SLICES)
-    check_agreement(cloud, find_faces(cloud, nominal.root_mm, nominal.bevel_deg).seen)
+    found = find_faces(cloud, nominal.root_mm, nominal.bevel_deg)
+    check_one_sheet(cloud, found)
+    check_agreement(cloud, found.seen)
     return cloud
 
 

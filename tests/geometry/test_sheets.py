@@ -1,0 +1,58 @@
+"""One sheet or two: patches made as they are, with noise, stray returns and noise that neighbours share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.geometry.sheets import two_sheets
+from workbench.units import Float
+
+NOISE_MM = 0.012
+
+
+def patch(seed: int, points: int = 500) -> tuple[np.random.Generator, Float, Float, Float]:
+    """A sloping plane of 2 by 3 mm, without noise."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 2, points), rng.uniform(0, 3, points)
+    return rng, x, y, 0.02 * x - 0.01 * y + 7.0
+
+
+@pytest.mark.parametrize("share", [0.5, 0.2])
+@pytest.mark.parametrize("apart_mm", [0.05, 0.2])
+def test_two_sheets_are_found_where_they_are(share: float, apart_mm: float):
+    rng, x, y, z = patch(1)
+    upper = rng.random(x.size) < share
+    fit = two_sheets(x, y, z + apart_mm * upper + rng.normal(0, NOISE_MM, x.size))
+    assert fit.gain > 40
+    assert fit.distance_mm == pytest.approx(apart_mm, abs=0.006)
+    assert fit.sigma_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert fit.smaller_share == pytest.approx(share, abs=0.06)
+
+
+def test_one_sheet_gains_nothing_by_a_second():
+    gains = []
+    for seed in range(40):
+        rng, x, y, z = patch(seed)
+        gains.append(two_sheets(x, y, z + rng.normal(0, NOISE_MM, x.size)).gain)
+    assert np.median(gains) < 2
+    assert max(gains) < 8
+
+
+def test_stray_returns_and_heavy_tails_are_no_second_sheet():
+    for seed in range(10):
+        rng, x, y, z = patch(seed)
+        stray = np.where(rng.random(x.size) < 0.05, rng.uniform(-0.4, 0.4, x.size), 0.0)
+        heavy = NOISE_MM * rng.standard_t(5, x.size)
+        fit = two_sheets(x, y, z + stray + heavy)
+        assert fit.gain < 8 or fit.distance_mm < 2 * fit.sigma_mm or fit.smaller_share < 0.08
+
+
+def test_noise_that_neighbours_share_is_no_second_sheet():
+    for seed in range(10):
+        rng, x, y, z = patch(seed, 600)
+        noise = np.convolve(rng.normal(0, NOISE_MM, x.size + 5), np.full(6, 6**-0.5), "valid")
+        lines = np.argsort(np.floor(y / 0.2) * 10 + x)
+        z[lines] += noise
+        fit = two_sheets(x, y, z)
+        assert fit.gain < 12 or fit.distance_mm < 2 * fit.sigma_mm

@@ -1,0 +1,85 @@
+"""Whether points that should lie on one surface lie on two, a little apart: a mixture of two normal distributions.
+
+Residuals about a fitted face are either noise of one surface, or two such noises about two heights. Both are fitted by
+maximum likelihood (expectation maximisation; Dempster, Laird, Rubin, J. R. Stat. Soc. B 39, 1977), each with a uniform
+background for stray returns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from workbench.geometry.blocks import as_input
+from workbench.units import Float
+
+SPAN_MM = 0.4  # residuals further off are other things
+LEAST_SIGMA_MM = 0.001
+ROUNDS, SETTLED = 60, 1e-3  # of expectation maximisation; gain of log-likelihood that ends it
+BACKGROUND = 0.05  # share of stray returns to begin with
+PLANE_ROUNDS, CAUCHY = 4, 3.0  # of reweighting a plane; residuals beyond so many sigmas count little
+
+
+@dataclass(frozen=True, slots=True)
+class Sheets:
+    """Two sheets beside one, as fitted to one patch of a surface."""
+
+    gain: float  # of log-likelihood by the second sheet
+    distance_mm: float  # between them
+    sigma_mm: float  # noise of each
+    smaller_share: float  # of the points, on the sheet with fewer
+
+
+def two_sheets(x_mm: Float, y_mm: Float, z_mm: Float) -> Sheets:
+    """Fit one and two sheets to a patch's points (n,): x and y in the face, z across it."""
+    off = _off_plane(x_mm, y_mm, z_mm)
+    r = as_input(off[np.abs(off) < SPAN_MM])
+    sigma = max(float(np.median(np.abs(r))) / 0.6745, LEAST_SIGMA_MM)
+    low, high = (float(np.quantile(r, share)) for share in (0.1, 0.9))
+    one = _fitted(r, float(np.median(r)), 0.0, sigma, False)[0]
+    starts = ((-sigma, sigma), (low, 0.5 * sigma), (-0.5 * sigma, high))
+    fits = [_fitted(r, a, b, 0.6 * sigma, True) for a, b in starts]
+    two, a, b, sigma, share_a, share_b = max(fits, key=lambda fit: fit[0])
+    return Sheets(two - one, abs(b - a), sigma, min(share_a, share_b))
+
+
+def _off_plane(x: Float, y: Float, z: Float) -> Float:
+    """Residuals (n,) of z about a plane, stray points counting little."""
+    design = np.stack([np.ones(x.size), x - x.mean(), y - y.mean()], axis=1)
+    weight = np.ones(x.size)
+    off = z - np.median(z)
+    for _ in range(PLANE_ROUNDS):
+        plane = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]
+        off = z - design @ plane
+        sigma = max(float(np.median(np.abs(off))) / 0.6745, LEAST_SIGMA_MM)
+        weight = 1.0 / (1.0 + (off / (CAUCHY * sigma)) ** 2)
+    return np.asarray(off)
+
+
+@njit(cache=True, nogil=True)
+def _fitted(r: Float, a: float, b: float, sigma: float, two: bool) -> tuple[float, float, float, float, float, float]:
+    """Log-likelihood, both means, sigma and shares of normal distributions with one sigma, begun at means a and b."""
+    background = 1.0 / (2.0 * SPAN_MM)
+    share_b = 0.5 * (1.0 - BACKGROUND) if two else 0.0
+    share_a, before = 1.0 - BACKGROUND - share_b, -np.inf
+    for _ in range(ROUNDS):
+        scale, total = 1.0 / (sigma * math.sqrt(2.0 * math.pi)), 0.0
+        na = nb = ra = rb = qa = qb = 0.0
+        for v in r:
+            pa = share_a * scale * math.exp(-0.5 * ((v - a) / sigma) ** 2)
+            pb = share_b * scale * math.exp(-0.5 * ((v - b) / sigma) ** 2)
+            p = pa + pb + (1.0 - share_a - share_b) * background
+            total += math.log(p)
+            na, ra, qa = na + pa / p, ra + v * pa / p, qa + v * v * pa / p
+            nb, rb, qb = nb + pb / p, rb + v * pb / p, qb + v * v * pb / p
+        if total - before < SETTLED:
+            break
+        before = total
+        a, b = ra / max(na, 1e-12), rb / max(nb, 1e-12)
+        spread = (qa - na * a * a + qb - nb * b * b) / (na + nb)
+        sigma = max(math.sqrt(max(spread, 0.0)), LEAST_SIGMA_MM)
+        share_a, share_b = 0.9999 * na / r.size, 0.9999 * nb / r.size
+    return total, a, b, sigma, share_a, share_b

@@ -14,6 +14,7 @@ from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised
+from workbench.edge.segment_cloud_passes import several_passes
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
@@ -47,8 +48,8 @@ class Spacing:
     thickness_mm: float  # of a slice that has one point a column
 
 
-def slice_cloud(points: PointSet, nominal: Nominal) -> Cloud:
-    """The cloud sliced across its edge.
+def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, bool]:
+    """The cloud sliced across its edge, and whether it shows lines of several scanning passes.
 
     First square to one direction, from the side that reads best as a milled edge; that gives the edge's course. Then
     square to that course, in slices and columns as wide as the points on the root face lie apart.
@@ -66,7 +67,7 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> Cloud:
     found = find_faces(cloud, nominal.root_mm, nominal.bevel_deg)
     check_one_sheet(cloud, found)
     check_agreement(cloud, found.seen)
-    return cloud
+    return cloud, several_passes(near, view, cloud, found)
 
 
 def check_agreement(cloud: Cloud, seen: Bool) -> None:

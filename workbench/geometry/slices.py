@@ -38,6 +38,17 @@ def lay_out(points_mm: Float, course: Curve, s: Float) -> Laid:
     return Laid(course, s, np.stack([np.einsum("ij,ij->i", off, axis) for axis in (a, b)], axis=1))
 
 
+def seen_from(laid: Laid, view: Float, at_mm: Float) -> tuple[Float, Float]:
+    """x and z axes (2, 2) in the course's (a, b), z along the view; and x and z of all points (2, n), mm.
+
+    view (3,): direction of sight, away from the observer, in the middle of arc lengths at_mm (N,).
+    """
+    _, a, b = laid.course.frame(np.array([np.median(at_mm)]))
+    turn = float(np.arctan2(b[0] @ view, a[0] @ view))
+    axes = np.array([[-np.sin(turn), np.cos(turn)], [np.cos(turn), np.sin(turn)]])
+    return axes, axes @ laid.place.T
+
+
 def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float,
         width_mm: float) -> tuple[Float32, Float32, Float]:  # fmt: skip
     """Slices of a thickness around arc lengths at_mm (N,), rising and at least a thickness apart, as profiles.
@@ -47,10 +58,7 @@ def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float,
     Returns x and z (N, M), mm, NaN in empty cells, and base_from_profiler (N, 4, 4), y along the course, z along the
     view.
     """
-    _, a, b = laid.course.frame(np.array([np.median(at_mm)]))
-    turn = float(np.arctan2(b[0] @ view, a[0] @ view))
-    axes = np.array([[-np.sin(turn), np.cos(turn)], [np.cos(turn), np.sin(turn)]])
-    x, z = axes @ laid.place.T
+    axes, (x, z) = seen_from(laid, view, at_mm)
     width_mm = max(width_mm, float(np.ptp(x)) / MOST_COLUMNS)
     first = float(x.min()) - MARGIN * width_mm
     columns = int(np.ptp(x) / width_mm) + 1 + 2 * MARGIN

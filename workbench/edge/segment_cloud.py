@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Annotated
 
@@ -18,8 +19,10 @@ from workbench.stage import stage
 # What a slice counts for the root size beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
-SLICED = (
-    "the order of the points shows no scan lines: the cloud was sliced, and passes that do not agree are not told apart"
+SLICED = "the order of the points shows no scan lines: the cloud was sliced"
+SEVERAL = (
+    "its points stand on lines of several scanning passes, which are not told apart: by the robot's noise these may "
+    "differ where they show no face in common, and every root size carries {:.2g} mm in its uncertainty for that"
 )
 
 
@@ -47,7 +50,8 @@ def segment_cloud(
     order in which a line scanner took them, its grid is found again: each scan line lies in one plane, and its columns
     are equal steps along one axis of that. Else the cloud is sliced: Open3D's surface normals tell in which direction
     the edge runs, trial slices from which side its two faces show, a first pass its course; slices square to that, as
-    thick as the points are apart, are the profiles.
+    thick as the points are apart, are the profiles. Passes that do not agree show as two sheets on a face, and are
+    refused; where they show no such thing, but traces of their scan lines, root sizes carry the robot's noise.
 
     Args:
         points: the cloud of one edge, in mm.
@@ -62,22 +66,26 @@ def segment_cloud(
         The organised cloud, for reports and planning, and its edge.
 
     Raises:
-        InputError: no root face next to a bevel face (no end face) in view; a raw edge without scan lines.
+        InputError: no root face next to a bevel face (no end face) in view; points without order on two sheets; a raw
+            edge without scan lines.
     """
     recovered = recovered_grid(points) if use_order else None
     if upper_side is not None:
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
-    cloud = recovered or slice_cloud(points, Nominal(root_nominal_mm, bevel_nominal_deg))
+    nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
+    cloud, several = (recovered, False) if recovered else slice_cloud(points, nominal)
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
-    return cloud, edge if recovered else _of_slices(edge)
+    # Passes may see one end of the root face each, and differ there by the noise of two positions.
+    return cloud, edge if recovered else _of_slices(edge, math.sqrt(2.0) * robot_noise_mm if several else 0.0)
 
 
-def _of_slices(edge: Edge) -> Edge:
+def _of_slices(edge: Edge, passes_u_mm: float) -> Edge:
     """The edge with what slices do not know taken off its certainty, and told."""
     assert edge.frames is not None, "segment gives a milled edge"
     frames = replace(edge.frames, root_weight=SLICE_WEIGHT * edge.frames.root_weight)
-    return replace(edge, frames=frames, warnings=(*edge.warnings, SLICED))
+    told = (SLICED, SEVERAL.format(passes_u_mm)) if passes_u_mm else (SLICED,)
+    return replace(edge, frames=frames, passes_u_mm=passes_u_mm, warnings=(*edge.warnings, *told))

@@ -43,4 +43,5 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     apart = np.interp(at_mm, s, np.abs(f.arc_length_mm - f.lower_arc_length_mm)[frames])
     shared = np.hypot(lever / np.sin(angles.bevel) * angles.local_u, 0.5 * root * np.abs(cot) * angles.tilt_u)
     rough = ROUGH_LEVER * root * np.abs(cot) * angles.tilt_scatter
-    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + rough**2 + (edge.tangent_u * apart) ** 2))
+    turned = edge.tangent_u * apart
+    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + rough**2 + turned**2 + edge.passes_u_mm**2))

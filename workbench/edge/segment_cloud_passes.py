@@ -1,0 +1,55 @@
+"""Whether a cloud without order holds several scanning passes: by the traces of scan lines on its faces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.edge.faces import TrackedFaces
+from workbench.geometry.faces import FaceLines
+from workbench.geometry.scan_traces import Traces, traces
+from workbench.geometry.slices import Laid, seen_from
+from workbench.units import Float, Int
+
+PATCHES, LONG_MM, WIDE_MM, THICK_MM = 12, 2.0, 1.0, 0.3  # a face; of a patch along the edge, across, off the face
+LEAST_POINTS, LEAST_SLICES = 60, 3
+PART = 0.35  # of the patches with lines, that show several passes
+
+
+def several_passes(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -> bool:
+    """Whether root face or bevel shows lines of several passes. False too where points stand on no lines.
+
+    laid, view: the points whose slices `cloud` holds. Passes that agree to within their noise are several all the same.
+    """
+    s = np.linalg.norm(np.diff(cloud.base_from_profiler[:, :3, 3], axis=0), axis=1)
+    at = float(laid.s.min()) + np.concatenate([[0.0], np.cumsum(s)])
+    seen = [list(_of_face(laid, view, at, found.faces[label])) for label in (ROOT_FACE, BEVEL_FACE)]
+    shown = [[what for what in face if what != "none"] for face in seen]
+    return any(face.count("several passes") > PART * len(face) for face in shown)
+
+
+def _of_face(laid: Laid, view: Float, at: Float, face: FaceLines) -> Iterator[Traces]:
+    """What patches of the face show; at (N,): arc length of each slice."""
+    x, z = seen_from(laid, view, at)[1]
+    known = np.flatnonzero(face.count > LEAST_SLICES)
+    if not known.size:
+        return
+    for start in np.linspace(at[known[0]], max(at[known[-1]] - LONG_MM, at[known[0]]), PATCHES):
+        frames = known[(at[known] >= start) & (at[known] < start + LONG_MM)]
+        if frames.size >= LEAST_SLICES:
+            points = np.flatnonzero((laid.s >= start) & (laid.s < start + LONG_MM))
+            middle, height, slope = _line(face, frames)
+            across = (x[points] - middle) * np.hypot(1.0, slope)
+            off = (z[points] - height - slope * (x[points] - middle)) / np.hypot(1.0, slope)
+            here = (np.abs(across) < 0.5 * WIDE_MM) & (np.abs(off) < THICK_MM)
+            if here.sum() >= LEAST_POINTS:
+                yield traces(across[here], laid.s[points[here]])
+
+
+def _line(face: FaceLines, frames: Int) -> tuple[float, float, float]:
+    """x and z in the face's middle, mm, and its slope, in the median of some frames."""
+    middle, slope = np.median(face.x_mean[frames]), np.median((face.sxz / face.sxx)[frames])
+    height = np.median(face.z_mean[frames] - slope * (face.x_mean[frames] - middle))
+    return float(middle), float(height), float(slope)

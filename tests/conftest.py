@@ -1,5 +1,6 @@
 """Shared fixtures: small stages of our own, and the command run in this process."""
 
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,10 @@ from workbench.artefacts import (
 )
 from workbench.errors import InputError
 from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: Ctrl-C is tested all the same
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclass

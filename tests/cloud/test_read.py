@@ -93,6 +93,9 @@ def test_units(tmp_path: Path, points: Float) -> None:
     with pytest.raises(InputError, match=r"found one of 0\.0\d+ mm with coordinates in mm; are its coordinates in m"):
         read(file=path)
     np.savetxt(path, points, fmt="%.6f")
+    with pytest.raises(InputError, match="beyond 1 km: is the unit another"):
+        read(file=path, unit="m")
+    np.savetxt(path, points - points.mean(axis=0), fmt="%.6f")
     with pytest.raises(InputError, match="are its coordinates in mm or inch"):
         read(file=path, unit="m")
 

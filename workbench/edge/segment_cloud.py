@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, PointSet
@@ -19,6 +20,7 @@ from workbench.stage import stage
 # What a slice counts for the root size beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
+LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
 SEVERAL = (
     "its points stand on lines of several scanning passes, which are not told apart: by the robot's noise these may "
@@ -66,9 +68,10 @@ def segment_cloud(
         The organised cloud, for reports and planning, and its edge.
 
     Raises:
-        InputError: no root face next to a bevel face (no end face) in view; points without order on two sheets; a raw
-            edge without scan lines.
+        InputError: no cloud of a part; no root face next to a bevel face (no end face) in view; points without order
+            on two sheets; a raw edge without scan lines.
     """
+    _check_extent(points)
     recovered = recovered_grid(points) if use_order else None
     if upper_side is not None:
         if recovered is None:
@@ -81,6 +84,16 @@ def segment_cloud(
     )
     # Passes may see one end of the root face each, and differ there by the noise of two positions.
     return cloud, edge if recovered else _of_slices(edge, math.sqrt(2.0) * robot_noise_mm if several else 0.0)
+
+
+def _check_extent(points: PointSet) -> None:
+    """Refuse what is no part: so few points, or so far apart or away, that float64 has no digits for them."""
+    found = points.points_mm
+    if len(found) < LEAST_POINTS:
+        raise InputError(points.source, f"expected a cloud of at least {LEAST_POINTS} points, found {len(found)}")
+    if not (np.abs(found).max() < FAR_MM and np.ptp(found, axis=0).max() < MOST_MM):
+        raise InputError(points.source, f"expected a part within {MOST_MM / 1000:g} m, and that within {FAR_MM:g} mm "
+                         "of the origin")  # fmt: skip
 
 
 def _of_slices(edge: Edge, passes_u_mm: float) -> Edge:

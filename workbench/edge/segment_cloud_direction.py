@@ -12,7 +12,6 @@ NEIGHBOURS = 24
 HEAVY = 60  # directions of normals that are paired
 ALIGNED = 0.12  # |n . t| of a face that contains t; on an arc t turns
 LEAST_TURN = 0.3  # sine between the normals of two faces
-LEAST_POINTS = 500
 
 
 def edge_direction(points_mm: Float, source: str) -> Float:

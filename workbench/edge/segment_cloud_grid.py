@@ -21,6 +21,8 @@ def recovered_grid(points: PointSet) -> Cloud | None:
     if lines is None:
         return None
     grid = scan_grid(points.points_mm, lines)
+    if grid is None:
+        return None
     return organised(points, grid.x_mm, grid.z_mm, grid.base_from_profiler, lines.pass_index)
 
 

@@ -18,7 +18,7 @@ from workbench.edge.segment_cloud_passes import several_passes
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
-from workbench.geometry.slices import Laid, cut, lay_out
+from workbench.geometry.slices import MOST_COLUMNS, Laid, cut, lay_out
 from workbench.units import DEG, Bool, Float, Int
 
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
@@ -26,7 +26,7 @@ NEIGHBOURS = 16
 THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices
 VIEWS = 24  # directions of sight that are tried, around the edge
 TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
-LEAST_SLICES = 3
+LEAST_SLICES, LEAST_CELLS, MOST_CELLS = 3, 10_000_000, 20  # a slicing's; a point's, beyond that
 HIDDEN_MM, MOST_LOST = 5.0, 0.15  # a longer gap is a hidden stretch; share of slices lost in shorter ones
 REACH_MM = 25.0  # of the cloud only this much on each side of the edge is sliced
 PATH_STEP_MM = 0.5
@@ -55,7 +55,7 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, bool]:
     square to that course, in slices and columns as wide as the points on the root face lie apart.
     """
     straight = _straight(points)
-    step = spacing(points.points_mm)
+    step = spacing(points)
     view = best_view(points, straight, step, nominal)
     coarse = _sliced(points, straight, view, step, COARSE_SLICES)
     found = find_faces(coarse, nominal.root_mm, nominal.bevel_deg)
@@ -63,7 +63,7 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, bool]:
     course = measure_edge(coarse, found).curve
     near = _near(points.points_mm, course)
     frame, column = np.nonzero(found.labels == ROOT_FACE)
-    cloud = _sliced(points, near, view, spacing(points.points_mm, _placed(coarse, frame, column)), MOST_SLICES)
+    cloud = _sliced(points, near, view, spacing(points, _placed(coarse, frame, column)), MOST_SLICES)
     found = find_faces(cloud, nominal.root_mm, nominal.bevel_deg)
     check_one_sheet(cloud, found)
     check_agreement(cloud, found.seen)
@@ -104,15 +104,17 @@ def _near(points_mm: Float, course: Curve) -> Laid:
     return lay_out(points_mm[here], course, at[nearest[here]])
 
 
-def spacing(points_mm: Float, at_mm: Float | None = None) -> Spacing:
+def spacing(points: PointSet, at_mm: Float | None = None) -> Spacing:
     """Median distance between neighbours, and what that leaves to the other direction by the density in the surface.
 
     Where points lie on lines the neighbours are those of the line, and the slices are as thick as the lines are apart.
-    at_mm (k, 3): where to look; everywhere if None.
+    at_mm (k, 3): where to look; everywhere if None. Raises InputError where points repeat each other.
     """
-    at = points_mm if at_mm is None else at_mm
-    distance = cKDTree(points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
+    at = points.points_mm if at_mm is None else at_mm
+    distance = cKDTree(points.points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
     width = float(np.median(distance[:, 1]))
+    if not width > 0.0:
+        raise InputError(points.source, "most points stand in the cloud more than once: expected each point once")
     area = float(np.median(np.pi * distance[:, -1] ** 2)) / NEIGHBOURS  # of the surface, a point
     return Spacing(width, max(THICKER * area / width, width))
 
@@ -126,6 +128,10 @@ def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int)
                          f"about {step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart")  # fmt: skip
     chosen = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
     at = np.asarray(first + step.thickness_mm * (chosen + 0.5), dtype=np.float64)
+    columns = min(float(np.hypot(*np.ptp(laid.place, axis=0))) / step.width_mm, MOST_COLUMNS)
+    if len(at) * columns > LEAST_CELLS + MOST_CELLS * len(laid.s):
+        raise InputError(points.source, "points are too unevenly dense to be sliced: expected one scanned edge, about "
+                         f"evenly covered; most lie {step.width_mm:.3g} mm apart")  # fmt: skip
     x, z, pose = cut(laid, view, at, step.thickness_mm, step.width_mm)
     return organised(points, x, z, pose, np.zeros(len(at), np.int64))
 

@@ -12,6 +12,8 @@ from workbench.units import Float, Float32, Int
 ANGLES = 360  # of the lateral axis, that are tried; then as many between the two next to the best
 SAMPLE = 60_000  # steps that tell it
 MARGIN = 20  # empty columns on each side: where the field of view ended is not known
+LEAST_PITCH_MM = 1e-4
+LEAST_CELLS, MOST_CELLS = 10_000_000, 50  # of a grid; a point, beyond that
 MOST_MISSING = 40  # columns left empty for returns that are missing in a row
 
 
@@ -24,10 +26,11 @@ class ScanGrid:
     base_from_profiler: Float  # (N, 4, 4)
 
 
-def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid:
+def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid | None:
     """The grid that n points came from. A profiler's columns lie at equal steps of x, whatever z and its noise are.
 
     The lateral axis of each pass is the direction in the laser plane along which neighbours lie most equally apart.
+    None where they are nowhere apart, or leave next to all of the grid empty: that is no profiler's.
     """
     line = np.repeat(np.arange(len(lines.normal)), np.diff(lines.first))
     first_axis = _transported(lines)
@@ -40,11 +43,15 @@ def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid:
         here = lines.pass_index == number
         mine = here[line]
         angle, pitch = lateral_axis(plane[mine], line[mine])
+        if pitch < LEAST_PITCH_MM:
+            return None
         c, s = np.cos(angle), np.sin(angle)
         x_axis[here] = c * first_axis[here] + s * second_axis[here]
         x[mine], z[mine] = plane[mine] @ [c, s], plane[mine] @ [-s, c]
         column[mine] = _columns(x[mine], line[mine], pitch)
     column += MARGIN - column.min()
+    if len(lines.normal) * int(column.max()) > LEAST_CELLS + MOST_CELLS * len(line):
+        return None
     grid = np.full((2, len(lines.normal), int(column.max()) + 1 + MARGIN), np.nan, np.float32)
     grid[0, line, column], grid[1, line, column] = x, z
     pose = np.tile(np.eye(4), (len(lines.normal), 1, 1))

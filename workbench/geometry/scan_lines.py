@@ -127,7 +127,7 @@ def _passes(points: Float, first: Int, normal: Float) -> Int:
     advance = np.einsum("ij,ij->i", np.diff(middle, axis=0), facing)  # across the planes: what they hold moves within
     jump = np.abs(advance) > PASS_JUMP * np.median(np.abs(advance))
     tilt = np.linalg.norm(np.cross(normal[1:], normal[:-1]), axis=1) > ALIKE
-    known = np.convolve(jump | tilt, np.ones(PASS_LINES), "same") > 0
+    known = _share_near(jump | tilt) > 0
     forward = _settled(advance > 0)
     turn = np.diff(forward, prepend=forward[:1]) & ~known
     return np.concatenate([[0], np.cumsum(jump | tilt | turn)])
@@ -135,5 +135,10 @@ def _passes(points: Float, first: Int, normal: Float) -> Int:
 
 def _settled(forward: Bool) -> Bool:
     """Majority over PASS_LINES neighbours."""
-    share = np.convolve(np.pad(forward.astype(float), PASS_LINES // 2, mode="edge"), np.ones(PASS_LINES), "valid")
-    return np.asarray(share > 0.5 * PASS_LINES)
+    return np.asarray(_share_near(forward) > 0.5)
+
+
+def _share_near(flags: Bool) -> Float:
+    """Share of set flags (n,) among PASS_LINES neighbours; beyond the ends it goes on like them."""
+    padded = np.pad(flags.astype(float), PASS_LINES // 2, mode="edge")
+    return np.convolve(padded, np.full(PASS_LINES, 1.0 / PASS_LINES), "valid")

@@ -15,7 +15,7 @@ from workbench.units import Float, Int
 
 PATCHES, LONG_MM, WIDE_MM, THICK_MM = 12, 2.0, 1.0, 0.3  # a face; of a patch along the edge, across, off the face
 LEAST_POINTS, LEAST_SLICES = 60, 3
-PART = 0.35  # of the patches with lines, that show several passes
+PART = 0.35  # of a face's patches, that show several passes
 
 
 def several_passes(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -> bool:
@@ -26,8 +26,7 @@ def several_passes(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -
     s = np.linalg.norm(np.diff(cloud.base_from_profiler[:, :3, 3], axis=0), axis=1)
     at = float(laid.s.min()) + np.concatenate([[0.0], np.cumsum(s)])
     seen = [list(_of_face(laid, view, at, found.faces[label])) for label in (ROOT_FACE, BEVEL_FACE)]
-    shown = [[what for what in face if what != "none"] for face in seen]
-    return any(face.count("several passes") > PART * len(face) for face in shown)
+    return any(face.count("several passes") > PART * len(face) for face in seen)
 
 
 def _of_face(laid: Laid, view: Float, at: Float, face: FaceLines) -> Iterator[Traces]:

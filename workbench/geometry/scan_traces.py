@@ -16,7 +16,7 @@ TANGENTS = np.arange(-0.36, 0.3601, 0.004)  # directions of lines that are tried
 HALF_WIDTH_MM = 0.004  # of a line, seen along it
 LEAST_ON_LINE = 6  # other points
 ALONE, FURTHER = 0.4, 0.12  # share of points on the comb of an only pass, at the least; on that of a further one
-LEAST_LINES = 5
+LEAST_LINES, FULL = 5, 0.4  # of a patch; points that a line has, in parts of a usual one's
 UNEVEN = 0.3  # half the range of the middle half of steps between lines, in parts of the median: two combs in one
 
 Traces = Literal["none", "one pass", "several passes"]
@@ -34,7 +34,7 @@ def traces(x_mm: Float, s_mm: Float) -> Traces:
         return "several passes"
     if first.mean() < ALONE:
         return "none"
-    return "several passes" if _uneven(s_mm[first] - tangent * x_mm[first]) else "one pass"
+    return "several passes" if _uneven(s_mm - tangent * x_mm) else "one pass"
 
 
 def _comb(x: Float, s: Float) -> tuple[Bool, float]:
@@ -54,8 +54,9 @@ def _uneven(u: Float) -> bool:
     """Whether lines, seen along them (n points), are not evenly spaced."""
     u = np.sort(u)
     line = np.cumsum(np.diff(u, prepend=u[0]) > HALF_WIDTH_MM)
-    step = np.diff(np.bincount(line, u) / np.bincount(line))
-    if step.size + 1 < LEAST_LINES:
+    points = np.bincount(line)
+    place = (np.bincount(line, u) / points)[points >= FULL * np.median(points[line])]
+    if place.size < LEAST_LINES:
         return False
-    low, middle, high = np.quantile(step, [0.25, 0.5, 0.75])
+    low, middle, high = np.quantile(np.diff(place), [0.25, 0.5, 0.75])
     return bool(0.5 * (high - low) > UNEVEN * middle)

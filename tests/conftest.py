@@ -23,7 +23,6 @@ from workbench.artefacts import (
 from workbench.errors import InputError
 from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage
 
-
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: Ctrl-C is tested all the same
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

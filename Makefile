@@ -24,7 +24,7 @@ demo: setup
 
 test: setup
 	@scripts/browser.sh
-	@$(BIN)/python -m pytest -q
+	@$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 lint: setup
 	@$(BIN)/ruff check .

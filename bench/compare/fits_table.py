@@ -13,7 +13,7 @@ import open3d as o3d
 from scipy.optimize import least_squares
 from skimage.measure import CircleModel, LineModelND
 
-from tests.geometry.test_fits import Known, known
+from bench.compare.known_fits import Known, known
 from workbench.geometry.fits import Shape, fit
 from workbench.units import Float
 

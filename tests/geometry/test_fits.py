@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from bench.compare.known_fits import Known, known
+from bench.compare.known_fits import FAR_MM, Known, known
 from workbench.geometry.fits import LEAST_POINTS, Shape, fit
 from workbench.units import Float
 

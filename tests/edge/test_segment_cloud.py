@@ -45,6 +45,7 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     cloud, edge = segment_cloud(PointSet(points, "a.ply"))
     assert any("shows no scan lines" in words for words in edge.warnings)
     assert cloud.keep.shape == edge.labels.shape
+    assert edge.passes_u_mm == 0.0
     found = sections(edge)
     origins = np.array([s.origin_mm for s in found.sections])
     root = np.abs(values(found, "root_mm") - scan.truth.root_mm_at(origins))
@@ -55,13 +56,11 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     assert (bevel < 3 * values(found, "bevel_u_deg")).all()
 
 
-def test_shuffled_passes_that_disagree_are_refused_and_one_of_them_is_not(drawn):
+def test_shuffled_passes_that_disagree_are_refused(drawn):
     scan = drawn("two_pass", 9)
     rng = np.random.default_rng(5)
     with pytest.raises(InputError, match=r"a\.ply: .* two sheets .* mm apart .* scan order or each pass alone"):
         segment_cloud(PointSet(rng.permutation(points_of(scan.cloud)), "a.ply"))
-    first = replace(scan.cloud, keep=scan.cloud.keep & (scan.cloud.pass_index == 0)[:, None])
-    segment_cloud(PointSet(rng.permutation(points_of(first)), "a.ply"))
 
 
 @pytest.mark.parametrize("shift_mm", [0.04, 0.15])
@@ -71,6 +70,21 @@ def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
     other = np.random.default_rng(3).permutation(points[::2]) + shift_mm * scan.edge.normal[0]
     with pytest.raises(InputError, match="two sheets"):
         segment_cloud(PointSet(np.concatenate([points[1::2], other]), "a.ply"), use_order=False)
+
+
+def test_passes_that_agree_are_measured_with_the_robots_noise(scanned):
+    """Poses without noise; the second pass runs aslant, so that its lines cross those of the first."""
+    straight = {"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": 40.0}
+    scan = scanned(passes=[straight, straight | {"oblique_deg": 5.0}])
+    points = PointSet(np.random.default_rng(5).permutation(points_of(scan.cloud)), "a.ply")
+    _, edge = segment_cloud(points, robot_noise_mm=0.02)
+    assert edge.passes_u_mm == pytest.approx(2**0.5 * 0.02)
+    assert any("lines of several scanning passes" in words for words in edge.warnings)
+    found = sections(edge)
+    origins = np.array([s.origin_mm for s in found.sections])
+    error = np.abs(values(found, "root_mm") - scan.truth.root_mm_at(origins))
+    assert (values(found, "root_u_mm") > edge.passes_u_mm).all()
+    assert (error < 2 * values(found, "root_u_mm")).all()
 
 
 def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):

@@ -87,6 +87,13 @@ def test_passes_that_agree_are_measured_with_the_robots_noise(scanned):
     assert (error < 2 * values(found, "root_u_mm")).all()
 
 
+def test_thinned_points_show_no_lines_and_that_is_told(scanned):
+    rng = np.random.default_rng(5)
+    points = rng.permutation(points_of(scanned().cloud))[:20_000]
+    _, edge = segment_cloud(PointSet(points, "a.ply"))
+    assert any("stand on no scan lines" in words for words in edge.warnings)
+
+
 def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     raw = scanned(part={"kind": "raw", "length_mm": 40.0})
     up = (

@@ -15,6 +15,7 @@ from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
 from workbench.edge.segment_raw import segment_raw
 from workbench.errors import InputError
+from workbench.geometry.scan_traces import Traces
 from workbench.stage import stage
 
 # What a slice counts for the root size beside a scan line: neighbouring slices cut the same few lines, so that where
@@ -22,6 +23,7 @@ from workbench.stage import stage
 SLICE_WEIGHT = 0.2
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
+NO_LINES = "its points stand on no scan lines: several passes, if they were merged, are known only where they disagree"
 SEVERAL = (
     "its points stand on lines of several scanning passes, which are not told apart: by the robot's noise these may "
     "differ where they show no face in common, and every root size carries {:.2g} mm in its uncertainty for that"
@@ -78,12 +80,11 @@ def segment_cloud(
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
-    cloud, several = (recovered, False) if recovered else slice_cloud(points, nominal)
+    cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
-    # Passes may see one end of the root face each, and differ there by the noise of two positions.
-    return cloud, edge if recovered else _of_slices(edge, math.sqrt(2.0) * robot_noise_mm if several else 0.0)
+    return cloud, edge if passes is None else _of_slices(edge, passes, robot_noise_mm)
 
 
 def _check_extent(points: PointSet) -> None:
@@ -96,9 +97,11 @@ def _check_extent(points: PointSet) -> None:
                          "of the origin")  # fmt: skip
 
 
-def _of_slices(edge: Edge, passes_u_mm: float) -> Edge:
+def _of_slices(edge: Edge, passes: Traces, robot_noise_mm: float) -> Edge:
     """The edge with what slices do not know taken off its certainty, and told."""
     assert edge.frames is not None, "segment gives a milled edge"
     frames = replace(edge.frames, root_weight=SLICE_WEIGHT * edge.frames.root_weight)
-    told = (SLICED, SEVERAL.format(passes_u_mm)) if passes_u_mm else (SLICED,)
-    return replace(edge, frames=frames, passes_u_mm=passes_u_mm, warnings=(*edge.warnings, *told))
+    # Passes may see one end of the root face each, and differ there by the noise of two positions.
+    passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
+    told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
+    return replace(edge, frames=frames, passes_u_mm=passes_u_mm, warnings=(*edge.warnings, SLICED, *told))

@@ -14,19 +14,22 @@ from workbench.geometry.slices import Laid, seen_from
 from workbench.units import Float, Int
 
 PATCHES, LONG_MM, WIDE_MM, THICK_MM = 12, 2.0, 1.0, 0.3  # a face; of a patch along the edge, across, off the face
+LONG_SLICES = 7  # a patch is at least so long
 LEAST_POINTS, LEAST_SLICES = 60, 3
-PART = 0.35  # of a face's patches, that show several passes
+SEVERAL, ONE = 0.35, 0.8  # of a face's patches, at the least, that show several passes, or one
 
 
-def several_passes(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -> bool:
-    """Whether root face or bevel shows lines of several passes. False too where points stand on no lines.
+def passes_shown(laid: Laid, view: Float, cloud: Cloud, found: TrackedFaces) -> Traces:
+    """Whether root face or bevel shows lines of several passes, or both those of one; "none": neither.
 
     laid, view: the points whose slices `cloud` holds. Passes that agree to within their noise are several all the same.
     """
     s = np.linalg.norm(np.diff(cloud.base_from_profiler[:, :3, 3], axis=0), axis=1)
     at = float(laid.s.min()) + np.concatenate([[0.0], np.cumsum(s)])
     seen = [list(_of_face(laid, view, at, found.faces[label])) for label in (ROOT_FACE, BEVEL_FACE)]
-    return any(face.count("several passes") > PART * len(face) for face in seen)
+    if any(face.count("several passes") > SEVERAL * len(face) for face in seen):
+        return "several passes"
+    return "one pass" if all(face and face.count("one pass") >= ONE * len(face) for face in seen) else "none"
 
 
 def _of_face(laid: Laid, view: Float, at: Float, face: FaceLines) -> Iterator[Traces]:
@@ -35,10 +38,11 @@ def _of_face(laid: Laid, view: Float, at: Float, face: FaceLines) -> Iterator[Tr
     known = np.flatnonzero(face.count > LEAST_SLICES)
     if not known.size:
         return
-    for start in np.linspace(at[known[0]], max(at[known[-1]] - LONG_MM, at[known[0]]), PATCHES):
-        frames = known[(at[known] >= start) & (at[known] < start + LONG_MM)]
+    length = max(LONG_MM, LONG_SLICES * float(np.median(np.diff(at))))
+    for start in np.linspace(at[known[0]], max(at[known[-1]] - length, at[known[0]]), PATCHES):
+        frames = known[(at[known] >= start) & (at[known] < start + length)]
         if frames.size >= LEAST_SLICES:
-            points = np.flatnonzero((laid.s >= start) & (laid.s < start + LONG_MM))
+            points = np.flatnonzero((laid.s >= start) & (laid.s < start + length))
             middle, height, slope = _line(face, frames)
             across = (x[points] - middle) * np.hypot(1.0, slope)
             off = (z[points] - height - slope * (x[points] - middle)) / np.hypot(1.0, slope)

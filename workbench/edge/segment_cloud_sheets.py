@@ -15,6 +15,7 @@ from workbench.units import Float, Int
 
 STRETCH_MM, WIDE_MM, RIM_MM = 3.0, 2.0, 0.1  # of a patch, along the edge and across; left out at a face's ends
 MOST_STRETCHES = 60
+STRETCH_SLICES = 10  # a patch is at least so long
 LEAST_POINTS, LEAST_SLICES = 60, 3
 GAIN, APART, SHARE = 12.0, 2.0, 0.08  # two sheets: log-likelihood; sigmas between them; points on the smaller
 LEAST_PATCHES, LEAST_PART = 3, 0.04  # so many patches of a face, and such a part of them: no chance
@@ -45,7 +46,7 @@ def _patches(cloud: Cloud, face: FaceLines) -> Iterator[tuple[Float, Float, Floa
     place = cloud.base_from_profiler[:, :3, 3]
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
     known = face.count > LEAST_SLICES
-    number = (s / STRETCH_MM).astype(np.int64)
+    number = (s / max(STRETCH_MM, STRETCH_SLICES * float(np.median(np.diff(s))))).astype(np.int64)
     stretches = np.unique(number[known])
     chosen = np.unique(np.linspace(0, len(stretches) - 1, min(len(stretches), MOST_STRETCHES)).astype(int))
     for stretch in stretches[chosen]:

@@ -14,10 +14,11 @@ from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised
-from workbench.edge.segment_cloud_passes import several_passes
+from workbench.edge.segment_cloud_passes import passes_shown
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
+from workbench.geometry.scan_traces import Traces
 from workbench.geometry.slices import MOST_COLUMNS, Laid, cut, lay_out
 from workbench.units import DEG, Bool, Float, Int
 
@@ -48,8 +49,8 @@ class Spacing:
     thickness_mm: float  # of a slice that has one point a column
 
 
-def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, bool]:
-    """The cloud sliced across its edge, and whether it shows lines of several scanning passes.
+def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, Traces]:
+    """The cloud sliced across its edge, and of which scanning passes its points show lines.
 
     First square to one direction, from the side that reads best as a milled edge; that gives the edge's course. Then
     square to that course, in slices and columns as wide as the points on the root face lie apart.
@@ -67,7 +68,7 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, bool]:
     found = find_faces(cloud, nominal.root_mm, nominal.bevel_deg)
     check_one_sheet(cloud, found)
     check_agreement(cloud, found.seen)
-    return cloud, several_passes(near, view, cloud, found)
+    return cloud, passes_shown(near, view, cloud, found)
 
 
 def check_agreement(cloud: Cloud, seen: Bool) -> None:

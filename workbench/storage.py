@@ -42,7 +42,7 @@ def regular_file(path: Path) -> os.stat_result:
         siblings = os.listdir(path.parent) if readable else ()
         raise InputError(str(path), f"no such file{nearest(path.name, siblings)}") from None
     except (OSError, ValueError) as error:
-        raise InputError(str(path), f"cannot be opened: {error}") from None
+        raise InputError(str(path), f"cannot be opened: {getattr(error, 'strerror', None) or error}") from None
     if not stat.S_ISREG(status.st_mode):
         raise InputError(str(path), "expected a file, not a directory or a device")
     if not os.access(path, os.R_OK):

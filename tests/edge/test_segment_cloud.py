@@ -72,11 +72,13 @@ def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
         segment_cloud(PointSet(np.concatenate([points[1::2], other]), "a.ply"), use_order=False)
 
 
-def test_passes_that_agree_are_measured_with_the_robots_noise(scanned):
+def test_passes_that_agree_are_measured_if_they_are_said_to(scanned):
     """Poses without noise; the second pass runs aslant, so that its lines cross those of the first."""
     straight = {"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": 40.0}
     scan = scanned(passes=[straight, straight | {"oblique_deg": 5.0}])
     points = PointSet(np.random.default_rng(5).permutation(points_of(scan.cloud)), "a.ply")
+    with pytest.raises(InputError, match=r"a\.ply: points stand on lines of several .* each pass alone"):
+        segment_cloud(points)
     _, edge = segment_cloud(points, robot_noise_mm=0.02)
     assert edge.passes_u_mm == pytest.approx(2**0.5 * 0.02)
     assert any("lines of several scanning passes" in words for words in edge.warnings)

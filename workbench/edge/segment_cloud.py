@@ -25,9 +25,11 @@ LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
 NO_LINES = "its points stand on no scan lines: several passes, if they were merged, are known only where they disagree"
 SEVERAL = (
-    "its points stand on lines of several scanning passes, which are not told apart: by the robot's noise these may "
-    "differ where they show no face in common, and every root size carries {:.2g} mm in its uncertainty for that"
+    "its points stand on lines of several scanning passes: every size and angle carries in its uncertainty that they "
+    "differ by {:.2g} mm"
 )
+# Beyond this, passes differ by more than a second sheet would show (twice a usual profiler's noise).
+MOST_PASS_NOISE_MM = 0.02
 
 
 @stage("edge.segment_cloud")
@@ -54,8 +56,9 @@ def segment_cloud(
     order in which a line scanner took them, its grid is found again: each scan line lies in one plane, and its columns
     are equal steps along one axis of that. Else the cloud is sliced: Open3D's surface normals tell in which direction
     the edge runs, trial slices from which side its two faces show, a first pass its course; slices square to that, as
-    thick as the points are apart, are the profiles. Passes that do not agree show as two sheets on a face, and are
-    refused; where they show no such thing, but traces of their scan lines, root sizes carry the robot's noise.
+    thick as the points are apart, are the profiles. Several passes in such a cloud are refused: where they do not
+    agree, they show as two sheets on a face; else by the traces of their scan lines. Of these, passes that are said to
+    agree (`robot_noise_mm` up to 0.02) are measured, and all values carry that noise.
 
     Args:
         points: the cloud of one edge, in mm.
@@ -71,7 +74,7 @@ def segment_cloud(
 
     Raises:
         InputError: no cloud of a part; no root face next to a bevel face (no end face) in view; points without order
-            on two sheets; a raw edge without scan lines.
+            of passes that do not agree, or may not; a raw edge without scan lines.
     """
     _check_extent(points)
     recovered = recovered_grid(points) if use_order else None
@@ -81,6 +84,10 @@ def segment_cloud(
         return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
+    if passes == "several passes" and robot_noise_mm > MOST_PASS_NOISE_MM:
+        raise InputError(points.source, "points stand on lines of several scanning passes, which may differ by the "
+                         f"robot's noise: give points in scan order or each pass alone (or robot_noise_mm of at most "
+                         f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)")  # fmt: skip
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
@@ -101,7 +108,7 @@ def _of_slices(edge: Edge, passes: Traces, robot_noise_mm: float) -> Edge:
     """The edge with what slices do not know taken off its certainty, and told."""
     assert edge.frames is not None, "segment gives a milled edge"
     frames = replace(edge.frames, root_weight=SLICE_WEIGHT * edge.frames.root_weight)
-    # Passes may see one end of the root face each, and differ there by the noise of two positions.
+    # Passes may see one end of the root face each, and differ by the noise of two positions.
     passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
     told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
     return replace(edge, frames=frames, passes_u_mm=passes_u_mm, warnings=(*edge.warnings, SLICED, *told))

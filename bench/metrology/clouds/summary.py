@@ -35,7 +35,7 @@ class CloudSummary:
     parts: int
     refused: list[CloudResult]
     crashed: list[CloudResult]
-    routes: dict[tuple[str, str], Route]  # (route, root or bevel)
+    routes: dict[tuple[str, str], Route | None]  # (route, root or bevel)
     missing: dict[str, int]  # sections that the gridded route measured and this one did not
     refused_routes: dict[str, list[str]]
     seconds: dict[str, float]  # median
@@ -44,7 +44,7 @@ class CloudSummary:
     def shortcomings(self) -> list[str]:
         """In words, what does not reach its goal. Shuffled clouds have none: they are told as they are."""
         short = [f"{self.condition}: {name} apart" for name, goal in GOALS.items()
-                 if not self.routes["ply", name].apart[2] <= goal]  # fmt: skip
+                 if not ((found := self.routes["ply", name]) and found.apart[2] <= goal)]  # fmt: skip
         if self.crashed or self.refused_routes["ply"]:
             short.append(f"{self.condition}: crashed or refused")
         return short
@@ -74,9 +74,12 @@ def _missing(r: CloudResult, route: str) -> int:
     return int((seen & ~np.isfinite(_values(r, route, "root_error_mm"))).sum())
 
 
-def _route(good: list[CloudResult], route: str, name: str) -> Route:
+def _route(good: list[CloudResult], route: str, name: str) -> Route | None:
+    """None where the route refused every part."""
     unit = UNITS[name]
     mine = [r for r in good if route in r.routes]
+    if not mine:
+        return None
     error = [_values(r, route, f"{name}_error_{unit}") for r in mine]
     u = [_values(r, route, f"{name}_u_{unit}") for r in mine]
     apart = [e - _values(r, "grid", f"{name}_error_{unit}") for e, r in zip(error, mine, strict=True)]

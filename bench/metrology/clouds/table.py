@@ -7,6 +7,7 @@ from bench.metrology.clouds.summary import GOALS, UNITS, CloudSummary
 from bench.metrology.table import markdown
 
 DIGITS = {"root": 4, "bevel": 3}
+NONE = "-"  # every part was refused
 NAMES = {"grid": "gridded", "ply": "PLY, in order", "shuffled": "PLY, shuffled"}
 
 
@@ -41,9 +42,10 @@ def agreement(summaries: list[CloudSummary]) -> list[str]:
     rows = []
     for s in summaries:
         for route in ROUTES[1:]:
-            apart = {name: s.routes[route, name].apart for name in UNITS}
-            met = all(apart[name][2] <= goal for name, goal in GOALS.items())
-            rows.append([s.condition, NAMES[route], f"{s.parts}", *(_three(apart[n], n) for n in UNITS),
+            apart = {name: found.apart for name in UNITS if (found := s.routes[route, name])}
+            met = all(name in apart and apart[name][2] <= goal for name, goal in GOALS.items())
+            values = [_three(apart[n], n) if n in apart else NONE for n in UNITS]
+            rows.append([s.condition, NAMES[route], f"{s.parts}", *values,
                          f"{s.missing[route]}", f"{len(s.refused_routes[route])}", f"{s.seconds[route]:.1f}",
                          "yes" if met else "**no**"])  # fmt: skip
     return markdown(head, rows)
@@ -59,8 +61,9 @@ def errors(summaries: list[CloudSummary]) -> list[str]:
             row = [s.condition, NAMES[route]]
             for name in UNITS:
                 r = s.routes[route, name]
-                row += [_three(r.error, name), f"{r.mean_u:.{DIGITS[name]}f}", f"{100 * r.within_2u:.1f}",
-                        f"{100 * r.interval[0]:.1f} to {100 * r.interval[1]:.1f}"]  # fmt: skip
+                row += [NONE] * 4 if r is None else [
+                    _three(r.error, name), f"{r.mean_u:.{DIGITS[name]}f}", f"{100 * r.within_2u:.1f}",
+                    f"{100 * r.interval[0]:.1f} to {100 * r.interval[1]:.1f}"]  # fmt: skip
             rows.append(row)
     return markdown(head, rows)
 

@@ -70,5 +70,6 @@ class Edge:
     position_u_mm: Float | None = None  # (n, 2) standard uncertainty of `position_mm` along `normal` and `across`
     normal_u: float = 0.0  # standard uncertainty of the direction of `normal` about the tangent, rad
     hand_eye_u_mm: Float | None = None  # (n, 2) as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
-    passes_u_mm: float = 0.0  # standard deviation between merged passes that cannot be told apart; 0: one pass
+    root_u_mm: float = 0.0  # standard uncertainty of all root sizes by what no frame shows
+    root_direction_u: float = 0.0  # the same of the root face's direction, rad
     warnings: tuple[str, ...] = ()

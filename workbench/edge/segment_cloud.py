@@ -9,12 +9,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge, PointSet
+from workbench.artefacts import ROOT_FACE, Cloud, Edge, PointSet
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
 from workbench.edge.segment_raw import segment_raw
 from workbench.errors import InputError
+from workbench.geometry.faces import FaceLines
 from workbench.geometry.scan_traces import Traces
 from workbench.stage import stage
 
@@ -28,6 +29,7 @@ SEVERAL = (
     "its points stand on lines of several scanning passes: every size and angle carries in its uncertainty that they "
     "differ by {:.2g} mm"
 )
+STEP_SLOPE = 1.5  # slope of the line through a face with a step in its middle, in parts of the step over the width
 # Beyond this, passes differ by more than a second sheet would show (twice a usual profiler's noise).
 MOST_PASS_NOISE_MM = 0.02
 
@@ -111,4 +113,17 @@ def _of_slices(edge: Edge, passes: Traces, robot_noise_mm: float) -> Edge:
     # Passes may see one end of the root face each, and differ by the noise of two positions.
     passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
     told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
-    return replace(edge, frames=frames, passes_u_mm=passes_u_mm, warnings=(*edge.warnings, SLICED, *told))
+    root_direction_u = math.hypot(_noise_slope(edge.faces[ROOT_FACE]),
+                                  STEP_SLOPE * passes_u_mm / float(np.nanmedian(frames.root_low_mm)))  # fmt: skip
+    return replace(edge, frames=frames, root_u_mm=passes_u_mm, root_direction_u=root_direction_u,
+                   warnings=(*edge.warnings, SLICED, *told))  # fmt: skip
+
+
+def _noise_slope(face: FaceLines) -> float:
+    """Standard uncertainty of the face's slope in slices, rad, since nothing tells along which axis its noise acts.
+
+    Lines are fitted as if along z. Noise along an axis at an angle phi to that acts on x too, and turns them by its
+    variance over that of x, times sin(phi) cos(phi): in the mean square over all phi, an eighth.
+    """
+    noise = face.szz - face.sxz**2 / face.sxx
+    return math.sqrt(0.125) * float(np.nanmedian(noise / face.sxx))

@@ -17,8 +17,6 @@ from workbench.geometry.smoothing import local_polynomial, robust_weights
 from workbench.inspect.root_face import root_face_direction
 from workbench.units import Bool, Float
 
-STEP_SLOPE = 1.5  # slope of the line through a face with a step in its middle, in parts of the step over the width
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BevelAngles:
@@ -70,8 +68,7 @@ def _of_pass(edge: Edge, mine: Bool, at_mm: Float, half_width_mm: float) -> Beve
     excess = scatter(s, value, kept, half_width_mm, stations)
     local_u = np.sqrt(fit[:, 2]) * excess
     face = root_face_direction(f, frames)
-    passes_u = STEP_SLOPE * edge.passes_u_mm / float(np.nanmedian(f.root_low_mm)) if edge.passes_u_mm else 0.0
-    tilt_u = np.full(at_mm.shape, math.hypot(face.mean_u, face.drift, passes_u))
+    tilt_u = np.full(at_mm.shape, math.hypot(face.mean_u, face.drift, edge.root_direction_u))
     tangent_u = edge.tangent_u * np.interp(at_mm, s, f.tangent_leverage[frames])
     u = np.sqrt(local_u**2 + tilt_u**2 + tangent_u**2)
     return BevelAngles(fit[:, 0], u, local_u, tilt_u, face.drift, face.scatter)

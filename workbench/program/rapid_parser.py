@@ -125,7 +125,8 @@ class _Parser:
         _, tool = self.argument("tooldata")
         work_object = self.work_object()
         self.tokens.take(";")
-        return Move(MOVES[word], target, via, speed[0], 0.0 if zone[0] else zone[1], tool, work_object)
+        line = self.tokens.line(begin)
+        return Move(MOVES[word], target, via, speed[0], 0.0 if zone[0] else zone[1], tool, work_object, line)
 
     def target(self, kind: str) -> Any:
         """Written out, or by name."""

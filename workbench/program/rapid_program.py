@@ -62,6 +62,7 @@ class Move(NamedTuple):
     zone_mm: float  # 0: fine
     tool: str
     work_object: str
+    line: int  # of the file, from 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from typing import NoReturn
 
 from workbench.errors import InputError
@@ -24,7 +25,10 @@ class Tokens:
     def __init__(self, text: str, name: str) -> None:
         """Split `text`; `name` is the file's, for messages."""
         self.text, self.name, self.at = text, name, 0
-        self.tokens: list[str] = TOKEN.findall(text)
+        matches = list(TOKEN.finditer(text))
+        self.tokens: list[str] = [match.group(1) for match in matches]
+        self._starts = [match.start(1) for match in matches]
+        self._ends = [match.start() for match in re.finditer("\n", text)]
 
     def peek(self) -> str:
         """The next token as it stands; '' at the end."""
@@ -71,7 +75,5 @@ class Tokens:
 
     def line(self, index: int) -> int:
         """The line, from 1, in which a token begins."""
-        for i, match in enumerate(TOKEN.finditer(self.text)):
-            if i == index:
-                return self.text.count("\n", 0, match.start(1)) + 1
-        return self.text.count("\n") + 1
+        at = self._starts[index] if index < len(self._starts) else len(self.text)
+        return bisect_right(self._ends, at - 1) + 1

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from workbench.artefacts import (
     Chapter,
+    Check,
     Cloud,
     Cutter,
     Document,
@@ -96,6 +97,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Cell",
     "Chain",
     "Chapter",
+    "Check",
     "Clearance",
     "Cloud",
     "CollisionModel",

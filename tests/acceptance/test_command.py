@@ -105,7 +105,7 @@ def test_the_checker_agrees(full: Ended) -> None:
     assert done.returncode == 0, done.stdout
 
 
-def test_out_of_tolerance_is_one_and_undecided_is_nought(run: Run, easy: Path) -> None:
+def test_out_of_tolerance_is_one_and_so_is_undecided_unless_accepted(run: Run, easy: Path) -> None:
     failed = run(easy, "--input", "bevel_nominal_deg=43", out="failed")
     assert (failed.status, failed.read()["verdict"]) == (1, "fail")
     assert {one["verdict"] for one in failed.read()["sections"]} == {"fail"}
@@ -114,7 +114,11 @@ def test_out_of_tolerance_is_one_and_undecided_is_nought(run: Run, easy: Path) -
     assert (at_limit.status, at_limit.read()["sections"][4]["verdict"]) == (1, "undecided")
     wide = ["--input", "root_tolerance_mm=[-0.9, 0.5]", "--set", "inspect.sections.sections=1"]
     alone = run(easy, "--input", f"root_nominal_mm={root - 0.5:.4f}", *wide, out="alone")
-    assert (alone.status, alone.read()["verdict"]) == (0, "undecided")
+    assert (alone.status, alone.read()["verdict"]) == (1, "undecided")
+    accepted = [*wide, "--set", 'inspect.gate.reject=["fail"]']
+    taken = run(easy, "--input", f"root_nominal_mm={root - 0.5:.4f}", *accepted, out="accepted")
+    assert (taken.status, taken.read()["verdict"]) == (0, "undecided")
+    assert "the pipeline lets a part through that is undecided" in taken.read("run.json")["warnings"]
 
 
 def test_every_input_of_the_contract_is_there(installed: Run) -> None:

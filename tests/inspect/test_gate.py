@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from workbench.artefacts import EdgeProfile, Inspection, Requirements, Verdict
+from workbench.artefacts import EdgeProfile, Inspection, Requirements, Section, Verdict
+from workbench.errors import InputError
 from workbench.inspect import gate
 
 
@@ -15,19 +18,43 @@ def inspection(verdict: Verdict) -> Inspection:
     return Inspection((), profile, Requirements(), 1.645, verdict, "section 3: too small", "whole edge")
 
 
-@pytest.mark.parametrize(("verdict", "passed"), [("pass", True), ("undecided", True), ("fail", False)])
-def test_only_a_proven_failure_rejects_unless_told_otherwise(verdict: Verdict, passed: bool) -> None:
+@pytest.mark.parametrize(("verdict", "passed"), [("pass", True), ("undecided", False), ("fail", False)])
+def test_only_a_pass_passes_unless_told_otherwise(verdict: Verdict, passed: bool) -> None:
     made = gate(inspection(verdict))
     assert made.passed is passed
     assert verdict in made.reason
     assert "section 3: too small" in made.reason
 
 
-def test_a_strict_gate_rejects_the_undecided_too() -> None:
-    assert not gate(inspection("undecided"), reject=["fail", "undecided"]).passed
-    assert not gate(inspection("fail"), reject=["fail", "undecided"]).passed
-    assert gate(inspection("pass"), reject=["fail", "undecided"]).passed
+def test_who_accepts_the_undecided_is_told_so() -> None:
+    made = gate(inspection("undecided"), reject=["fail"])
+    assert made.passed
+    assert made.warnings == ("the pipeline lets a part through that is undecided",)
+    assert made.warnings[0] in made.reason
+    assert not gate(inspection("fail"), reject=["fail"]).passed
+    assert gate(inspection("pass"), reject=["fail"]).warnings == ()
 
 
 def test_a_gate_that_rejects_nothing() -> None:
     assert gate(inspection("fail"), reject=[]).passed
+
+
+def test_too_little_of_the_edge_is_no_pass() -> None:
+    seen = np.where(np.arange(10) < 6, 1.5, np.nan)
+    profile = EdgeProfile(np.arange(10.0), np.zeros((10, 3)), seen, seen, seen, seen)
+    part = replace(inspection("pass"), profile=profile)
+    made = gate(part)
+    assert not made.passed
+    assert "only 60 % of the edge was measured" in made.reason
+    allowed = gate(part, least_measured_share=0.5)
+    assert allowed.passed
+    assert allowed.warnings == ("the pipeline asks for 50 % of the edge only",)
+
+
+@pytest.mark.parametrize(("u_mm", "words"), [(None, "none of 1 sections"), (118.0, "its root size is known to 236 mm")])
+def test_what_was_not_measured_is_not_judged(u_mm: float | None, words: str) -> None:
+    at = np.zeros(3)
+    value = None if u_mm is None else 5.8
+    one = Section(1, 10.0, at, at, at, at, value, u_mm, value, u_mm and 0.1, "undecided", "", np.empty(0, int))
+    with pytest.raises(InputError, match=words):
+        gate(replace(inspection("undecided"), sections=(one,)))

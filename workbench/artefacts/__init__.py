@@ -4,6 +4,7 @@ Lengths in mm, times in s, angles in rad unless a name ends in `_deg`; `a_from_b
 N frames, M columns, K robot poses. NaN marks what was not measured.
 """
 
+from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate, Provenance, RobotCell
 from workbench.artefacts.edges import (
     BEVEL_FACE,
@@ -38,6 +39,7 @@ __all__ = [
     "UNLABELLED",
     "UPPER_SURFACE",
     "Chapter",
+    "Check",
     "Cloud",
     "Cutter",
     "Document",

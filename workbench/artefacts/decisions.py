@@ -26,6 +26,7 @@ class Gate:
     reason: str
     loosened: tuple[str, ...] = ()  # checks that a parameter made weaker than the rule: programs say so
     unchecked: tuple[str, ...] = ()  # what nothing in the run could look at: programs say so
+    warnings: tuple[str, ...] = ()  # what the pipeline lets through that the default would not
 
     @property
     def clean(self) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from workbench.artefacts.checks import Check
 from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int
 
@@ -73,3 +74,4 @@ class Edge:
     root_u_mm: float = 0.0  # standard uncertainty of all root sizes by what no frame shows
     root_direction_u: float = 0.0  # the same of the root face's direction, rad
     warnings: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()  # of the cloud that it was found in, and of the faces

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from workbench.artefacts.checks import Check
 from workbench.units import Float, Int
 
 Verdict = Literal["pass", "fail", "undecided"]
@@ -63,3 +64,4 @@ class Inspection:
     reason: str
     root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
     warnings: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()  # what was checked of recording and faces

@@ -8,6 +8,7 @@ from itertools import zip_longest
 
 import numpy as np
 
+from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
 from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.units import Bool, Float, Int
@@ -67,6 +68,7 @@ class Toolpath:
     source: str = ""
     refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
     warnings: tuple[str, ...] = ()
+    evidence: tuple[Check, ...] = ()  # what was checked of the recording and the edge that it rests on
     claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
 
     @property

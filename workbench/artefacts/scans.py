@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from workbench.artefacts.checks import Check
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 
@@ -27,6 +28,7 @@ class Recording:
     sphere_diameter_mm: float | None = None  # set: a calibration recording
     clock: Literal["robot", "own"] = "robot"
     part_id: str | None = None  # free text out of the file: data, never a path
+    checks: tuple[Check, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +59,7 @@ class Cloud:
     source: str = ""
     part_id: str | None = None
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
+    checks: tuple[Check, ...] = ()  # of the recording that it was made from
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -69,7 +69,7 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_m
         tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud)),
         arc_length_mm=at,
         position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
-        burr_stations=burr_stations(cloud, tracked, measured, at),
+        burr_stations=burr_stations(cloud, tracked, measured, at), checks=cloud.checks,
     )  # fmt: skip
 
 

@@ -92,6 +92,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         upper_position_mm=origin + high[:, None] * m, upper_inward=inward,
         position_u_mm=np.stack([_stand_out_u(measured, at), low_u], axis=1),
         normal_u=math.hypot(measured.tilt_u, turn), hand_eye_u_mm=shared,
+        checks=cloud.checks,
     )  # fmt: skip
 
 

@@ -68,7 +68,7 @@ def sections(
     profile = _profile(edge, angles, roots, seen, slice(sections, None))
     return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge",
                       (*edge.warnings, *_no_bevel(places[absurd]),
-                       *_warnings(profile, angles, required, guard_factor, verdict)))  # fmt: skip
+                       *_warnings(profile, angles, required, guard_factor, verdict)), edge.checks)  # fmt: skip
 
 
 def _warnings(profile: EdgeProfile, angles: BevelAngles, required: Requirements, guard_factor: float,

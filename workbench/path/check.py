@@ -68,7 +68,7 @@ def check(
         much = [f"a deflection of {given_way:.2f} mm is predicted, more than {MOST_DEFLECTION_MM:g} mm"]
         faults = chain(much if given_way > MOST_DEFLECTION_MM else [], faults,
                        collisions(toolpath, edge, cloud, penetration_mm + given_way))  # fmt: skip
-    return decision(toolpath, faults, penetration_mm, weakened(penetration_mm))
+    return decision(toolpath, faults, penetration_mm, (*weakened(penetration_mm), *loosened_checks(toolpath)))
 
 
 def decision(toolpath: Toolpath, faults: Iterable[str], tolerance_mm: float, loosened: tuple[str, ...],
@@ -88,6 +88,11 @@ def weakened(penetration_mm: float) -> tuple[str, ...]:
     if penetration_mm <= PENETRATION_MM:
         return ()
     return (f"the cutter may enter what must remain by {penetration_mm:g} mm, the rule is {PENETRATION_MM:g} mm",)
+
+
+def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
+    """Checks of the recording behind the path that a parameter made weaker than the rule."""
+    return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

@@ -89,6 +89,7 @@ def layers(
         cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=root_mm, bevel_deg=bevel_deg,
         depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part_id=cloud.part_id,
         source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings,
+        evidence=edge.checks,
     )  # fmt: skip
 
 

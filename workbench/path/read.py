@@ -12,7 +12,7 @@ from pydantic import Field
 from workbench.artefacts import Cutter, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
-from workbench.path.claim import read_claim
+from workbench.path.claim import read_claim, read_evidence
 from workbench.stage import InputFile, stage
 from workbench.strict_json import read_json
 from workbench.units import Bool, Float
@@ -57,6 +57,7 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         edge_length_mm=_size(document.get("edge_length_mm", float(lengths.max())), f"{where}.edge_length_mm"),
         base_from_workobject=_frame(document, where), source=str(toolpath), root_mm=needs["root_mm"],
         bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"], claim=read_claim(document, where),
+        evidence=read_evidence(document, where),
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ def inspection_document(inspection: Inspection) -> dict[str, Any]:
         "root_face_tilt": inspection.root_face_tilt,
         "requirements": dataclasses.asdict(inspection.requirements),
         "warnings": list(inspection.warnings),
+        **({"checks": [dataclasses.asdict(check) for check in inspection.checks]} if inspection.checks else {}),
         "sections": [_section(section) for section in inspection.sections],
         "profile": {f.name: getattr(inspection.profile, f.name) for f in dataclasses.fields(inspection.profile)},
     }
@@ -51,6 +52,7 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
         "edge_length_mm": path.edge_length_mm,
         "refused": list(path.refused),
         "warnings": list(path.warnings),
+        "evidence": [dataclasses.asdict(check) for check in path.evidence],
         "layers": [_layer(layer) for layer in path.layers],
         "travels": [{"points": _rows(travel, POSE_COLUMNS)} for travel in path.travels],
     }

@@ -136,6 +136,15 @@ def import_(options: argparse.Namespace) -> int:
     return 0
 
 
+def look(options: argparse.Namespace) -> int:
+    """Tell and show what a recording, a cloud or a vendor's file holds; nothing is judged by the exit status."""
+    from workbench.look import look as look_at
+
+    lines = look_at(options.file, options.out, options.mapping)
+    printed(print, "\n".join([*lines, *([f"page: {options.out}"] if options.out else [])]))
+    return 0
+
+
 def view_cell(options: argparse.Namespace) -> int:
     """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
     from workbench.robot.view_cell import view_cell
@@ -169,6 +178,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "simulate": simulate,
     "batch": batch,
     "import": import_,
+    "look": look,
     "samples": samples,
     "view": view,
     "view-cell": view_cell,

@@ -53,6 +53,7 @@ class Scene:
     marks: tuple[Mark, ...]
     axes: Float  # (3, 3) rows t, n, m: the first look is along them, m stays upright
     marks_are: str = "sections"
+    axes_names: tuple[str, str, str] = ("t", "n", "m")  # of the rows of `axes`, for the buttons
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -59,7 +59,7 @@ def read(
     used: Unit = unit or OF_FORMAT.get(suffix, "mm")
     points = in_process(file) * MM[used]
     points = points[~np.isnan(points).any(axis=1)]
-    _check(points, used, str(file))
+    check_size(points, used, str(file))
     return PointSet(frozen(points), str(file))
 
 
@@ -86,7 +86,7 @@ def in_process(file: Path) -> Float:
     raise InputError(str(file), f"expected a whole {file.suffix[1:].upper()} file: {why}")
 
 
-def _check(points_mm: Float, unit: Unit, where: str) -> None:
+def check_size(points_mm: Float, unit: Unit, where: str) -> None:
     """Refuse what cannot be the cloud of a part in this unit."""
     if len(points_mm) < LEAST_POINTS:
         raise InputError(where, f"expected a cloud of at least {LEAST_POINTS} points, found {len(points_mm)}")

@@ -28,6 +28,7 @@ def packed(scene: Scene, most: int) -> str:
     content = {
         "origin": origin.tolist(),
         "axes": scene.axes.tolist(),
+        "axes_names": scene.axes_names,
         "marks_are": scene.marks_are,
         **_points(local[order]),
         "pitch_mm": round(pitch_mm(local), 4),

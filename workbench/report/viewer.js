@@ -2,7 +2,7 @@
 // Drawn when something changes, never in a loop. Text out of the data reaches the page as text only.
 (() => {
 const HOME = [-0.5, 0.8, 0.45], TURN = 0.008, STEP = 0.12, ZOOM = 1.25, NEAR_PX = 9, LABEL_PX = 24;
-const VIEWS = [["Along t", [-1, 0, 0]], ["Along n", [0, 1, 0]], ["Along m", [0, 0.01, 1]]];
+const VIEWS = [[-1, 0, 0], [0, 1, 0], [0, 0.01, 1]]; // along each of the scene's axes
 const HELP = "Drag to turn, with shift or two fingers to move; click first, then wheel or pinch to zoom.";
 const KEYS = "View in space. Arrow keys turn, with shift they move; plus and minus zoom, 0 resets, escape lets go.";
 
@@ -70,7 +70,7 @@ class Viewer {
     this.facts.setAttribute("aria-live", "polite");
     const press = (text, onclick, title = text) => element("button", controls, text, { type: "button", title, onclick });
     press("Reset view", () => this.look(HOME));
-    for (const [text, way] of VIEWS) press(text, () => this.look(way));
+    VIEWS.forEach((way, k) => press(`Along ${this.data.axes_names[k]}`, () => this.look(way)));
     press("+", () => this.zoom(ZOOM), "Nearer");
     press("−", () => this.zoom(1 / ZOOM), "Farther");
     if (this.data.shadings.length) this.buildColours(controls);

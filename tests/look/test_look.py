@@ -1,0 +1,138 @@
+"""`workbench look`: whatever can be read is told and shown; what cannot ends in one line."""
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.importing.makers import write_gocator, write_gopxl
+from workbench.look.read import seen
+from workbench.look.single import measured
+
+ROOT = Path(__file__).parents[2]
+SYNTHETIC = ROOT / "data" / "synthetic"
+
+
+def test_a_recording_is_told_and_shown(command, tmp_path):
+    out = tmp_path / "page.html"
+    got = command("look", SYNTHETIC / "milled_edge.h5", "--out", out)
+    assert (got.status, got.err) == (0, "")
+    assert "309 frames of 600 columns" in got.out
+    assert "deg off the laser plane's normal" in got.out
+    page = out.read_text()
+    assert 'class="scene"' in page
+    assert "http" not in page.replace('http-equiv="Content-Security-Policy"', "")
+    assert "default-src &#39;none&#39;" in page
+
+
+def test_the_points_lie_where_the_recording_says():
+    from workbench.scan import fuse, read
+
+    cloud = fuse(read(recording=SYNTHETIC / "milled_edge.h5"))
+    found = seen(SYNTHETIC / "milled_edge.h5")
+    frame, column = np.nonzero(cloud.keep)
+    pose = cloud.base_from_profiler[frame]
+    points = pose[:, :3, 0] * cloud.x_mm[frame, column][:, None] + pose[:, :3, 2] * cloud.z_mm[frame, column][:, None]
+    points += pose[:, :3, 3]
+    order = np.lexsort(points.T), np.lexsort(found.points_mm.T)
+    assert len(points) == len(found.points_mm)
+    assert np.allclose(points[order[0]], found.points_mm[order[1]], atol=1e-9)
+    assert {one.name for one in found.strokes} >= {"robot's way (flange)", "profiler's way"}
+
+
+def test_a_recording_that_no_stage_takes_is_shown_with_the_reason(command, tmp_path):
+    path = tmp_path / "back.h5"
+    shutil.copy(SYNTHETIC / "milled_edge.h5", path)
+    with h5py.File(path, "r+") as file:
+        file["/profiles/time"][5] = file["/profiles/time"][4]
+    got = command("look", path, "--out", tmp_path / "page.html")
+    assert got.status == 0
+    assert "FAIL recording_read" in got.out
+    assert "expected times that rise" in got.out
+    assert (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("sphere.h5", "calibration recording"), ("milled_edge.laz", "cloud without a grid"), ("two_pass", "pass 1")],
+)
+def test_whatever_the_project_ships(command, name, says):
+    path = SYNTHETIC / ("milled_two_pass.h5" if name == "two_pass" else name)
+    got = command("look", path)
+    assert got.status == 0
+    assert says in got.out
+
+
+def test_vendors_files(command, tmp_path):
+    surface = command("look", write_gocator(tmp_path / "s.csv"), "--out", tmp_path / "s.html")
+    assert surface.status == 0
+    assert "y is the way along the scan" in surface.out
+    profile = command("look", write_gopxl(tmp_path / "p.csv"), "--out", tmp_path / "p.html")
+    assert profile.status == 0
+    assert "needs frames along its edge" in profile.out
+    assert "<svg" in (tmp_path / "p.html").read_text()
+
+
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 4000, b"a,b\n1,2\n"])
+def test_what_cannot_be_read_ends_in_one_line(command, tmp_path, content):
+    path = tmp_path / "x.csv"
+    path.write_bytes(content)
+    got = command("look", path, "--out", tmp_path / "x.html")
+    assert got.status == 2
+    assert got.err.startswith("error: ")
+    assert got.err.count("\n") == 1
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_a_damaged_recording_ends_in_one_line(command, tmp_path):
+    path = tmp_path / "cut.h5"
+    path.write_bytes((SYNTHETIC / "milled_edge.h5").read_bytes()[:5000])
+    got = command("look", path)
+    assert got.status == 2
+    assert got.err.count("\n") == 1
+
+
+def test_the_page_wants_a_place_and_a_name(command, tmp_path):
+    assert "ending in .html" in command("look", SYNTHETIC / "milled_edge.laz", "--out", tmp_path / "a.png").err
+    assert (
+        "cannot be written" in command("look", SYNTHETIC / "milled_edge.laz", "--out", tmp_path / "no" / "a.html").err
+    )
+
+
+def test_names_out_of_files_are_text(tmp_path, command):
+    path = tmp_path / "a<b>&.laz"
+    shutil.copy(SYNTHETIC / "milled_edge.laz", path)
+    assert command("look", path, "--out", tmp_path / "p.html").status == 0
+    assert "a<b>" not in (tmp_path / "p.html").read_text()
+
+
+def wedge(seed, correlation):
+    """A profile of two lines that meet in (1, 4), 0.05 mm a column, noise of 0.01 mm."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(-10, 12, 0.05) + rng.uniform(0, 0.05)
+    noise = rng.normal(0, 0.01, len(x))
+    for i in range(1, len(x)):
+        noise[i] = correlation * noise[i - 1] + np.sqrt(1 - correlation**2) * noise[i]
+    return x, 4 + np.where(x < 1, 0.2, -0.7) * (x - 1) + noise
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.8])
+def test_a_corner_lies_within_its_uncertainty(correlation):
+    off = []
+    for seed in range(60):
+        profile = measured(*wedge(seed, correlation))
+        assert (len(profile.lines), len(profile.corners)) == (2, 1)
+        corner = profile.corners[0]
+        off.append(((corner.x_mm - 1) / corner.x_u_mm, (corner.z_mm - 4) / corner.z_u_mm))
+        assert corner.turn_deg == pytest.approx(-np.degrees(np.arctan(0.7) + np.arctan(0.2)), abs=1.0)
+    within = (np.abs(off) < 2).mean(axis=0)
+    assert (within > 0.87).all(), within  # 95 % expected; 60 draws
+    assert 0.6 < np.std(off) < 1.4
+
+
+def test_a_profile_of_nothing():
+    nothing = np.full(50, np.nan)
+    assert measured(nothing, nothing).lines == ()
+    assert measured(np.zeros(50), np.zeros(50)).lines == ()

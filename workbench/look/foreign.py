@@ -1,0 +1,80 @@
+"""Profiles or poses of other people's files, before they are imported."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.artefacts import Strokes
+from workbench.geometry.poses import pose_from, rotation_from_quaternion
+from workbench.importing.neutral import Imported
+from workbench.look.grids import pitch_mm, stacked
+from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
+from workbench.look.seen import Seen
+from workbench.look.single import measured
+from workbench.look.single import told as told_profile
+from workbench.look.tell import box
+
+IMPORT_HINT = "to bring it in: workbench import --draft FILE POSES --out map.json (docs/importing.md)"
+
+
+def frames_alone(found: Imported, source: str) -> Seen:
+    """Profiles in their own frame; a single one is measured."""
+    frames = found.profiles
+    assert frames is not None
+    count, columns = frames.z_mm.shape
+    seen = np.isfinite(frames.x_mm) & np.isfinite(frames.z_mm)
+    lines = [*found.notes, f"profiles: {count} frames of {columns} columns, pitch {pitch_mm(frames.x_mm):.4g} mm, "
+             f"{100 * (1 - seen.mean()):.1f} % missing"]  # fmt: skip
+    if seen.any():
+        x, z = frames.x_mm[seen], frames.z_mm[seen]
+        lines.append(f"returns: x {x.min():.4g} to {x.max():.4g} mm, z {z.min():.4g} to {z.max():.4g} mm")
+    if frames.travel_mm is not None:
+        t = frames.travel_mm
+        lines.append(f"travel: {t[0]:.6g} to {t[-1]:.6g} mm, {abs(t[-1] - t[0]) / max(1, count - 1):.4g} mm a frame")
+    if frames.time_s is not None:
+        lines.append(f"times: {frames.time_s[0]:.9g} to {frames.time_s[-1]:.9g} s on the profiler's clock")
+    shown = stacked(frames.x_mm, frames.z_mm, frames.travel_mm)
+    profile = measured(frames.x_mm[0], frames.z_mm[0]) if count == 1 else None
+    y = "y is the way along the scan" if frames.travel_mm is not None else "y counts frames"
+    return Seen(
+        source,
+        frames.sensor or "profiles",
+        f"the profiler's frame; {y}",
+        tuple([*lines, *(told_profile(profile) if profile else [])]),
+        shown.points_mm,
+        shown.shades,
+        profile=profile,
+        hints=("no poses: nothing is known of where it lies in the base", IMPORT_HINT),
+    )
+
+
+def poses_alone(found: Imported, source: str) -> Seen:
+    """The way of a robot, without profiles."""
+    poses = found.poses
+    assert poses is not None
+    pose = pose_from(rotation_from_quaternion(poses.quaternion_wxyz), poses.position_mm)
+    way = np.linalg.norm(np.diff(poses.position_mm, axis=0), axis=1)
+    lines = [
+        *found.notes,
+        f"poses: {len(pose)}, way {way.sum():.6g} mm, largest step {way.max(initial=0.0):.4g} mm",
+        f"flange: {box(poses.position_mm)}",
+    ]
+    some = np.unique(np.linspace(0, len(pose) - 1, SCANNERS).astype(int))
+    size = max(50.0, float(np.ptp(poses.position_mm, axis=0).max()))
+    line = (poses.position_mm,) if len(pose) > 1 else ()
+    return Seen(
+        source,
+        "robot poses",
+        "the robot's base",
+        tuple(lines),
+        np.zeros((0, 3)),
+        (),
+        strokes=(
+            Strokes(
+                "robot's way (flange)", line, tuple(np.tile(np.array(WAY, np.uint8), (len(one), 1)) for one in line)
+            ),
+            axes_of("flange poses (x red, y green, z blue)", pose[some], size / 12.0),
+            axes_of("base axes (x red, y green, z blue)", np.eye(4)[None], BASE_AXES_MM),
+        ),
+        hints=(IMPORT_HINT,),
+    )

@@ -1,0 +1,93 @@
+"""Any file to what is seen in it: recordings, clouds, other people's profiles and poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from workbench.artefacts import Recording
+from workbench.cloud import readers
+from workbench.cloud.read import MM, OF_FORMAT, check_size, in_process
+from workbench.errors import InputError
+from workbench.importing.kinds import read_source
+from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.look.foreign import frames_alone, poses_alone
+from workbench.look.recorded import recording_seen, unchecked
+from workbench.look.sample import chosen_of, shades_of
+from workbench.look.seen import Seen
+from workbench.look.tell import box, failed
+from workbench.scan.read import read as read_recording
+from workbench.storage import regular_file
+
+RECORDINGS = (".h5", ".hdf5")
+TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
+
+
+def seen(file: Path, mapping: Path | None = None) -> Seen:
+    """What the file holds.
+
+    Raises:
+        InputError: it is no recording, no cloud and nothing that `workbench import` reads, or too damaged.
+    """
+    chosen = no_mapping() if mapping is None else read_mapping(mapping)
+    suffix = file.suffix.lower()
+    if file.is_dir():
+        return _foreign(file, chosen)
+    regular_file(file)
+    if suffix in RECORDINGS:
+        return _recording(file)
+    if suffix in readers.READERS and suffix not in TEXTS:
+        return _cloud(file)
+    try:
+        return _foreign(file, chosen)
+    except InputError as error:
+        if suffix not in TEXTS or mapping is not None:
+            raise
+        try:
+            return _cloud(file)
+        except InputError:
+            raise error from None  # what the file is not says more than what a table of points would need
+
+
+def _recording(file: Path) -> Seen:
+    """A recording; where `scan.read` would refuse it, as much of it as can be shown, and why."""
+    try:
+        recording: Recording = read_recording(recording=file)
+    except InputError as error:
+        return unchecked(file, error)
+    return recording_seen(recording)
+
+
+def _cloud(file: Path) -> Seen:
+    """A cloud without a grid, whatever its size."""
+    unit = OF_FORMAT.get(file.suffix.lower(), "mm")
+    points = in_process(file) * MM[unit]
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        raise InputError(str(file), "expected points, found none")
+    checks, kind = [], f"cloud without a grid ({file.suffix[1:].upper()})"
+    try:
+        check_size(points, unit, str(file))
+    except InputError as error:
+        checks.append(failed("size_mm", float(np.ptp(points, axis=0).max()), "what a part may measure", error.expected))
+    lines = [f"points: {len(points)}, coordinates in {unit}", f"extent: {box(points)}"]
+    some = chosen_of(points)
+    return Seen(
+        str(file),
+        kind,
+        "the frame of the file",
+        tuple(lines),
+        some,
+        shades_of(some),
+        checks=tuple(checks),
+        hints=("as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE (docs/clouds.md)",),
+    )
+
+
+def _foreign(file: Path, mapping: Mapping) -> Seen:
+    """Profiles or poses of other people's files, in their own frame."""
+    found = read_source(file, mapping)
+    if found.profiles is not None:
+        return frames_alone(found, str(file))
+    return poses_alone(found, str(file))

@@ -1,0 +1,183 @@
+"""A profile recording as it lies in the base."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from workbench.artefacts import Recording, Strokes
+from workbench.errors import InputError
+from workbench.geometry.poses import inverse, rpy_from_rotation
+from workbench.importing.command import summary
+from workbench.look.grids import stacked
+from workbench.look.sample import places, shades_of
+from workbench.look.seen import Seen
+from workbench.look.single import measured
+from workbench.look.single import told as told_profile
+from workbench.look.tell import box, failed
+from workbench.scan.fuse import flange_poses, pass_after_pass
+from workbench.scan.hdf5 import opened, whole
+from workbench.scan.layout import FIELDS, data_sets
+from workbench.units import AnyArray, Float
+
+SCANNERS = 24  # scanner poses drawn
+BASE_AXES_MM = 200.0
+RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
+
+
+def recording_seen(recording: Recording) -> Seen:
+    """Points in the base, the flange's and the profiler's ways, scanner poses, base axes; what the checks say."""
+    recording = pass_after_pass(recording)
+    own_clock = recording.clock == "own"
+    base_from_flange = _held(recording) if own_clock else flange_poses(recording)
+    hand_eye = np.eye(4) if recording.flange_from_profiler is None else recording.flange_from_profiler
+    base_from_profiler = base_from_flange @ hand_eye
+    frame, column = places(recording.x_mm, recording.z_mm)
+    points = placed(recording.x_mm[frame, column], recording.z_mm[frame, column], base_from_profiler[frame])
+    more: dict[str, AnyArray] = {
+        "frame": frame,
+        "pass": recording.pass_index[frame],
+        "column": column,
+        "range z of the profiler, mm": recording.z_mm[frame, column],
+    }
+    if recording.intensity is not None:
+        more["intensity"] = recording.intensity[frame, column]
+    lines = [
+        *summary(recording),
+        *_poses_told(recording, base_from_profiler),
+        f"points lie in: {box(points)}" if len(points) else "points: none",
+    ]
+    hints = []
+    if recording.flange_from_profiler is None:
+        hints.append("no hand-eye pose: points are shown as if the profiler stood in the flange (input hand_eye)")
+    if own_clock:
+        hints.append("the profiler's own clock: every frame is shown at its pass's middle pose")
+    return Seen(
+        recording.source,
+        "calibration recording" if recording.sphere_diameter_mm is not None else "profile recording",
+        "the robot's base",
+        tuple(lines),
+        points,
+        shades_of(points, **more),
+        strokes=strokes(recording, base_from_profiler, points),
+        hints=tuple(hints),
+    )
+
+
+def placed(x_mm: AnyArray, z_mm: AnyArray, base_from_profiler: Float) -> Float:
+    """Points (n, 3) in the base of profiler coordinates (n,), each with its pose (n, 4, 4)."""
+    x, z = np.asarray(x_mm, float)[:, None], np.asarray(z_mm, float)[:, None]
+    return np.asarray(
+        x * base_from_profiler[:, :3, 0] + z * base_from_profiler[:, :3, 2] + base_from_profiler[:, :3, 3]
+    )
+
+
+def _held(recording: Recording) -> Float:
+    """A pose a pass, its middle one, where the frames' times cannot be compared with the poses'."""
+    from workbench.geometry.poses import pose_from, rotation_from_quaternion
+
+    out = np.empty((len(recording.time_s), 4, 4))
+    for number in np.unique(recording.pass_index):
+        of_pass = np.flatnonzero(recording.robot_pass == number)
+        middle = of_pass[len(of_pass) // 2]
+        rotation = rotation_from_quaternion(recording.robot_quaternion_wxyz[middle])
+        out[recording.pass_index == number] = pose_from(rotation, recording.robot_position_mm[middle])
+    return out
+
+
+def _poses_told(recording: Recording, base_from_profiler: Float) -> list[str]:
+    """The hand-eye pose, where the flange is, and how the profiler moves across its laser plane."""
+    lines = []
+    if recording.flange_from_profiler is not None:
+        t = recording.flange_from_profiler[:3, 3]
+        rpy = np.degrees(rpy_from_rotation(recording.flange_from_profiler[:3, :3]))
+        lines.append(
+            f"hand-eye: x {t[0]:.3f}, y {t[1]:.3f}, z {t[2]:.3f} mm; roll {rpy[0]:.3f}, pitch {rpy[1]:.3f}, "
+            f"yaw {rpy[2]:.3f} deg (R = Rz(roll) Ry(pitch) Rx(yaw))"
+        )
+    lines.append(f"flange: {box(recording.robot_position_mm)}")
+    for number in np.unique(recording.pass_index):
+        frames = np.flatnonzero(recording.pass_index == number)
+        first = base_from_profiler[frames[0]]
+        along = inverse(first)[:3, :3] @ (base_from_profiler[frames[-1], :3, 3] - first[:3, 3])
+        length = float(np.linalg.norm(along))
+        duration = float(recording.time_s[frames[-1]] - recording.time_s[frames[0]])
+        if length < 1e-6 or recording.flange_from_profiler is None:
+            continue
+        tilt = math.degrees(math.acos(min(1.0, abs(along[1]) / length)))
+        turn = base_from_profiler[frames[-1], :3, :3] @ first[:3, :3].T
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, (float(np.trace(turn)) - 1) / 2))))
+        speed = f", {length / duration:.4g} mm/s" if duration > 0 else ""
+        lines.append(
+            f"motion of pass {number}: {length:.4g} mm{speed}, {tilt:.1f} deg off the laser plane's normal, "
+            f"turning {angle:.2f} deg"
+        )
+    return lines
+
+
+def strokes(recording: Recording, base_from_profiler: Float, points_mm: Float) -> tuple[Strokes, ...]:
+    """The ways of flange and profiler, scanner poses, the base's axes (not shown at first where they are far)."""
+    ways = [recording.robot_position_mm[recording.robot_pass == n] for n in np.unique(recording.robot_pass)]
+    scanner = [base_from_profiler[recording.pass_index == n, :3, 3] for n in np.unique(recording.pass_index)]
+    size = float(np.ptp(points_mm, axis=0).max()) if len(points_mm) else 100.0
+    far = not len(points_mm) or float(np.linalg.norm(points_mm.mean(axis=0))) > 3.0 * max(size, BASE_AXES_MM)
+    some = np.unique(np.linspace(0, len(base_from_profiler) - 1, SCANNERS).astype(int))
+    return (
+        _lines("robot's way (flange)", ways, WAY),
+        _lines("profiler's way", scanner, SCANNER_WAY),
+        axes_of("scanner poses (x red, y green, z blue)", base_from_profiler[some], max(5.0, size / 12.0)),
+        axes_of("base axes (x red, y green, z blue)", np.eye(4)[None], BASE_AXES_MM, shown=not far),
+    )
+
+
+def _lines(name: str, lines_mm: list[Float], colour: tuple[int, int, int]) -> Strokes:
+    kept = tuple(_thinned(line) for line in lines_mm if len(line) > 1)
+    return Strokes(name, kept, tuple(np.tile(np.array(colour, np.uint8), (len(line), 1)) for line in kept))
+
+
+def _thinned(line_mm: Float, most: int = 4000) -> Float:
+    """A line with at most so many points; its ends stay."""
+    return np.asarray(line_mm[np.unique(np.linspace(0, len(line_mm) - 1, min(most, len(line_mm))).astype(int))])
+
+
+def axes_of(name: str, base_from_a: Float, length_mm: float, shown: bool = True) -> Strokes:
+    """x, y, z of frames (k, 4, 4) as short lines."""
+    lines, colours = [], []
+    for pose in base_from_a:
+        for axis, colour in enumerate((RED, GREEN, BLUE)):
+            lines.append(np.stack([pose[:3, 3], pose[:3, 3] + length_mm * pose[:3, axis]]))
+            colours.append(np.tile(np.array(colour, np.uint8), (2, 1)))
+    return Strokes(name, tuple(lines), tuple(colours), shown)
+
+
+def unchecked(file: Path, error: InputError) -> Seen:
+    """A recording that `scan.read` refuses: its profiles one behind the other, if they can be had at all."""
+    where = str(file)
+    with opened(file) as open_file:
+        try:
+            sets = data_sets(open_file, where)
+            if "x_mm" not in sets or "z_mm" not in sets:
+                raise error
+            x_mm, z_mm = (whole(sets[name], FIELDS[name].dtype) for name in ("x_mm", "z_mm"))
+            way = whole(sets["robot_position_mm"], np.float64) if "robot_position_mm" in sets else np.zeros((0, 3))
+        except InputError:
+            raise error from None
+    frames, columns = z_mm.shape
+    shown = stacked(x_mm, z_mm, None)
+    finding = failed("recording_read", None, "what scan.read refuses, nothing may measure", error.expected)
+    place = error.where.removeprefix(f"{where}: ").removeprefix(where)
+    lines = [f"profiles: {frames} frames of {columns} columns", f"refused by scan.read: {place}: {error.expected}"]
+    profile = measured(x_mm[0], z_mm[0]) if frames == 1 else None
+    return Seen(
+        where,
+        "profile recording (refused)",
+        "the profiler's frame, frames one behind the other",
+        tuple([*lines, *(told_profile(profile) if profile else [])]),
+        shown.points_mm,
+        shown.shades,
+        strokes=(_lines("robot's way (flange)", [way], WAY),) if len(way) > 1 and np.isfinite(way).all() else (),
+        checks=(finding,),
+        profile=profile,
+    )

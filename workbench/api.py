@@ -56,6 +56,7 @@ from workbench.geometry.poses import (
     rpy_from_rotation,
     vector_from_rotation,
 )
+from workbench.kernels import kernel
 from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.strict_json import read_json, strict_json
 from workbench.text_files import numbered_lines, read_text
@@ -162,6 +163,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "jacobian_at",
     "jacobian_derivative",
     "joint_axes",
+    "kernel",
     "motions",
     "numbered_lines",
     "pose_from",

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from bench.metrology.rays import Rays
+from workbench.kernels import kernel
 from workbench.synthetic import Recipe, raycast
 from workbench.synthetic.surface import build_surface
 from workbench.units import AnyArray, Bool, Float, Int
@@ -43,7 +43,7 @@ def frame_information(recipe: Recipe, rays: Rays, good: Bool, pass_index: Int) -
     return Frames(sums[:, 0], sums[:, 1], sums[:, 2], _ends(surface, *grid, rays.slope, good), pass_index)
 
 
-@njit(cache=True)
+@kernel
 def _in_section(s: raycast.Surface, pose: Float, x: float, z: float) -> tuple[float, float, float]:
     """u, g and v of a point of the profiler's plane."""
     px = pose[0, 0] * x + pose[0, 2] * z + pose[0, 3]
@@ -53,7 +53,7 @@ def _in_section(s: raycast.Surface, pose: Float, x: float, z: float) -> tuple[fl
     return u, h * s.tilt_cos - pz * s.tilt_sin, pz * s.tilt_cos + h * s.tilt_sin
 
 
-@njit(cache=True)
+@kernel
 def _along(s: raycast.Surface, face: int, u: float, g: float, v: float) -> float:
     """Coordinate along a face: from the lower edge, or on the bevel from the corner."""
     if face == raycast.ROOT:
@@ -64,7 +64,7 @@ def _along(s: raycast.Surface, face: int, u: float, g: float, v: float) -> float
     return g
 
 
-@njit(cache=True)
+@kernel
 def _sums(
     s: raycast.Surface,
     met: AnyArray,
@@ -100,7 +100,7 @@ def _sums(
     return out
 
 
-@njit(cache=True)
+@kernel
 def _ends(
     s: raycast.Surface, met: AnyArray, x: Float, z: Float, part_from_profiler: Float, slope: Float, good: Bool
 ) -> Float:

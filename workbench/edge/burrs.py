@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.measure import Measured
 from workbench.geometry.blocks import as_input, over_blocks
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 REACH_MM = 1.0  # how far beyond an end of the root face burrs are looked for
@@ -36,7 +36,7 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
     return np.flatnonzero(count >= LEAST_FRAMES)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _standing_out(x: Float32, z: Float32, keep: Bool, labels: AnyArray, line: Float, side: Float, reach: Float,
                   limit: Float, first: int, last: int) -> Int:  # fmt: skip
     """How many points of each frame first to last - 1 stand out of the root face about its lower half.

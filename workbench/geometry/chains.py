@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 LINE_PRICE = 40.0  # squared sigmas that a further line must save
@@ -47,7 +47,7 @@ def _prefix_sums(x: Float, z: Float) -> Float:
     return sums
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
     """Slope, offset and residual sum of squares of the line through points i to j - 1."""
     n = j - i
@@ -60,7 +60,7 @@ def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
     return slope, (sz - slope * sx) / n, max(szz - slope * sxz, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 # Faces that `read_frame` reports, and what it reports of each, as in geometry.tracking.
@@ -40,7 +40,7 @@ PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: point
 END_POINTS = 7  # at the face's end that say how it leans there
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turned(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, at: Int, p: Float, q: Float) -> int:
     """Fill columns `at`, p and q of the kept points; how many."""
     n = 0
@@ -52,7 +52,7 @@ def _turned(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, at: Int, p
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _level(p: Float, q: Float, n: int, rising: float) -> tuple[float, float]:
     """The level of q along which p advances most, and by how much, mm. rising: +1 if p rises with the column."""
     low, high = np.inf, -np.inf
@@ -71,7 +71,7 @@ def _level(p: Float, q: Float, n: int, rising: float) -> tuple[float, float]:
     return low + (best + 0.5 * LEVELS) * LEVEL_MM, most
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple[int, int]:
     """First and last of the points within the gate of q = a + b p: the longest run along p without a gap."""
     best_first, best_last, longest = 0, -1, 0.0
@@ -88,7 +88,7 @@ def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple
     return best_first, best_last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int, int, float]:
     """The face's line q = a + b p, its first and last point, and the gate (mm) about it."""
     a, b, gate = level, 0.0, GATES_MM[0]
@@ -115,7 +115,7 @@ def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int
     return a, b, first, last, gate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, angles: Float, out: Float) -> None:
     """The end face's direction in a profile, among `angles` about (gx, gz), and what lies beside it.
 
@@ -156,13 +156,13 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
         out[2], out[3] = joined[0], joined[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rising(x: Float32, at: Int, n: int, gx: float) -> float:
     """+1 if p rises with the column on a face that the scanner sees, else -1."""
     return 1.0 if (np.float64(x[at[n - 1]]) - np.float64(x[at[0]])) * gx > 0.0 else -1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sum_up(x: Float32, z: Float32, at: Int, chosen: Bool, n: int, out: Float) -> None:
     """Fill out (8,) with the sums of the chosen points."""
     m, sx, sz, first = 0.0, 0.0, 0.0, -1
@@ -183,7 +183,7 @@ def _sum_up(x: Float32, z: Float32, at: Int, chosen: Bool, n: int, out: Float) -
     out[X_MEAN], out[Z_MEAN], out[SXX], out[SXZ], out[SZZ] = mx, mz, sxx, sxz, szz
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _surface(p: Float, depth: Float, first: int, last: int, end: float, chosen: Bool) -> tuple[float, float, float]:
     """The surface that runs into the plate from the face's end at p = `end`, over points first to last - 1.
 
@@ -211,7 +211,7 @@ def _surface(p: Float, depth: Float, first: int, last: int, end: float, chosen: 
     return a, b, gate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walked(p: Float, depth: Float, at: Int, n: int, end: int, way: int, climb: float) -> int:
     """The face's last point beyond `end`: where a burr stands on its end, it goes on out of its line."""
     k = end
@@ -223,7 +223,7 @@ def _walked(p: Float, depth: Float, at: Int, n: int, end: int, way: int, climb: 
     return k if abs(k - end) >= 2 else end
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, way: int) -> int:
     """HIDDEN where the field of view, or a surface that is nearer or goes on, ends the face; else SILHOUETTE."""
     rim = at[end] if way < 0 else columns - 1 - at[end]
@@ -243,7 +243,7 @@ def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, 
     return HIDDEN if on >= 4 else SILHOUETTE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stands_alone(z: Float32, j: int, way: int) -> bool:
     """Does column j return a range that the next one outwards does not share: a mixed pixel?"""
     if j < 0 or j >= z.size or not np.isfinite(z[j]):
@@ -252,7 +252,7 @@ def _stands_alone(z: Float32, j: int, way: int) -> bool:
     return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < ASIDE_MM
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense: float, names: Int, work: Float,
                 at: Int, chosen: Bool, sums: Float, ends: Float, labels: AnyArray) -> bool:  # fmt: skip
     """One frame of `read_frames`; work (3, M), at (M,) and chosen (M,) are scratch. False: no end face."""
@@ -305,7 +305,7 @@ def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense:
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _proud(p: Float, depth: Float, n: int, climb: float, edge: float, lean: float, around: float, gate: float) -> int:
     """How many points next to the edge stand out of the face, or (around > 0: it is seen) of the surface beside it."""
     count = 0
@@ -317,7 +317,7 @@ def _proud(p: Float, depth: Float, n: int, climb: float, edge: float, lean: floa
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slope_at(x: Float32, z: Float32, at: Int, depth: Float, end: int, way: int, gate: float) -> float:
     """Slope dz/dx of the face at its end: of the line through its last points."""
     m, sx, sz, sxx, sxz = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -330,7 +330,7 @@ def _slope_at(x: Float32, z: Float32, at: Int, depth: Float, end: int, way: int,
     return float((sxz - sx * sz / m) / max(sxx - sx * sx / m, 1e-9))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _label_surface(p: Float, depth: Float, at: Int, first: int, last: int, a: float, b: float, gate: float, name: int,
                    labels: AnyArray) -> None:  # fmt: skip
     """Name the points of a surface: those on its line behind the face, as far as it goes."""
@@ -339,7 +339,7 @@ def _label_surface(p: Float, depth: Float, at: Int, first: int, last: int, a: fl
             labels[at[k]] = name
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, names: Int, sums: Float, ends: Float,
                 seen: Bool, labels: AnyArray, first: int, last: int) -> None:  # fmt: skip
     """The end face, its ends and the surfaces that join it, in frames first to last - 1.

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order
 from workbench.geometry.ends import FAR_SIGMAS, MISSES, STRAY, Ends, SmoothEnd, cdf, contradicted, local_end
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 GRID = 161  # offsets from the fitted course at which likelihoods are kept
@@ -59,7 +59,7 @@ def _tables(low: Float, step: Float, sigma: Float, missing: Float, weight: Float
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_up(low: Float, step: Float, sigma: Float, missing: Float, weight: Float, grid: Float, start: Int, first: int,
             last: int, out: Float) -> None:  # fmt: skip
     """Rows first to last - 1 of `_tables`; start (bins + 1,): first frame of each bin."""
@@ -68,7 +68,7 @@ def _add_up(low: Float, step: Float, sigma: Float, missing: Float, weight: Float
             _add(low[i], step[i], max(sigma[i], 1e-5), missing[i], weight[i], grid, out[b])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add(low: float, step: float, blur: float, missing: float, weight: float, grid: Float, out: Float) -> None:
     """Add one frame's log-likelihood on the offsets `grid` to `out`."""
     before, log = 1.0, 0.0
@@ -101,7 +101,7 @@ def _posteriors(place: Float, tables: Float, at: Float, half_width: float, reach
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(place: Float, tables: Float, most: Float, at: Float, near: Int, half_width: float, reach: float, out: Float,
           start: int, stop: int) -> None:  # fmt: skip
     """Rows start to stop - 1 of `_posteriors`; most (bins + 1,): sum of the bins' greatest log-likelihoods so far."""
@@ -112,7 +112,7 @@ def _fill(place: Float, tables: Float, most: Float, at: Float, near: Int, half_w
             out[i, 0], out[i, 1] = _posterior(x, tables, most, first, reach)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _total(x: Float, tables: Float, most: Float, first: int, a: float, b: float, c: float, reach: float,
            least: float) -> float:  # fmt: skip
     """Log-likelihood of a, b, c; -inf as soon as it cannot reach `least` any more."""
@@ -128,7 +128,7 @@ def _total(x: Float, tables: Float, most: Float, first: int, a: float, b: float,
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _posterior(x: Float, tables: Float, most: Float, first: int, reach: float) -> tuple[float, float]:
     """Mean of a and a quarter of its 95.45 % interval, by grids that close in on the posterior."""
     centre, half = np.zeros(3), np.full(3, reach)
@@ -153,7 +153,7 @@ def _posterior(x: Float, tables: Float, most: Float, first: int, reach: float) -
     return centre[0], 0.25 * (_quantile(nodes[0], along[0], 0.97725) - _quantile(nodes[0], along[0], 0.02275))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _marginals(x: Float, tables: Float, most: Float, first: int, reach: float, nodes: Float, along: Float) -> None:
     """Fill `along` (3, n): shares of the posterior at the `nodes` (3, n) of a, b and c."""
     p = np.empty(NODES)
@@ -179,7 +179,7 @@ def _marginals(x: Float, tables: Float, most: Float, first: int, reach: float, n
             along[d, n] /= total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _quantile(nodes: Float, mass: Float, share: float) -> float:
     """Where the cumulated mass, half of each node's own before it, reaches `share`; linear between nodes."""
     before, at = 0.0, 0.5 * mass[0]

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
+from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
@@ -144,7 +144,7 @@ def _band_product(band: Float, x: Float) -> Float:
     return np.asarray(out)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _likelihood_slopes(now: Float, low: Float, step: Float, scatter: Float, missing: Float,
                        counts: Float) -> tuple[Float, Float, float]:  # fmt: skip
     """First and (at least a little) negative second derivative of each frame's log-likelihood by `now`, and its sum."""
@@ -210,7 +210,7 @@ def _basis(s: Float, grid: Float) -> tuple[Int, Float]:
     return piece, _de_boor(s, knots, piece + 3)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _de_boor(s: Float, knots: Float, span: Int) -> Float:
     out, left, right = np.zeros((s.size, 4)), np.empty(4), np.empty(4)
     for i in range(s.size):
@@ -227,7 +227,7 @@ def _de_boor(s: Float, knots: Float, span: Int) -> Float:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _normal_equations(piece: Int, basis: Float, target: Float, weight: Float, size: int) -> tuple[Float, Float]:
     """Banded normal matrix (4, size), upper form of scipy.linalg.solveh_banded, and right side (size,)."""
     band, right = np.zeros((4, size)), np.zeros(size)
@@ -239,7 +239,7 @@ def _normal_equations(piece: Int, basis: Float, target: Float, weight: Float, si
     return band, right
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _value(piece: Int, basis: Float, coefficients: Float) -> Float:
     out = np.empty(piece.size)
     for i in range(piece.size):
@@ -260,7 +260,7 @@ def _solve(piece: Int, basis: Float, target: Float, weight: Float, pieces: int) 
     return np.asarray(solveh_banded(band, right))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cdf(z: float) -> float:
     """Standard normal distribution function; 0 or 1 beyond FAR_SIGMAS."""
     if abs(z) > FAR_SIGMAS:
@@ -268,13 +268,13 @@ def cdf(z: float) -> float:
     return 0.5 * math.erfc(-z * ROOT_HALF)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _density(z: float) -> float:
     """Standard normal density; 0 beyond FAR_SIGMAS."""
     return DENSITY * math.exp(-0.5 * z * z) if abs(z) < FAR_SIGMAS else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _expected_ends(now: Float, low: Float, step: Float, scatter: Float, missing: Float) -> tuple[Float, Float]:
     """Expected end of each frame given the smooth one `now` (n,), and the weight it deserves.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
 from workbench.units import Float
 
 
@@ -20,7 +20,7 @@ def limit_acceleration(feed_mm_s: Float, step_mm: Float, acceleration_mm_s2: flo
     return np.sqrt(square)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _limit(square: Float, step: Float, slope: float) -> None:
     for k in range(1, square.size):
         square[k] = min(square[k], square[k - 1] + slope * step[k])

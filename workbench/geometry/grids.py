@@ -8,9 +8,9 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, over_blocks
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32
 
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
@@ -40,12 +40,12 @@ def fuse(
     if points.shape != (frames, columns, 3) or points.dtype != np.float32:
         raise ValueError("out is (N, M, 3), float32")
     grid, poses = (as_input(x_mm), as_input(z_mm)), (as_input(base_from_profiler), as_input(origin_mm))
-    kernel = partial(_fuse, *grid, *poses, points.transpose(0, 2, 1))
-    over_blocks(kernel, x_mm.shape)
+    work = partial(_fuse, *grid, *poses, points.transpose(0, 2, 1))
+    over_blocks(work, x_mm.shape)
     return points
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fuse(x: Float32, z: Float32, poses: Float, origin: Float, out: Float32, first: int, last: int) -> None:
     for i in range(first, last):
         for k in range(3):  # the subtraction happens in float64
@@ -62,7 +62,7 @@ def returns(x_mm: Float32, z_mm: Float32) -> Bool:
     return keep
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _returns(x_bits: AnyArray, z_bits: AnyArray, keep: Bool, first: int, last: int) -> None:
     for i in range(first, last):
         for j in range(keep.shape[1]):
@@ -83,7 +83,7 @@ def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
     return int(finite), int(beyond)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _census(x_bits: AnyArray, z_bits: AnyArray, limit: np.int32) -> tuple[int, int]:
     finite = beyond = 0
     for i in range(x_bits.size):
@@ -103,7 +103,7 @@ def unshuffle(shuffled: AnyArray, out: Float32) -> None:
     _unshuffle(as_input(shuffled.reshape(4, -1)), out.view(np.uint32).reshape(-1))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _unshuffle(planes: AnyArray, out: AnyArray) -> None:
     first, second, third, fourth = planes[0], planes[1], planes[2], planes[3]
     for i in range(out.size):

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.poses import slerp
+from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
 MOST_SWEEP = 170.0 * math.pi / 180.0  # of one arc: slerp takes the short way, and controllers end at 240 deg
@@ -61,7 +61,7 @@ def merge_poses(
     return targets, circular, via, via_turn
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _merge(
     p: Float, q: Float, feed: Float, stop: Int, length: Float, tolerances: Float, least_sweep: float
 ) -> tuple[Int, Bool, Float]:
@@ -84,7 +84,7 @@ def _merge(
     return targets[:k], circular[:k], via[:k]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _farthest(
     arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, last: int, tolerances: Float, circle: Float
 ) -> int:
@@ -104,7 +104,7 @@ def _farthest(
     return reached
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fits(
     arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, j: int, tolerances: Float, circle: Float
 ) -> bool:
@@ -139,7 +139,7 @@ def _fits(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _middle(length: Float, i: int, j: int) -> int:
     """The pose between i and j, i + 1 < j, whose length of path comes next to the middle."""
     m = np.searchsorted(length, 0.5 * (length[i] + length[j]))
@@ -148,7 +148,7 @@ def _middle(length: Float, i: int, j: int) -> int:
     return int(min(max(m, i + 1), j - 1))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
     """Fill in the circle through poses i, m, j and return its sweep from i over m to j; 0 if they lie on a line."""
     a, b = p[m] - p[i], p[j] - p[i]
@@ -168,17 +168,17 @@ def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
     return sweep if sweep > 0.0 else sweep + 2.0 * math.pi
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _dot(a: Float, b: Float) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cross(a: Float, b: Float) -> Float:
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _on_circle(circle: Float, angle: float, point: Float) -> None:
     """Fill in the point of the circle at an angle from its start."""
     x, y = circle[RADIUS] * math.cos(angle), circle[RADIUS] * math.sin(angle)
@@ -186,7 +186,7 @@ def _on_circle(circle: Float, angle: float, point: Float) -> None:
         point[c] = circle[CENTRE + c] + x * circle[ALONG + c] + y * circle[INWARD + c]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _off_circle(point: Float, circle: Float, sweep: float) -> tuple[float, float]:
     """Distance of a point from the circle, and the share of the sweep at which it lies."""
     x, y, z = 0.0, 0.0, 0.0
@@ -196,7 +196,7 @@ def _off_circle(point: Float, circle: Float, sweep: float) -> tuple[float, float
     return math.hypot(math.hypot(x, y) - circle[RADIUS], z), math.atan2(y, x) / sweep
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _off_line(p: Float, i: int, j: int, k: int) -> tuple[float, float]:
     """Distance of pose k from the line from i to j, and the share of that line at which it lies."""
     dd, ee, de = 0.0, 0.0, 0.0
@@ -211,7 +211,7 @@ def _off_line(p: Float, i: int, j: int, k: int) -> tuple[float, float]:
     return math.sqrt(off), de / ee
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _off_slerp(q: Float, i: int, j: int, k: int, sign: float, turn: float, fraction: float) -> float:
     """Chord between quaternion k and the one at `fraction` of the turn from i to j."""
     if turn > 1e-12:

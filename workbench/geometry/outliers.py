@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, over_blocks
+from workbench.kernels import kernel
 from workbench.units import Bool, Float32, Int
 
 REACH_COLUMNS = 4  # a neighbour may be this many columns away: returns go missing
@@ -32,12 +32,12 @@ def reject_outliers(
     """
     left = np.empty(keep.shape, np.bool_)
     grid = (as_input(z_mm), as_input(keep), as_input(pass_index))
-    kernel = partial(_reject, *grid, float(tolerance_mm), window_frames // 2, float(jump_mm), left)
-    counts = over_blocks(kernel, keep.shape)
+    work = partial(_reject, *grid, float(tolerance_mm), window_frames // 2, float(jump_mm), left)
+    counts = over_blocks(work, keep.shape)
     return left, sum(isolated for isolated, _ in counts), sum(streaks for _, streaks in counts)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _reject(
     z: Float32,
     keep: Bool,
@@ -66,7 +66,7 @@ def _reject(
     return isolated, streaks
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _doubt(z: Float32, keep: Bool, limit: np.float32, doubtful: Bool) -> None:
     """Mark the kept points of a profile that do not obviously lie between the columns next to them.
 
@@ -81,7 +81,7 @@ def _doubt(z: Float32, keep: Bool, limit: np.float32, doubtful: Bool) -> None:
     doubtful[0], doubtful[-1] = keep[0], keep[-1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _next(keep: Bool, j: int, step: int, start: int) -> int:
     """Columns from j to the first kept one more than `start` away; 0: none within reach."""
     for d in range(start + 1, REACH_COLUMNS + 1):
@@ -93,7 +93,7 @@ def _next(keep: Bool, j: int, step: int, start: int) -> int:
     return 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _supported(z: Float32, keep: Bool, j: int, tolerance: float) -> bool:
     """Does point j of a profile continue the line of two neighbours on one side, or lie between one on each?"""
     near_left, near_right = _next(keep, j, -1, 0), _next(keep, j, 1, 0)
@@ -111,7 +111,7 @@ def _supported(z: Float32, keep: Bool, j: int, tolerance: float) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int, tolerance: float) -> bool:
     """Does point (i, j) lie between its neighbours in the frames before and after, or next to either?"""
     for d in range(1, reach + 1):
@@ -126,7 +126,7 @@ def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int,
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _drop_short_runs(z: Float32, keep: Bool, jump: float) -> int:
     """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points."""
     start, last, size, dropped = -1, -1, 0, 0  # first column of the run, its last so far, and its points

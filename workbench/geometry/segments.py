@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order
+from workbench.kernels import kernel
 from workbench.units import Float
 
 GROUP = 16  # neighbouring lines that share a sphere
@@ -45,7 +45,7 @@ def line_distances(index: LineIndex, start_mm: Float, end_mm: Float) -> Float:
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _ask(a: Float, b: Float, spheres: Float, start: Float, end: Float, out: Float, first: int, last: int) -> None:
     warm = 0
     for k in range(first, last):
@@ -58,7 +58,7 @@ def _ask(a: Float, b: Float, spheres: Float, start: Float, end: Float, out: Floa
         out[k] = best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _to_point(point: Float, start: Float, end: Float) -> float:
     length2, along = 0.0, 0.0
     for c in range(3):
@@ -72,14 +72,14 @@ def _to_point(point: Float, start: Float, end: Float) -> float:
     return math.sqrt(square)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _group(a: Float, b: Float, group: int, start: Float, end: Float, best: float) -> float:
     for i in range(group * GROUP, min((group + 1) * GROUP, a.shape[0])):
         best = min(best, _apart(start, end, a[i], b[i]))
     return best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _apart(p1: Float, q1: Float, p2: Float, q2: Float) -> float:
     """Distance of two segments (Ericson, "Real-Time Collision Detection", 2005, section 5.1.9)."""
     a, e, f, b, c = 0.0, 0.0, 0.0, 0.0, 0.0

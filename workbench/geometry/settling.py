@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 SETTLE_FRAMES = 31
@@ -48,7 +48,7 @@ def settled(low: Float, step: Float, sigma: Float, column: Int,
     return low, step, sigma, weight
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _running_line(y: Float, window: int) -> tuple[Float, Float]:
     """Value and slope at each place of the line through the `window` places around it (shifted inwards at the ends)."""
     out, slopes = np.empty(y.size), np.empty(y.size)

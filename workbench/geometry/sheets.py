@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
 from workbench.units import Float
 
 SPAN_MM = 0.4  # residuals further off are other things
@@ -59,7 +59,7 @@ def _off_plane(x: Float, y: Float, z: Float) -> Float:
     return np.asarray(off)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fitted(r: Float, a: float, b: float, sigma: float, two: bool) -> tuple[float, float, float, float, float, float]:
     """Log-likelihood, both means, sigma and shares of normal distributions with one sigma, begun at means a and b."""
     background = 1.0 / (2.0 * SPAN_MM)

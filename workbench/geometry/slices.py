@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.curves import Curve
+from workbench.kernels import kernel
 from workbench.units import Float, Float32, Int
 
 FRONT_MM = 0.5  # points of a cell this near to its foremost one are of the surface that is seen there
@@ -82,7 +82,7 @@ def _poses(course: Curve, at: Float, axes: Float) -> Float:
     return pose
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _chosen(frame: Int, column: Int, z: Float, off_middle: Float, frames: int, columns: int) -> Int:
     """The point that stands for each cell (frames, columns), -1: none. In front, and nearest to the cell's middle."""
     front = np.full((frames, columns), np.inf)

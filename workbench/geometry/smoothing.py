@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 OUTLIER_SIGMAS = 5.0
@@ -26,7 +26,7 @@ def local_polynomial(s: Float, y: Float, weight: Float, at: Float, half_width: f
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@kernel(fastmath={"reassoc", "contract"})
 def _regress(s: Float, y: Float, weight: Float, at: Float, first: Int, last: Int, half_width: float,
              out: Float) -> None:  # fmt: skip
     """Fill each row i of `out` as `local_polynomial` returns it, from the points first[i] to last[i] - 1."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from functools import partial, reduce
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, cores, in_order
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Float, Float32
 
 FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smooth
@@ -89,7 +89,7 @@ def spacing_px(points_mm: AnyArray, camera: Camera) -> float:
 def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     """(H, W) uint64: depth, the nearer the larger, in the upper half; number of the point + 1 in the lower; 0: none."""
     low, high = _depth_range(points_mm, camera)
-    kernel = partial(
+    work = partial(
         _splat, as_input(points_mm), camera.screen * camera.scale_px_mm, camera.centre_mm,
         np.array([camera.width_px, camera.height_px]), 1.0 / (camera.scale_px_mm * camera.distance_mm),
         np.array([low, high]) * camera.scale_px_mm, size_px,
@@ -97,7 +97,7 @@ def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     step = max(1, -(-len(points_mm) // cores()))
     return reduce(
         _merged,
-        in_order(kernel, len(points_mm), step),
+        in_order(work, len(points_mm), step),
         np.zeros((camera.height_px, camera.width_px), np.uint64),
     )
 
@@ -115,7 +115,7 @@ def _depth_range(points_mm: AnyArray, camera: Camera) -> tuple[float, float]:
     return float(ends.min(axis=0).sum()) - 1.0, float(ends.max(axis=0).sum()) + 1.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for i in range(points.shape[0]):
@@ -126,7 +126,7 @@ def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, flo
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _splat(
     points: AnyArray, screen: Float, centre: Float, shape: AnyArray, closeness: float, depths: Float, size: float,
     first: int, last: int,
@@ -173,12 +173,12 @@ def _lit(nearest: AnyArray, colour: AnyArray, fine: Camera, depths_mm: tuple[flo
     )  # a few discs: these are flat, surfaces need not be
     height, width = fine.height_px // FINER, fine.width_px // FINER
     rgb, near = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
-    kernel = partial(_shade, nearest, colour, rgb, near, np.array(depths_mm), fine.scale_px_mm, reach)
-    list(in_order(kernel, height, max(1, -(-height // (4 * cores())))))
+    work = partial(_shade, nearest, colour, rgb, near, np.array(depths_mm), fine.scale_px_mm, reach)
+    list(in_order(work, height, max(1, -(-height // (4 * cores())))))
     return Picture(rgb, near)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _shade(
     nearest: AnyArray, colour: AnyArray, rgb: AnyArray, near: Float32, depths: Float, scale: float, reach: int,
     first: int, last: int,
@@ -211,7 +211,7 @@ def _shade(
             near[row, column] = np.nan if front == 0 else depths[0] + to_mm * np.float64(front >> np.uint64(32))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _light(nearest: AnyArray, i: int, j: int, slope: float, reach: int) -> float:
     """How bright a pixel is, 0 to 1; `slope` turns steps of depth into pixels over the pixels between neighbours."""
     here = np.float64(nearest[i, j] >> np.uint64(32))
@@ -224,7 +224,7 @@ def _light(nearest: AnyArray, i: int, j: int, slope: float, reach: int) -> float
     return DARKEST + (1.0 - DARKEST) * math.exp(-STRENGTH * dark)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _before(nearest: AnyArray, i: int, j: int, here: float, slope: float) -> float:
     """By how much a neighbour stands before a pixel; where there is none it lies far behind."""
     i, j = min(max(i, 0), nearest.shape[0] - 1), min(max(j, 0), nearest.shape[1] - 1)

@@ -10,9 +10,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, over_blocks
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 SUPPORT_FRAMES = 6  # of the frames within as many before and after, that stand out too: outliers come in fewer
@@ -60,7 +60,7 @@ def foreign_points(x_mm: Float32, z_mm: Float32, usable: Bool, base_from_profile
     return rows, columns
 
 
-@njit(nogil=True, cache=True, inline="always")
+@kernel(inline="always")
 def _section_of(q0: float, q1: float, q2: float, i: int, axes: Float, step: float) -> tuple[int, float, float, float]:
     """Station nearest to a point, its distance beyond it along t, and its place along n and m there."""
     along = 0.0
@@ -77,7 +77,7 @@ def _section_of(q0: float, q1: float, q2: float, i: int, axes: Float, step: floa
     return i, along, h, d0 * axes[i, 9] + d1 * axes[i, 10] + d2 * axes[i, 11]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, axes: Float, stock: Float, step: float, start: Int,
                tolerance: Float, out: Bool, first: int, last: int) -> None:  # fmt: skip
     for i in range(first, last):
@@ -97,7 +97,7 @@ def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, axes: Float, 
             out[i, j] = max(above, lean, -v) > tolerance[k] + reach
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
     for i in range(first, last):
         for j in range(marked.shape[1]):
@@ -141,7 +141,7 @@ def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, step: float, start: Int,
               slope: tuple[float, float, float, float], face: Float, lowest: Float, reach: Float, out: AnyArray,
               first: int, last: int) -> None:  # fmt: skip
@@ -193,7 +193,7 @@ def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Fl
     return height
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _needed(points: Float, station: Int, places: Float, sizes: tuple[float, float, float], out: Float) -> None:
     radius, clearance, tip = sizes
     wide, clear2 = radius + clearance, clearance * clearance
@@ -224,7 +224,7 @@ def nearest_stations(points_mm: Float, start: Int, sections: SectionTable) -> tu
     return station, arc, section
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _stations(points: Float, start: Int, axes: Float, step: float, station: Int, arc: Float, section: Float) -> None:
     for i in range(points.shape[0]):
         k, along, h, v = _section_of(points[i, 0], points[i, 1], points[i, 2], start[i], axes, step)

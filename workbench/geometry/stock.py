@@ -15,9 +15,9 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order, over_blocks
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Float, Float32, Int
 
 Axis: TypeAlias = tuple[float, float, float, float, float, float, float]  # start, unit direction, length
@@ -88,7 +88,7 @@ def _levels(frames: int, columns: int) -> Int:
         first, rows, across = first + rows * across, -(-rows // 2), -(-across // 2)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _leaves(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray,
             first: int, last: int) -> None:  # fmt: skip
     """Spheres of the leaves in rows first to last of the blocks: about the corners of x and z, in every frame."""
@@ -125,7 +125,7 @@ def _leaves(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Flo
             spheres[index, 3] = np.sqrt(far) + 1e-9
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _parents(shape: Int, spheres: Float, block_stands: AnyArray) -> None:
     for level in range(1, shape.shape[0]):
         first, rows, across = shape[level]
@@ -141,7 +141,7 @@ def _parents(shape: Int, spheres: Float, block_stands: AnyArray) -> None:
                         block_stands[index] = max(block_stands[index], block_stands[child])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _enclose(ball: Float, other: Float) -> None:
     """Make `ball` the least sphere around itself and `other`."""
     if other[3] < 0.0:
@@ -162,7 +162,7 @@ def _enclose(ball: Float, other: Float) -> None:
     ball[3] = radius + 1e-9
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray, shape: Int,
          start: Float, end: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:  # fmt: skip
     levels = shape.shape[0]
@@ -198,7 +198,7 @@ def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float,
         out[k] = best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _open(spheres: Float, block_stands: AnyArray, shape: Int, axis: Axis, layer: int, best: float, level: int,
           r: int, c: int, nodes: Int, bounds: Float, waiting: int) -> int:  # fmt: skip
     """Put the children that may hold something nearer on the stack, the nearest on top; how many wait then."""
@@ -223,7 +223,7 @@ def _open(spheres: Float, block_stands: AnyArray, shape: Int, axis: Axis, layer:
     return waiting
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _bound(sphere: Float, axis: Axis) -> float:
     """No point of a sphere is nearer to the axis than this."""
     d0, d1, d2 = sphere[0] - axis[0], sphere[1] - axis[1], sphere[2] - axis[2]
@@ -232,7 +232,7 @@ def _bound(sphere: Float, axis: Axis) -> float:
     return math.sqrt(d0 * d0 + d1 * d1 + d2 * d2) - float(sphere[3])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _nearest(x: Float32, z: Float32, poses: Float, stands: AnyArray, leaf: int, across: int, axis: Axis,
              layer: int, flat: bool, best: float) -> float:  # fmt: skip
     """The least of `best` and the distances of a leaf's points that still stand.

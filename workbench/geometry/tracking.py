@@ -8,9 +8,9 @@ A frame's edge is a chain of faces in the order upper surface, bevel face, root 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from workbench.geometry.blocks import as_input, in_order
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 # Faces in chain order, and what a state row holds for each: slope, offset, seen (0 or 1), free end x.
@@ -33,7 +33,7 @@ MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame t
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _crossing(state: Float, a: int, b: int) -> float:
     """x of the corner between faces a and b."""
     dk = state[a, SLOPE] - state[b, SLOPE]
@@ -42,14 +42,14 @@ def _crossing(state: Float, a: int, b: int) -> float:
     return float((state[b, OFFSET] - state[a, OFFSET]) / dk)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _copy(a: Float, b: Float) -> None:
     for i in range(a.shape[0]):
         for k in range(a.shape[1]):
             b[i, k] = a[i, k]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _limits(state: Float, side: float, margin_mm: float) -> Float:
     """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen."""
     limits = np.full((4, 2), np.nan)
@@ -70,7 +70,7 @@ def _limits(state: Float, side: float, margin_mm: float) -> Float:
     return limits
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _corner_sigma(state: Float, count: float, sigma: float) -> float:
     """Standard deviation (mm) along the faces of a frame's corner of root face and bevel face, from the root line."""
     turn = abs(np.arctan(state[ROOT, SLOPE]) - np.arctan(state[BEVEL, SLOPE]))
@@ -78,7 +78,7 @@ def _corner_sigma(state: Float, count: float, sigma: float) -> float:
     return float(2.0 * across / np.sqrt(max(count, 4.0)) / max(np.tan(turn), 0.2))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _spans(x: Float32, keep: Bool, side: float, limits: Float) -> Int:
     """First and last + 1 column (4, 2) of each face, with SLACK_MM beyond its limits; empty if not seen."""
     spans = np.zeros((4, 2), np.int64)
@@ -88,7 +88,7 @@ def _spans(x: Float32, keep: Bool, side: float, limits: Float) -> Int:
     return spans
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sums(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
           out: Float) -> None:  # fmt: skip
     """Fill `out` (4, 8), rows COUNT to SZZ: each face's sums over the points within its limits and gate, mm along z."""
@@ -102,7 +102,7 @@ def _sums(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Fl
         out[f, Z_MEAN] = mr + k * out[f, X_MEAN] + c if n > 0 else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@kernel(fastmath={"reassoc", "contract"})
 def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop: float, slope: float, offset: float,
              gate: float) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line."""
@@ -117,7 +117,7 @@ def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop
     return n, mx, mr, max(sxx - n * mx * mx, 0.0), sxr - n * mx * mr, max(srr - n * mr * mr, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mark_ends(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
                out: Float) -> None:  # fmt: skip
     """Fill FIRST and LAST of `out` (4, 8): the first and the last column that `_sums` counts; -1 if there is none."""
@@ -131,7 +131,7 @@ def _mark_ends(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, stat
                     out[f, FIRST] = j
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _refit(state: Float, sums: Float, free_slope: bool) -> None:
     """Move each face's line to its points; turn it too where they span enough to say."""
     for f in range(4):
@@ -143,7 +143,7 @@ def _refit(state: Float, sums: Float, free_slope: bool) -> None:
         state[f, OFFSET] = sums[f, Z_MEAN] - state[f, SLOPE] * sums[f, X_MEAN]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tuple[int, int]:
     """First and last + 1 column whose u = side * x lies in [low, high]."""
     first, last = 0, x.size
@@ -154,7 +154,7 @@ def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tup
     return first, last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stands_alone(z: Float32, j: int, direction: int) -> bool:
     """Does column j return a range that the next one outwards does not share?"""
     if j < 0 or j >= z.size or not np.isfinite(z[j]):
@@ -163,7 +163,7 @@ def _stands_alone(z: Float32, j: int, direction: int) -> bool:
     return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < MIXED_STEP_MM
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float) -> bool:
     """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?"""
     nearer = 0
@@ -180,7 +180,7 @@ def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float)
     return nearer > 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Float, sense: float,
             gate: float) -> bool:  # fmt: skip
     """Does the surface rise out of the face's line beyond column j, without a jump: a burr on its end?"""
@@ -198,7 +198,7 @@ def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Fl
     return rising >= 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
     """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, flag.
 
@@ -237,13 +237,13 @@ def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sum
     return np.array([xe, ze, dx * np.sqrt(1.0 + k * k), float(end), float(flag)])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _enough(sums: Float, face: int, least: int) -> bool:
     span = abs(sums[face, LAST] - sums[face, FIRST]) + 1.0
     return bool(sums[face, COUNT] >= least and sums[face, COUNT] >= MIN_SHARE * span)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float,
                   sums: Float, end: Float) -> bool:  # fmt: skip
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
@@ -280,14 +280,14 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _carry_ends(state: Float, root_dx: float, bevel_dx: float, side: float) -> None:
     corner = _crossing(state, BEVEL, ROOT)
     state[ROOT, END] = corner + side * root_dx
     state[BEVEL, END] = corner - side * bevel_dx
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, names: Int,
            labels: AnyArray) -> None:  # fmt: skip
     """Name the face of each point of a frame whose lines are known."""
@@ -311,7 +311,7 @@ def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma:
             labels[j] = names[f]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
                     sigma: Float, names: Int, sums: Float, end: Float, seen: Bool,
                     labels: AnyArray) -> None:  # fmt: skip

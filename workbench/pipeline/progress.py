@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+from workbench.errors import one_line
+
 
 class Reporter:
     """Told what a run is doing; this one keeps it to itself."""
@@ -49,7 +51,10 @@ class Lines(Reporter):
 
     def compiling(self) -> None:
         """Say why it takes so long this time."""
-        self._show(f"\ncompiling kernels for this machine: only once after installing, a minute or two\n{self.label}")
+        from workbench.kernels import folder
+
+        kept = one_line(folder().note()) or "only once after installing"
+        self._show(f"\ncompiling kernels for this machine: {kept}\n{self.label}")
 
     def close(self) -> None:
         """End the line of a stage that failed or was stopped."""

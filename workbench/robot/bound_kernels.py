@@ -1,4 +1,4 @@
-"""The compiled kernels of `workbench.robot.bounds`. All in one file: numba's cache does not see changes elsewhere.
+"""The compiled kernels of `workbench.robot.bounds`.
 
 Arrays are passed whole, with indices: a slice of an array costs as much as the arithmetic here. Volumes s: ends
 `at` (S, 2, 3) of a capsule's axis or pose `placed` (S, 3, 4) of a box, in the base.
@@ -7,15 +7,15 @@ Arrays are passed whole, with indices: a slice of an array costs as much as the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import AnyArray
 
 SECTION = 0.6180339887498949  # golden
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _place(at: AnyArray, placed: AnyArray, middle: AnyArray, motion: AnyArray, link: AnyArray, is_box: AnyArray,
            ends: AnyArray, pose: AnyArray) -> None:  # fmt: skip
     """Every volume where its link carries it: ends of capsules, poses of boxes, the middles of both."""
@@ -28,7 +28,7 @@ def _place(at: AnyArray, placed: AnyArray, middle: AnyArray, motion: AnyArray, l
             _carry(at, middle, s, motion, link[s], ends)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
                  is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
                  pairs: AnyArray) -> AnyArray:  # fmt: skip
@@ -44,7 +44,7 @@ def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
                 pairs: AnyArray, least: float) -> AnyArray:  # fmt: skip
@@ -61,7 +61,7 @@ def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyAr
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray, half: AnyArray, around: AnyArray,
               is_box: AnyArray, pairs: AnyArray) -> float:  # fmt: skip
     """The smallest distance of all pairs, or one that is 0 or less; pairs that are surely farther are passed over."""
@@ -83,7 +83,7 @@ def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _move(motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, joints: AnyArray, turned: float,
           n: int) -> None:  # fmt: skip
     """Motions of base, six links and turntable: turns about the axes at zero, one after the other (Rodrigues)."""
@@ -106,7 +106,7 @@ def _move(motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, jo
     _compose(motion, 7, turn, 8, turn, 6)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) -> None:
     """out[o] = a[i] b[j], of rigid motions in their first three rows."""
     for r in range(3):
@@ -115,7 +115,7 @@ def _compose(out: AnyArray, o: int, a: AnyArray, i: int, b: AnyArray, j: int) ->
         out[o, r, 3] += a[i, r, 3]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _carry(at: AnyArray, middle: AnyArray, s: int, motion: AnyArray, link: int, ends: AnyArray) -> None:
     """Ends and middle of a capsule where its link took it."""
     for r in range(3):
@@ -125,7 +125,7 @@ def _carry(at: AnyArray, middle: AnyArray, s: int, motion: AnyArray, link: int, 
         middle[s, r] = (at[s, 0, r] + at[s, 1, r]) / 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _between(at: AnyArray, a: int, b: int) -> float:
     """Distance of two segments (Ericson, Real-Time Collision Detection, 2005, section 5.1.9)."""
     uu, vv, uv, uw, vw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -147,7 +147,7 @@ def _between(at: AnyArray, a: int, b: int) -> float:
     return np.sqrt(left)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _beyond_a_face(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> float:
     """A lower bound of a segment's distance from a box: how far it stays beyond one of the box's faces."""
     best = -1e9
@@ -160,7 +160,7 @@ def _beyond_a_face(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int)
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> float:
     """A lower bound of a segment's distance from a box: convex along the segment, so a golden search brackets it."""
     low, high, left, right = 0.0, 1.0, 1.0 - SECTION, SECTION
@@ -179,7 +179,7 @@ def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> flo
     return min(f, g) - (high - low) * length  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _outside(at: AnyArray, a: int, t: float, pose: AnyArray, half: AnyArray, b: int) -> float:
     """Distance from a box of the point at t, 0 to 1, on a segment; 0 inside."""
     x = at[a, 0, 0] + t * (at[a, 1, 0] - at[a, 0, 0]) - pose[b, 0, 3]

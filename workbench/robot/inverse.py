@@ -6,8 +6,8 @@ The wrist's centre depends on the first three joints only. They are solved first
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.robot.chain import Chain
 from workbench.robot.position import parallel_position
 from workbench.robot.position_general import general_position
@@ -45,7 +45,7 @@ def _first_three(chain: Chain, wrist: SphericalWrist, centre_mm: Float) -> Float
     return general_position(chain, wrist.centre_mm, centre_mm)
 
 
-@njit(cache=True)
+@kernel
 def _with_wrist(h: AnyArray, zero_from_flange: AnyArray, first: AnyArray, poses: AnyArray) -> AnyArray:
     """All six angles (n, 8, 6) from the first three (n, 4, 3) and the poses."""
     out = np.full((len(poses), 8, 6), np.nan)
@@ -72,7 +72,7 @@ def _with_wrist(h: AnyArray, zero_from_flange: AnyArray, first: AnyArray, poses:
     return out
 
 
-@njit(cache=True)
+@kernel
 def _wrist(h: AnyArray, sides: tuple[float, float, float], left: AnyArray, sense: float) -> tuple[float, float, float]:
     """Angles of joints 4, 5, 6 whose turns make the rotation `left`; NaN: they cannot, their axes being oblique.
 
@@ -94,25 +94,25 @@ def _wrist(h: AnyArray, sides: tuple[float, float, float], left: AnyArray, sense
     return q4, q5, _angle(h[5], h[4], r6 @ h[4])
 
 
-@njit(cache=True)
+@kernel
 def _between(u: AnyArray, v: AnyArray) -> float:
     """Angle of two unit vectors, 0 to pi."""
     return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
 
 
-@njit(cache=True)
+@kernel
 def _angle(axis: AnyArray, start: AnyArray, end: AnyArray) -> float:
     """The angle about `axis` that turns `start` to `end`, as seen along it; 0 where either lies on it."""
     across, along = axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)
     return float(np.arctan2(across, along)) if across != 0.0 or along != 0.0 else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _wrapped(angle: float) -> float:
     return float(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
-@njit(cache=True)
+@kernel
 def _rotation(axis: AnyArray, angle: float) -> AnyArray:
     """Rodrigues."""
     c, s = np.cos(angle), np.sin(angle)

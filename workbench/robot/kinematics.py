@@ -7,8 +7,8 @@ in base axes. Rows 0 to 2 in mm/rad, rows 3 to 5 in rad/rad.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.robot.chain import Chain
 from workbench.units import AnyArray, Float
 
@@ -61,7 +61,7 @@ def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
     return np.moveaxis(np.concatenate([by_tip, by_axis], axis=-1), -1, -3)
 
 
-@njit(cache=True)
+@kernel
 def _motions(axes: AnyArray, points: AnyArray, q: AnyArray) -> AnyArray:
     """Chained turns about the axes at zero, posture by posture."""
     moved = np.zeros((len(q), 7, 4, 4))
@@ -79,7 +79,7 @@ def _motions(axes: AnyArray, points: AnyArray, q: AnyArray) -> AnyArray:
     return moved
 
 
-@njit(cache=True)
+@kernel
 def _turn(axis: AnyArray, point: AnyArray, angle: float) -> AnyArray:
     """The rigid motion that turns by `angle` about the line through `point` along `axis` (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)

@@ -7,14 +7,14 @@ along axis 2, elbow by the law of cosines. Lengths here in m.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import AnyArray
 
 SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
 
 
-@njit(cache=True)
+@kernel
 def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArray) -> AnyArray:
     """Angles (n, 4, 3) of joints 1 to 3 that bring the wrist's centre to `wanted` (n, 3); NaN: no such branch.
 
@@ -42,7 +42,7 @@ def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArr
     return out
 
 
-@njit(cache=True)
+@kernel
 def _on_circle(d: AnyArray, axis: AnyArray, p: AnyArray, wanted: float, sense: float) -> tuple[AnyArray, bool]:
     """Both angles t with d . Rot(axis, sense t) p = wanted, and whether there are any."""
     along = (d @ axis) * (p @ axis)
@@ -57,19 +57,19 @@ def _on_circle(d: AnyArray, axis: AnyArray, p: AnyArray, wanted: float, sense: f
     return angles, True
 
 
-@njit(cache=True)
+@kernel
 def _angle(axis: AnyArray, start: AnyArray, end: AnyArray) -> float:
     """The angle about `axis` that turns `start` to `end`, as seen along it; 0 where either lies on it."""
     across, along = axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)
     return float(np.arctan2(across, along)) if across != 0.0 or along != 0.0 else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _wrapped(angle: float) -> float:
     return float(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
-@njit(cache=True)
+@kernel
 def _rotation(axis: AnyArray, angle: float) -> AnyArray:
     """Rodrigues."""
     c, s = np.cos(angle), np.sin(angle)

@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 _ALMOST_PARALLEL = 1e-12
@@ -43,7 +43,7 @@ class Sweep(NamedTuple):
     last: Int  # (k-1,) the one after the last
 
 
-@njit(cache=True)
+@kernel
 def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, radius: float, tip: float) -> None:
     """Cut one column's lines by the cylinder of axis c + s a, s <= tip."""
     ba, aa, bq, qa, q_aside, qq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -82,7 +82,7 @@ def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, ra
             height[column, row] = max(below, lines.floor[row])
 
 
-@njit(cache=True)
+@kernel
 def _passes_above(lines: Lines, rows: int, column: int, c: Float, a: Float, radius: float, highest: float) -> bool:
     """Whether the cylinder surely stays above `highest` on all lines of a column: then nothing is to be cut.
 
@@ -110,7 +110,7 @@ def _passes_above(lines: Lines, rows: int, column: int, c: Float, a: Float, radi
     return nearest >= radius or height + min(low * up, high * up) - down >= highest
 
 
-@njit(cache=True)
+@kernel
 def _highest(heights: Float) -> float:
     best = -math.inf
     for value in heights:
@@ -118,7 +118,7 @@ def _highest(heights: Float) -> float:
     return best
 
 
-@njit(cache=True)
+@kernel
 def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
     """Lower `height` (U, W) to what the sweep leaves, in place; the cutter is set down every `step` mm or closer."""
     c, a, x, rows = np.empty(3), np.empty(3), np.empty(3), height.shape[1]

@@ -5,8 +5,6 @@ is its distance from the edge's plan curve, outwards, z its height. In a normal 
 the part is the polygon that the recipe asks for, so root size and bevel angle hold exactly, drifting or not. The body
 is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry. What a
 milling tool has left of the part is one more face: a height over the plane of the bevel, on a grid.
-
-All kernels stand in this one file: numba's cache notices a change only in the file of the function that it compiles.
 """
 
 from __future__ import annotations
@@ -15,8 +13,8 @@ import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Float
 
 Vector: TypeAlias = tuple[float, float, float]  # tuples stay in registers, small arrays would be allocated
@@ -91,7 +89,7 @@ class Sensor(NamedTuple):
     cos_min: float
 
 
-@njit(cache=True)
+@kernel
 def course(c: CourseTerms, u: float) -> tuple[float, float]:
     """Value at u, and its slope."""
     value, slope = c[0] + c[1] * u, c[1]
@@ -102,7 +100,7 @@ def course(c: CourseTerms, u: float) -> tuple[float, float]:
     return value, slope
 
 
-@njit(cache=True)
+@kernel
 def edge_point(s: Surface, u: float) -> tuple[float, float, float, float]:
     """Plan position x, y of the lower edge at u, and its unit tangent."""
     if s.bend == ARC:
@@ -117,7 +115,7 @@ def edge_point(s: Surface, u: float) -> tuple[float, float, float, float]:
     return u, 0.0, 1.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def project(s: Surface, x: float, y: float) -> tuple[float, float, float, float, float]:
     """u and h of a plan point, the tangent at u, and the length that a unit of u has at that h."""
     if s.bend == ARC:
@@ -131,7 +129,7 @@ def project(s: Surface, x: float, y: float) -> tuple[float, float, float, float,
     return x, -y, 1.0, 0.0, 1.0
 
 
-@njit(cache=True)
+@kernel
 def _project_wave(s: Surface, x: float, y: float) -> tuple[float, float, float, float, float]:
     a, k = s.wave_amplitude, s.wave_number
     offset = a * math.sin(s.wave_phase)
@@ -150,7 +148,7 @@ def _project_wave(s: Surface, x: float, y: float) -> tuple[float, float, float, 
     return u, h, tx, ty, max(stretch * (1.0 + h * bend / stretch**3), 0.2)
 
 
-@njit(cache=True)
+@kernel
 def _rough(s: Surface, u: float, v: float) -> tuple[float, float, float]:
     height, along, across = 0.0, 0.0, 0.0
     for i in range(s.roughness.shape[0]):
@@ -162,7 +160,7 @@ def _rough(s: Surface, u: float, v: float) -> tuple[float, float, float]:
     return height, along, across
 
 
-@njit(cache=True)
+@kernel
 def _ridge(s: Surface, upper: int, u: float, q: float) -> tuple[float, float, float]:
     """Height of the burrs on one edge at distance q from it, and its slopes along u and q."""
     height, along, across = 0.0, 0.0, 0.0
@@ -179,7 +177,7 @@ def _ridge(s: Surface, upper: int, u: float, q: float) -> tuple[float, float, fl
     return height, along, across
 
 
-@njit(cache=True)
+@kernel
 def _cut(c: CutTerms, u: float, g: float, v: float) -> tuple[float, float, float, float]:
     """Height over what the tool has left, and its derivatives by u, g and v (distances from and along the end face)."""
     across = c.cosine * (v - c.root) - c.sine * g
@@ -196,7 +194,7 @@ def _cut(c: CutTerms, u: float, g: float, v: float) -> tuple[float, float, float
     return c.cosine * g + c.sine * (v - c.root) - left, -along, c.cosine + up * c.sine, c.sine - up * c.cosine
 
 
-@njit(cache=True)
+@kernel
 def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, float, float]:
     """F at a point, the face that F comes from, and F's derivatives by u, h and z."""
     thick, thick_u = course(s.thickness, u)
@@ -241,12 +239,12 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
     return best, face, fu, fh, fz
 
 
-@njit(cache=True)
+@kernel
 def _along(p: Vector, d: Vector, a: float) -> Vector:
     return p[0] + a * d[0], p[1] + a * d[1], p[2] + a * d[2]
 
 
-@njit(cache=True)
+@kernel
 def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) -> tuple[float, float]:
     """The stretch of a ray in which it can meet the plate: below its top, above its bottom, close to its end face."""
     along = d[0] * near[2] + d[1] * near[3]
@@ -262,7 +260,7 @@ def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) 
     return lo, hi
 
 
-@njit(cache=True)
+@kernel
 def _hollow(s: Surface) -> float:
     """Greatest curvature (1/mm) with which the end face bends towards the scanner: there F is not convex."""
     if s.bend == ARC:
@@ -274,7 +272,7 @@ def _hollow(s: Surface) -> float:
     return bend / max(1.0 - _OUTREACH_MM * bend, 0.2)
 
 
-@njit(cache=True)
+@kernel
 def _step(s: Surface, f: float, slope: float, norm: float, bend: float) -> float:
     """How far to go on along a ray where F is f and falls by `slope`, at most bending down by `bend`.
 
@@ -290,7 +288,7 @@ def _step(s: Surface, f: float, slope: float, norm: float, bend: float) -> float
     return s.relax * 1e-4 / norm if s.relax > 0.0 else math.inf
 
 
-@njit(cache=True)
+@kernel
 def _step_to_cut(c: CutTerms, u: float, f: float, slope: float, norm: float) -> float:
     """As `_step` where F is the height f over the cut face. The raw part alone may be left out: the body is within."""
     if abs(f) <= 1e-3:
@@ -302,7 +300,7 @@ def _step_to_cut(c: CutTerms, u: float, f: float, slope: float, norm: float) -> 
     return min(safe, CUT_REACH_MM / norm)
 
 
-@njit(cache=True)
+@kernel
 def enter(
     s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float
 ) -> tuple[float, int, float, float, float]:
@@ -334,7 +332,7 @@ def enter(
     return math.inf, NOTHING, 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def drop(s: Surface, origins: Float, directions: Float, reach: float) -> Float:
     """How far it is from the origins (n, 3) along unit directions (n, 3) to the part, at most `reach`; else inf."""
     found, near = np.empty(origins.shape[0]), np.empty(4)
@@ -347,7 +345,7 @@ def drop(s: Surface, origins: Float, directions: Float, reach: float) -> Float:
     return found
 
 
-@njit(cache=True)
+@kernel
 def project_all(s: Surface, points: Float) -> Float:
     """u, h, and the tangent at u (n, 4) of points (n, 2) or (n, 3)."""
     found = np.empty((points.shape[0], 4))
@@ -356,7 +354,7 @@ def project_all(s: Surface, points: Float) -> Float:
     return found
 
 
-@njit(cache=True)
+@kernel
 def edge_points(s: Surface, u: Float) -> Float:
     """Plan position x, y of the lower edge and its unit tangent (n, 4) at u (n,)."""
     found = np.empty((len(u), 4))
@@ -365,7 +363,7 @@ def edge_points(s: Surface, u: Float) -> Float:
     return found
 
 
-@njit(cache=True)
+@kernel
 def enter_box(boxes: Float, o: Vector, d: Vector, lo: float) -> tuple[float, float]:
     """Where the ray first enters one of the clamps, (inf, 0) if never, and cos(incidence) there.
 
@@ -398,7 +396,7 @@ def enter_box(boxes: Float, o: Vector, d: Vector, lo: float) -> tuple[float, flo
     return best, best_cos
 
 
-@njit(cache=True)
+@kernel
 def hidden(s: Surface, boxes: Float, near: Float, p: Vector, target: Vector) -> bool:
     """Whether part or clamps stand between the surface point p and `target`."""
     dx, dy, dz = target[0] - p[0], target[1] - p[1], target[2] - p[2]
@@ -409,7 +407,7 @@ def hidden(s: Surface, boxes: Float, near: Float, p: Vector, target: Vector) -> 
     return boxes.shape[0] > 0 and enter_box(boxes, p, d, _OFFSET_MM)[0] < distance
 
 
-@njit(cache=True)
+@kernel
 def cast(
     s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float
 ) -> tuple[Float, AnyArray, Float, Float]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from workbench.kernels import kernel
 from workbench.synthetic.recipe import Disturbances, Noise, Recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.units import AnyArray, Bool, Float
@@ -44,7 +44,7 @@ def _noise(cosines: Float, noise: Noise, rng: np.random.Generator) -> Float:
     return np.asarray(white * (noise.sd_mm * np.maximum(cosines, lowest) ** -noise.grazing_power))
 
 
-@njit(cache=True)
+@kernel
 def _correlate(white: Float, keep: float) -> None:
     """In place: e[j] = keep e[j-1] + sqrt(1 - keep^2) white[j], of unit variance."""
     fresh = math.sqrt(1.0 - keep * keep)

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from workbench.api import Bool, Float, Int
+from workbench.api import Bool, Float, Int, kernel
 
 SAMPLES = 500  # of three points; 15 % of a frame on the sphere give 20 good ones
 SCORED = 400  # points that judge a sample
@@ -23,7 +22,7 @@ GATE = 4.0  # standard deviations within which a point lies on the arc
 GAP = 0.4  # in sphere radii: a wider gap in x ends an arc
 
 
-@njit(cache=True)
+@kernel
 def _through(x: Float, z: Float, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Circle (x_c, z_c, w) through three points; w = 0 where they lie on a line."""
     ux, uz, vx, vz = x[b] - x[a], z[b] - z[a], x[c] - x[a], z[c] - z[a]
@@ -35,7 +34,7 @@ def _through(x: Float, z: Float, a: int, b: int, c: int) -> tuple[float, float, 
     return x[a] + dx, z[a] + dz, dx * dx + dz * dz
 
 
-@njit(cache=True)
+@kernel
 def _score(x: Float, z: Float, xc: float, zc: float, w: float, sense: float, gate: float) -> float:
     """How well a circle explains the points above its chord: truncated squares; a point elsewhere costs a little."""
     score = 0.0
@@ -51,7 +50,7 @@ def _score(x: Float, z: Float, xc: float, zc: float, w: float, sense: float, gat
     return score * step
 
 
-@njit(cache=True)
+@kernel
 def search(x: Float, z: Float, radius: float, gate: float, sense: float, seed: int) -> tuple[Float, float]:
     """Best circle of up to `SAMPLES` through three points: (x_c, z_c, w, sense) and its score; w = 0: none.
 
@@ -82,7 +81,7 @@ def search(x: Float, z: Float, radius: float, gate: float, sense: float, seed: i
     return best, best_score
 
 
-@njit(cache=True)
+@kernel
 def _normal_equations(x: Float, z: Float, circle: Float, sense: float, sigma: float) -> tuple[Float, Float]:
     """Normal matrix (3, 3) and right-hand side (3,) of one weighted step in (x_c, z_c, w), unit noise."""
     matrix, side = np.zeros((3, 3)), np.zeros(3)
@@ -107,7 +106,7 @@ def _normal_equations(x: Float, z: Float, circle: Float, sense: float, sigma: fl
     return matrix, side
 
 
-@njit(cache=True)
+@kernel
 def _residuals(x: Float, z: Float, circle: Float, sense: float) -> Float:
     """Residuals along z over what a point's noise is, relative to sigma; infinite off the arc's span."""
     out = np.full(len(x), np.inf)
@@ -119,7 +118,7 @@ def _residuals(x: Float, z: Float, circle: Float, sense: float) -> Float:
     return out
 
 
-@njit(cache=True)
+@kernel
 def fit(x: Float, z: Float, start: Float, sense: float, sigma: float) -> tuple[Float, Float, float, bool]:
     """Maximum-likelihood circle from a start: (x_c, z_c, w), the inverse of its normal matrix (3, 3), scale, success.
 
@@ -148,7 +147,7 @@ def fit(x: Float, z: Float, start: Float, sense: float, sigma: float) -> tuple[F
     return circle, inverse, scale, True
 
 
-@njit(cache=True)
+@kernel
 def on_arc(x: Float, z: Float, circle: Float, sense: float, sigma: float, gap: float) -> Bool:
     """Which points (n,), in the order of the columns, make the largest contiguous arc: no gap in x wider than `gap`."""
     good = np.abs(_residuals(x, z, circle, sense)) < GATE * sigma

@@ -12,9 +12,8 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 
-from workbench.api import Float, Int, vector_from_rotation
+from workbench.api import Float, Int, kernel, vector_from_rotation
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations
 
@@ -28,7 +27,7 @@ DESIGN_MM, DESIGN_RAD = 50.0, 0.35  # how far the design may be off: a weak pull
 UNKNOWN_MM, UNKNOWN_RAD = 1000.0, 100.0  # the same without a design
 
 
-@njit(cache=True)
+@kernel
 def _exp(v: Float) -> Float:
     """Rotation matrix of a rotation vector (3,)."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -42,7 +41,7 @@ def _exp(v: Float) -> Float:
     return out
 
 
-@njit(cache=True)
+@kernel
 def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, C: Float,
                N: Float, g: Float) -> float:  # fmt: skip
     """Add the normal equations of the centres (m, 3) in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
@@ -69,7 +68,7 @@ def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, 
     return chi2
 
 
-@njit(cache=True)
+@kernel
 def _solve(N: Float, g: Float) -> Float:
     """N x = g for a symmetric positive definite N (9, 9) given by its lower triangle: Cholesky in place."""
     n = len(g)
@@ -93,7 +92,7 @@ def _solve(N: Float, g: Float) -> Float:
     return x
 
 
-@njit(cache=True)
+@kernel
 def solve_patterns(xz: Float, h: Float, weight: Float, A: Float, b: Float, start_R: Float, start_t: Float,
                    pull: Float) -> tuple[Float, Float, Float, Float]:  # fmt: skip
     """Least squares on the centres for all 2^m patterns of signs of `h` (m,), from each start (s, 3, 3), (s, 3).

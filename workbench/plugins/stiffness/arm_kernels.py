@@ -1,17 +1,15 @@
-"""The compiled kernels of `workbench.plugins.stiffness.arm`; everything in the arm frame, mm, N, N mm/rad.
-
-All in one file: numba's cache does not see changes of a callee elsewhere.
-"""
+"""The compiled kernels of `workbench.plugins.stiffness.arm`; everything in the arm frame, mm, N, N mm/rad."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from workbench.api import kernel
 
 FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSES`
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):  # type: ignore[no-untyped-def]
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
     tables, points, steps = at.shape[0], at.shape[1], len(cosine)
@@ -24,7 +22,7 @@ def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sin
     return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):  # type: ignore[no-untyped-def]
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
     vx, vy, vz, ux, uy, uz = tool
@@ -48,7 +46,7 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
         worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):  # type: ignore[no-untyped-def]
     """Columns (3, n) in the arm frame."""
     for n in range(w.shape[1]):
@@ -57,7 +55,7 @@ def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said
         said[n] = min(one, other)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):  # type: ignore[no-untyped-def]
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
     a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
@@ -90,7 +88,7 @@ def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):  # type: ig
         found[n, 5] = np.arctan2(over, gx * bx + gy * by + gz * bz)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
+@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
 def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):  # type: ignore[no-untyped-def]
     """Displacement of one posture and what is said of it and of the one with its wrist flipped.
 

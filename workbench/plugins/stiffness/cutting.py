@@ -8,9 +8,8 @@ thickest. Angle phi of a tooth counts from x towards y; it cuts from 0 to acos(1
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from workbench.api import AnyArray, Cutter, Float
+from workbench.api import AnyArray, Cutter, Float, kernel
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
 STEPS = 360  # of a revolution
@@ -47,7 +46,7 @@ def milling_force(coefficients: CuttingCoefficients, cutter: Cutter, feed_per_to
     return np.asarray(_revolutions(table, offset, radius, float(np.tan(helix)), feed, radial, axial, steps))
 
 
-@njit(cache=True)
+@kernel
 def _revolutions(table: AnyArray, offset: AnyArray, radius: float, lag: float, feed: AnyArray, radial: AnyArray,
                  axial: AnyArray, steps: int) -> AnyArray:  # fmt: skip
     force = np.zeros((len(feed), steps, 3))
@@ -60,7 +59,7 @@ def _revolutions(table: AnyArray, offset: AnyArray, radius: float, lag: float, f
     return force
 
 
-@njit(cache=True)
+@kernel
 def _add_teeth(force: AnyArray, table: AnyArray, offset: AnyArray, radius: float, lag: float, feed: float, last: float,
                axial: float, turned: float) -> None:  # fmt: skip
     """Forces of all elements that cut when the first tooth's tip stands at `turned`; helix lags towards the shank."""
@@ -80,7 +79,7 @@ def _add_teeth(force: AnyArray, table: AnyArray, offset: AnyArray, radius: float
             force[2] += (table[2, 0] * h + table[2, 1]) * db
 
 
-@njit(cache=True)
+@kernel
 def _chip(offset: AnyArray, tooth: int, radial_feed: float) -> float:
     """Chip thickness of a tooth: beyond the surface that the teeth before it left."""
     flutes = len(offset)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from workbench.api import AnyArray
+from workbench.api import AnyArray, kernel
 
 
-@njit(cache=True)
+@kernel
 def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, least: AnyArray, came: AnyArray) -> None:
     """Least cost (a, t) of reaching each node from a neighbour: at most `bands` (2,) steps along each axis.
 
@@ -51,7 +50,7 @@ def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, lea
                     came[i, j] = (e + bands[0]) * width + turn[i - e, j] + bands[1]
 
 
-@njit(cache=True)
+@kernel
 def best_law(cost: AnyArray, joints: AnyArray, free: AnyArray, shift: AnyArray, dt: AnyArray, speed: AnyArray,
              acceleration: float, most_step: float, bands: AnyArray, restless: float) -> AnyArray:  # fmt: skip
     """Indices (n, 2) of the cheapest way through n windows of a x t nodes; -1 where there is no way.
@@ -117,7 +116,7 @@ def best_law(cost: AnyArray, joints: AnyArray, free: AnyArray, shift: AnyArray, 
     return _traced(value, came, shift, bands)
 
 
-@njit(cache=True)
+@kernel
 def _moves(a: AnyArray, b: AnyArray, dt: float, speed: AnyArray, most_step: float, out: AnyArray) -> bool:
     """Speeds from a to b the short way round, and whether they are allowed."""
     good = True
@@ -129,7 +128,7 @@ def _moves(a: AnyArray, b: AnyArray, dt: float, speed: AnyArray, most_step: floa
     return good
 
 
-@njit(cache=True)
+@kernel
 def _gentle(before: AnyArray, now: AnyArray, dt: float, acceleration: float) -> bool:
     worst = 0.0
     for j in range(len(now)):
@@ -137,7 +136,7 @@ def _gentle(before: AnyArray, now: AnyArray, dt: float, acceleration: float) -> 
     return worst <= acceleration * dt
 
 
-@njit(cache=True)
+@kernel
 def _traced(value: AnyArray, came: AnyArray, shift: AnyArray, bands: AnyArray) -> AnyArray:
     """From the cheapest end back to the start."""
     n, d_most = len(came), came.shape[4]

@@ -1,0 +1,152 @@
+"""Compiled kernels are found again by what they are made of, and by nothing else."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench.kernels import Folder
+
+CONSTANTS = "LIMIT = 2.0\nUNUSED = 5.0\n"
+INNER = """
+from workbench.kernels import kernel
+from room.constants import LIMIT
+
+
+@kernel
+def inner(a):
+    return a * LIMIT
+"""
+OUTER = """
+from workbench.kernels import kernel
+from room.inner import inner
+
+STEP = (1.0, 0.5)
+
+
+@kernel
+def outer(a):
+    total = 0.0
+    for i in range(len(a)):
+        total += inner(a[i]) + STEP[1]
+    return total
+
+
+@kernel
+def other(a):
+    return a + 1.0
+"""
+USE = """
+import numpy as np
+from room.outer import other, outer
+print(outer(np.ones(2)), other(1.0), sum(outer.stats.cache_hits.values()), outer.py_func(np.ones(2)))
+"""
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A package of two kernels, one of which calls the other, whose constant comes from a third module."""
+    made = tmp_path / "room"
+    made.mkdir()
+    for name, text in {"__init__": "", "constants": CONSTANTS, "inner": INNER, "outer": OUTER}.items():
+        (made / f"{name}.py").write_text(text)
+    return made
+
+
+def use(room: Path, code: str = USE, **variables: str) -> str:
+    """What a new process prints; nothing but the sources may tell it of changes."""
+    path = os.pathsep.join([str(room.parent), *sys.path])
+    set_ = {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(room.parent / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **set_, **variables})
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def kept(room: Path, name: str = "room") -> set[Path]:
+    return set((room.parent / "kept").rglob(f"*{name}*.kernel"))
+
+
+def test_a_new_process_finds_them_again(room: Path) -> None:
+    assert use(room) == "5.0 2.0 0 5.0"
+    before = kept(room)
+    assert use(room) == "5.0 2.0 1 5.0"
+    assert kept(room) == before
+
+
+@pytest.mark.parametrize(("module", "old", "new", "now"), [
+    ("constants", "LIMIT = 2.0", "LIMIT = 3.0", "7.0 2.0 0 7.0"),  # a constant of a module imported by one imported
+    ("outer", "STEP = (1.0, 0.5)", "STEP = (1.0, 1.5)", "7.0 2.0 0 7.0"),
+    ("inner", "a * LIMIT", "a / LIMIT", "2.0 2.0 0 2.0"),
+    ("inner", "a * LIMIT", "a * LIMIT + 0.0 * 7", "5.0 2.0 0 5.0"),
+])  # fmt: skip
+def test_kernels_of_changed_sources_are_not_used(room: Path, module: str, old: str, new: str, now: str) -> None:
+    use(room)
+    others, path = kept(room, "other"), room / f"{module}.py"
+    text, times = path.read_text(), path.stat()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # a checkout may restore times
+    assert use(room) == now
+    assert kept(room, "other") == others  # what does not rest on it is not compiled again
+    path.write_text(text)
+    assert use(room) == "5.0 2.0 1 5.0"  # and the first ones are still there
+
+
+def test_comments_and_unused_constants_compile_nothing(room: Path) -> None:
+    use(room)
+    (room / "constants.py").write_text(f"# why\n{CONSTANTS.replace('5.0', '6.0')}")
+    (room / "outer.py").write_text(f'"""A docstring."""\n{OUTER}')
+    assert use(room) == "5.0 2.0 1 5.0"
+
+
+def test_damaged_ones_are_compiled_anew(room: Path) -> None:
+    use(room)
+    for path in kept(room):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 1
+        path.write_bytes(bytes(content))
+    assert use(room) == "5.0 2.0 0 5.0"
+    assert use(room) == "5.0 2.0 1 5.0"
+    for path in kept(room):
+        path.write_bytes(path.read_bytes()[:20])
+    assert use(room) == "5.0 2.0 0 5.0"
+
+
+def test_nowhere_to_keep_them_is_no_reason_not_to_run(room: Path) -> None:
+    """A service without a home, on a read-only root: nothing may be written, and nothing is said in vain."""
+    nowhere = {name: str(room / "constants.py" / "x") for name in ("NUMBA_CACHE_DIR", "HOME", "XDG_CACHE_HOME")}
+    code = f"import tempfile; tempfile.tempdir = {str(room / 'constants.py')!r}\n{USE}"
+    code += "from workbench.kernels import folder; print(folder().path, folder().note())"
+    said = use(room, code, **nowhere)
+    assert said.startswith("5.0 2.0 0 5.0\nNone not kept: ")
+    assert said.count("\n") == 1
+
+
+def test_a_temporary_folder_stands_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.touch()
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    found = Folder()
+    assert found.path is not None
+    assert found.path.parent == tmp_path
+    assert found.path.stat().st_mode & 0o777 == 0o700
+    assert str(blocked) in found.note()
+    assert not recwarn.list
+
+
+def test_code_that_others_may_write_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    first = Folder().path
+    assert first is not None
+    assert first.parent == tmp_path
+    first.chmod(0o777)
+    second = Folder()
+    assert second.path != first
+    assert "others may write it" in second.note()

@@ -1,0 +1,220 @@
+"""The one place that compiles kernels, and keeps what is compiled.
+
+`@kernel` stands for numba's `njit` without the GIL. What is compiled is kept in a folder of the user, under a name that
+is the digest of everything the machine code is made of: the bytecode of the function and of all kernels that it calls,
+the values of the constants that they use, wherever those come from, the options, the types, the processor and the
+versions. So a kernel of changed sources is never found again, and editing one file compiles only what rests on it.
+
+A kept kernel is loaded without numba's tables for typing, which take ten times as long as the kernel itself. What is
+compiled may therefore use numbers, tuples, arrays and numpy's functions of them, but no strings, dictionaries or sets.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import hashlib
+import os
+import pickle
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import cache, cached_property
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+KEPT_DAYS = 60  # for which a kernel of other sources stays
+DIGEST = hashlib.sha256
+
+
+def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+    """Compile a function of numbers and arrays on its first call; keep the machine code for the next process.
+
+    Args:
+        function: what follows numba's rules; its types are those of its arguments, so callers give each argument one
+            type (a float, not now 1 and now 0.5): every other combination is compiled again.
+        options: of `numba.njit`: `error_model`, `fastmath`, `inline`.
+
+    Example:
+        >>> @kernel
+        ... def larger(a: float, b: float) -> float:
+        ...     return a if a > b else b
+        >>> larger(1.0, 2.5)
+        2.5
+    """
+    from numba import njit
+
+    if function is None:
+        return lambda one: kernel(one, **options)
+    compiled = njit(nogil=True, **options)(function)
+    if hasattr(compiled, "_cache"):  # not where NUMBA_DISABLE_JIT is set
+        compiled._cache = Kept(compiled)
+    return compiled
+
+
+class Kept:
+    """The compiled forms of one kernel in the folder; what numba asks for before and after it compiles."""
+
+    def __init__(self, compiled: Any) -> None:
+        self.compiled = compiled
+        self.name = f"{compiled.py_func.__module__}.{compiled.py_func.__qualname__}"
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder, for numba's own statistics."""
+        return folder().path and str(folder().path)
+
+    @cached_property
+    def source(self) -> str:
+        """The digest of what the kernel is made of."""
+        return source_digest(self.compiled)
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The kernel for these types, or None: nothing kept, or damaged."""
+        from numba.core.compiler import CompileResult
+        from numba.core.runtime import rtsys
+
+        path = self._path(signature, target.codegen())
+        try:
+            content = path.read_bytes() if path else b""
+        except OSError:
+            return None
+        digest, data = content[: DIGEST().digest_size], content[DIGEST().digest_size :]
+        if not data or DIGEST(data).digest() != digest:
+            return None
+        rtsys.initialize(target)  # memory of arrays; all that a finished kernel needs of the target
+        return CompileResult._rebuild(target, *pickle.loads(data))
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what was compiled; a folder that has become full or read-only costs the next process time, no more."""
+        from numba.core.serialize import dumps
+
+        path = self._path(signature, result.codegen)
+        if path is None or result.lifted or result.library.has_dynamic_globals:
+            return
+        data = dumps(result._reduce())
+        with contextlib.suppress(OSError):
+            descriptor, written = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
+            try:
+                with open(descriptor, "wb") as file:
+                    file.write(DIGEST(data).digest() + data)
+                os.replace(written, path)
+            except OSError:
+                os.unlink(written)
+            self._forget(path.parent)
+
+    def _path(self, signature: Any, codegen: Any) -> Path | None:
+        where = folder().path
+        key = DIGEST(f"{self.source} {signature} {codegen.magic_tuple()}".encode()).hexdigest()[:32]
+        return where / f"{self.name}-{key}.kernel" if where else None
+
+    def _forget(self, where: Path) -> None:
+        """Remove forms of this kernel that no process has compiled for long, and what killed ones left."""
+        oldest = time.time() - KEPT_DAYS * 86400
+        for path in [*where.glob(f"{self.name}-*.kernel"), *where.glob(".writing-*")]:
+            with contextlib.suppress(OSError):
+                if path.stat().st_mtime < oldest:
+                    path.unlink()
+
+
+class Folder:
+    """Where kernels are kept: `NUMBA_CACHE_DIR`, the user's cache folder, a temporary one, or nowhere."""
+
+    def __init__(self) -> None:
+        self.refused: list[str] = []
+        own = f"workbench-kernels-{os.getuid() if hasattr(os, 'getuid') else ''}"
+        named = os.environ.get("NUMBA_CACHE_DIR")
+        candidates = [Path(named, own) if named else None, _user_cache(), Path(tempfile.gettempdir(), own)]
+        self.path = next((path for place in candidates if place and (path := self._usable(place))), None)
+
+    def note(self) -> str:
+        """Where kernels go, if not where they belong; else ''."""
+        if not self.refused:
+            return ""
+        kept = f"kept in {self.path}" if self.path else "not kept"
+        return f"{kept}: {'; '.join(self.refused)} (NUMBA_CACHE_DIR names another folder)"
+
+    def _usable(self, path: Path) -> Path | None:
+        """The folder, if this user may write it and nobody else; kernels are code, so a stranger's are not run."""
+        try:
+            path.mkdir(parents=True, exist_ok=True, mode=0o700)
+            status = path.stat()
+            strangers = stat.S_IWGRP | stat.S_IWOTH
+            if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & strangers):
+                raise PermissionError(0, "others may write it")
+            tempfile.TemporaryFile(dir=path).close()
+        except (OSError, RuntimeError) as error:
+            self.refused.append(f"{path} cannot be used ({getattr(error, 'strerror', None) or error})")
+            return None
+        return path
+
+
+def _user_cache() -> Path | None:
+    """By the XDG rules; a home that cannot be written is found out when the folder is made."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home, "workbench", "kernels") if os.path.isabs(home) else None  # an unknown user has no home
+
+
+@cache
+def folder() -> Folder:
+    """This process's folder, looked for once."""
+    return Folder()
+
+
+def source_digest(compiled: Any) -> str:
+    """Of everything that decides the machine code, types and processor excepted, as hexadecimal digits."""
+    import numba
+    import numpy
+
+    found: dict[str, str] = {}
+    _describe_kernel(compiled, found)
+    versions = (sys.version_info[:3], numba.__version__, numpy.__version__)
+    return DIGEST(repr((versions, sorted(found.items()))).encode()).hexdigest()
+
+
+def _describe_kernel(compiled: Any, found: dict[str, str]) -> None:
+    """Add the kernel and all that it calls, by name."""
+    function = compiled.py_func
+    name = f"{function.__module__}.{function.__qualname__}"
+    if name in found:
+        return
+    found[name] = ""
+    names = sorted({name for code in _codes(function.__code__) for name in code.co_names})
+    used = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    closed = [cell.cell_contents for cell in function.__closure__ or ()]
+    constants = {name: _describe(value, found) for name, value in used.items()}
+    own = [(code.co_code, _literals(code), code.co_names, code.co_varnames) for code in _codes(function.__code__)]
+    rest = [_describe(value, found) for value in (*closed, *(function.__defaults__ or ()))]
+    found[name] = repr((own, constants, rest, sorted(compiled.targetoptions.items(), key=str)))
+
+
+def _codes(code: CodeType) -> list[CodeType]:
+    """A function's code and that of the functions inside it."""
+    return [code, *(inner for one in code.co_consts if isinstance(one, CodeType) for inner in _codes(one))]
+
+
+def _literals(code: CodeType) -> str:
+    """The constants in the code itself; its docstring is not compiled."""
+    docstring = code.co_consts[:1] if code.co_consts and isinstance(code.co_consts[0], str) else ()
+    return repr([one for one in code.co_consts[len(docstring) :] if not isinstance(one, CodeType)])
+
+
+def _describe(value: Any, found: dict[str, str]) -> str:
+    """A constant as numba freezes it into the code, by value; another kernel by name, with its own entry in `found`."""
+    if hasattr(value, "py_func"):
+        _describe_kernel(value, found)
+        return f"kernel {value.py_func.__module__}.{value.py_func.__qualname__}"
+    if isinstance(value, tuple | list):
+        return f"{type(value).__qualname__}({', '.join(_describe(one, found) for one in value)})"
+    if hasattr(value, "tobytes") and hasattr(value, "dtype"):
+        return f"{value.dtype}{getattr(value, 'shape', '')}{value.tobytes().hex()}"
+    if isinstance(value, ModuleType):
+        return value.__name__
+    if isinstance(value, type | FunctionType) or callable(value):
+        return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', type(value).__qualname__)}"
+    if isinstance(value, bool | int | float | complex | str | bytes | enum.Enum | None):
+        return repr(value)
+    return type(value).__qualname__  # what numba cannot freeze: an attribute of the same name is meant

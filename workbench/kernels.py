@@ -24,12 +24,18 @@ from collections.abc import Callable
 from functools import cache, cached_property
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, TypeVar, overload
 
 KEPT_DAYS = 60  # for which a kernel of other sources stays
 DIGEST = hashlib.sha256
 
+F = TypeVar("F", bound=Callable[..., Any])
 
+
+@overload
+def kernel(function: F, /) -> F: ...
+@overload
+def kernel(**options: Any) -> Callable[[F], F]: ...
 def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
     """Compile a function of numbers and arrays on its first call; keep the machine code for the next process.
 
@@ -65,7 +71,7 @@ class Kept:
     @property
     def cache_path(self) -> str | None:
         """The folder, for numba's own statistics."""
-        return folder().path and str(folder().path)
+        return str(folder().path) if folder().path else None
 
     @cached_property
     def source(self) -> str:
@@ -75,7 +81,7 @@ class Kept:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The kernel for these types, or None: nothing kept, or damaged."""
         from numba.core.compiler import CompileResult
-        from numba.core.runtime import rtsys
+        from numba.core.runtime.nrt import rtsys
 
         path = self._path(signature, target.codegen())
         try:
@@ -86,7 +92,7 @@ class Kept:
         if not data or DIGEST(data).digest() != digest:
             return None
         rtsys.initialize(target)  # memory of arrays; all that a finished kernel needs of the target
-        return CompileResult._rebuild(target, *pickle.loads(data))
+        return CompileResult._rebuild(target, *pickle.loads(data))  # type: ignore[no-untyped-call]
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep what was compiled; a folder that has become full or read-only costs the next process time, no more."""
@@ -95,7 +101,7 @@ class Kept:
         path = self._path(signature, result.codegen)
         if path is None or result.lifted or result.library.has_dynamic_globals:
             return
-        data = dumps(result._reduce())
+        data = dumps(result._reduce())  # type: ignore[no-untyped-call]
         with contextlib.suppress(OSError):
             descriptor, written = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
             try:

@@ -99,7 +99,7 @@ def displacements(arm: Arm, stiffness: Float, base_from_flange: Float, tip_mm: F
     )
     found, said = np.empty(len(wrist)), np.empty(len(wrist))
     front, side = _signs(arm, shoulder, elbow)
-    displacement_kernel(arm.lengths, arm.limits, _springs(stiffness), w, a, p, f, front, side, found, said)
+    displacement_kernel(arm.lengths, arm.limits, _springs(stiffness), w, a, p, f, front, side, found, said)  # type: ignore[no-untyped-call]
     return found, said.astype(np.uint8)
 
 
@@ -129,7 +129,7 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
     cutter_from_flange = inverse(flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
-    return traverse_kernel(  # type: ignore[no-any-return]
+    return traverse_kernel(  # type: ignore[no-untyped-call, no-any-return]
         arm.lengths, arm.limits, _springs(stiffness), turn @ base_from_cutter[..., :3, :3],
         base_from_cutter[..., :3, 3] @ turn.T + shift, load_mm @ turn.T + shift, force_n @ turn.T,
         (*map(float, wrist), *map(float, axis)), np.cos(angles), np.sin(angles), *_signs(arm, shoulder, elbow),
@@ -153,7 +153,7 @@ def joint_angles(arm: Arm, base_from_flange: Float, *, shoulder: int = 0, elbow:
     )
     found = np.empty((len(at), 6))
     front, side = _signs(arm, shoulder, elbow)
-    joints_kernel(arm.lengths, arm.bend, w, a, b, front, side, 1.0 - 2.0 * flip, found)
+    joints_kernel(arm.lengths, arm.bend, w, a, b, front, side, 1.0 - 2.0 * flip, found)  # type: ignore[no-untyped-call]
     return found
 
 

@@ -1,5 +1,7 @@
 """The compiled kernels of `workbench.plugins.stiffness.arm`; everything in the arm frame, mm, N, N mm/rad."""
 
+# mypy: disable-error-code="no-untyped-def, no-untyped-call"
+
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +12,7 @@ FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSE
 
 
 @kernel(error_model="numpy")
-def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):  # type: ignore[no-untyped-def]
+def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
     tables, points, steps = at.shape[0], at.shape[1], len(cosine)
     total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
@@ -23,7 +25,7 @@ def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sin
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):  # type: ignore[no-untyped-def]
+def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
     vx, vy, vz, ux, uy, uz = tool
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
@@ -47,7 +49,7 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):  # type: ignore[no-untyped-def]
+def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):
     """Columns (3, n) in the arm frame."""
     for n in range(w.shape[1]):
         found[n], one, other = posture(lengths, limits, k, w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n],
@@ -56,7 +58,7 @@ def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said
 
 
 @kernel(error_model="numpy")
-def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):  # type: ignore[no-untyped-def]
+def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
     a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
     l2, l3 = ur * ur + ui * ui, fr * fr + fi * fi
@@ -89,7 +91,7 @@ def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):  # type: ig
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
-def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):  # type: ignore[no-untyped-def]
+def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):
     """Displacement of one posture and what is said of it and of the one with its wrist flipped.
 
     Without a jump, so that several run side by side once inlined.

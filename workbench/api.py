@@ -7,6 +7,8 @@ module that defines its stages (docs/pipelines.md).
 from typing import TYPE_CHECKING, Any
 
 from workbench.artefacts import (
+    NO_NAMES,
+    UNKNOWN_PART,
     Chapter,
     Check,
     Cloud,
@@ -23,6 +25,8 @@ from workbench.artefacts import (
     LayerEngagement,
     Mark,
     Moves,
+    Part,
+    PartNames,
     PathDeflection,
     PathGate,
     PointSet,
@@ -39,6 +43,8 @@ from workbench.artefacts import (
     Strokes,
     Toolpath,
     Travel,
+    Uncertainty,
+    UncertaintySource,
     Verdict,
     frozen,
 )
@@ -126,7 +132,10 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Mark",
     "MillingTool",
     "Moves",
+    "NO_NAMES",
     "OutputError",
+    "Part",
+    "PartNames",
     "PathDeflection",
     "PathGate",
     "PipelineError",
@@ -148,6 +157,9 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Toolpath",
     "Travel",
     "Turntable",
+    "UNKNOWN_PART",
+    "Uncertainty",
+    "UncertaintySource",
     "Verdict",
     "WorkbenchError",
     "abb_angles",

@@ -80,7 +80,7 @@ class ProgramJob:
             plain(line)
             for line in (
                 f"Milling path of a bevel, {path.bevel_deg:g} deg, root {path.root_mm:g} mm, {len(path.layers)} layers",
-                f"part: {path.part_id or 'unnamed'}",
+                f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
                 f"cutter: diameter {path.cutter.diameter_mm:g} mm, {path.cutter.flutes} flutes, right-hand",
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,9 @@ def check_parameters(model: type[BaseModel], given: Mapping[str, Any], where: st
 
 
 def jsonable(value: Any) -> Any:
-    """What JSON lacks but a notebook passes: paths, numpy scalars and arrays."""
+    """What JSON lacks but a notebook passes: paths, numpy scalars and arrays, frozen values."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "tolist"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from workbench.artefacts import Part
 from workbench.compare.surface_values import Surface
 from workbench.units import Float
 
@@ -29,7 +30,9 @@ def scanned(seed: int, kind: str = "edge", count: int = 9000, noise_mm: float = 
     height = rng.normal(0.0, noise_mm, count) + step_mm * middle
     points = points + height[:, None] * normals[face]
     points += rng.normal(0.0, 1.0, (frame.max() + 1, 3))[frame] * frame_noise_mm
-    return Surface(points + AT, frame=frame, range_axis=np.array([0.0, -0.6, -0.8]), source=f"scan {seed}", part_id="P")
+    return Surface(
+        points + AT, frame=frame, range_axis=np.array([0.0, -0.6, -0.8]), source=f"scan {seed}", part=Part(part_id="P")
+    )
 
 
 def box(size_mm: tuple[float, float, float] = (LENGTH, WIDTH, DEPTH)) -> tuple[Float, np.ndarray]:

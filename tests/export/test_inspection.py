@@ -9,12 +9,13 @@ from dataclasses import replace
 import pyarrow as pa
 from pyarrow import parquet
 
+from workbench.artefacts import Part
 from workbench.export import inspection as export_inspection
 
 
 def test_parquet_holds_a_row_a_section(inspected, provenance):
-    cloud = replace(inspected.cloud, part_id="plate 7")
-    document = export_inspection(inspected.inspection, provenance, cloud)
+    named = replace(inspected.inspection, part=Part(part_id="plate 7"))
+    document = export_inspection(named, provenance)
     table = parquet.read_table(io.BytesIO(document.content))
     assert document.name == "inspection.parquet"
     assert table.schema.metadata[b"format"] == b"bevel-inspection-rows"

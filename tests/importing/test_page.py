@@ -33,7 +33,7 @@ def test_the_worked_example(
     np.testing.assert_allclose(made.z_mm[0, :3], [81.2005, 81.19, 81.21], atol=1e-5)
     np.testing.assert_array_equal(np.argwhere(np.isnan(made.z_mm)), [[0, 3]])
     np.testing.assert_allclose(np.abs(made.robot_quaternion_wxyz), [[0, 1, 0, 0]] * 2, atol=1e-12)  # 180 deg about x
-    assert made.part_id == "A-7"
+    assert made.part.part_id == "A-7"
 
 
 def test_the_page_names_every_key_and_convention() -> None:

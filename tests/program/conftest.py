@@ -2,7 +2,7 @@
 
 import pytest
 
-from workbench.artefacts import Moves, PathGate, Toolpath
+from workbench.artefacts import Moves, Part, PathGate, Toolpath
 from workbench.path import simplify
 
 from .paths import Shape, mill_path
@@ -21,4 +21,4 @@ def rejected(path: Toolpath) -> PathGate:
 @pytest.fixture(scope="session")
 def moves() -> Moves:
     """An arc with a lifted stretch, in two layers: straight and circular moves."""
-    return simplify(mill_path(Shape(bend=1 / 300, length_mm=300, lifted_mm=(120, 160)), part_id="plate 7"))
+    return simplify(mill_path(Shape(bend=1 / 300, length_mm=300, lifted_mm=(120, 160)), part=Part(part_id="plate 7")))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Moves
+from workbench.artefacts import Moves, Part
 from workbench.errors import PipelineError
 from workbench.program import krl
 from workbench.program.krl import euler_deg
@@ -57,7 +57,9 @@ def test_frames_and_feeds_are_the_moves(moves: Moves) -> None:
 def test_head_and_end(moves: Moves) -> None:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = Rotation.from_euler("ZYX", [10, 20, 30], degrees=True).as_matrix(), [1, 2, 3]
-    placed = replace(moves, toolpath=replace(moves.toolpath, base_from_workobject=matrix, part_id="a\nEND\n;FOLD"))
+    placed = replace(
+        moves, toolpath=replace(moves.toolpath, base_from_workobject=matrix, part=Part(part_id="a\nEND\n;FOLD"))
+    )
     program = lines(placed, zone_mm=0.5)
     assert program[:2] == ["&ACCESS RVP", "DEF BevelPath ( )"]
     assert program[-1] == "END"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Moves
+from workbench.artefacts import Moves, Part
 from workbench.dialect import ProgramJob, write_program
 from workbench.errors import InputError, PipelineError
 from workbench.path import simplify
@@ -153,7 +153,7 @@ ATTACKS = [
 @given(part_id=st.sampled_from(ATTACKS) | st.text(), source=st.sampled_from(ATTACKS) | st.text())
 def test_names_out_of_files_are_comments_and_nothing_else(moves: Moves, part_id: str, source: str) -> None:
     plain = text(moves).splitlines()
-    named = replace(moves, toolpath=replace(moves.toolpath, part_id=part_id, source=source))
+    named = replace(moves, toolpath=replace(moves.toolpath, part=Part(part_id=part_id), source=source))
     lines = text(named).splitlines()
     changed = [line for line, before in zip(lines, plain, strict=True) if line != before]
     assert len(changed) <= 2

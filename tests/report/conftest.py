@@ -25,6 +25,7 @@ from workbench.artefacts import (
     EdgeProfile,
     Inspection,
     Layer,
+    Part,
     Provenance,
     Requirements,
     Section,
@@ -38,7 +39,7 @@ LENGTH_MM, VIEW = 200.0, 42 * DEG  # VIEW: from the outward normal up to the dir
 
 
 @dataclass(frozen=True)
-class Part:
+class Inspected:
     cloud: Cloud
     edge: Edge
     inspection: Inspection
@@ -148,7 +149,7 @@ def make_part(
     s_seen, tangent, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
     cloud = Cloud(
         x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
-        source="milled_edge.h5", part_id=part_id, rejected={"isolated": outliers - 3, "mixed pixel": 3},
+        source="milled_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers - 3, "mixed pixel": 3},
     )  # fmt: skip
     s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
     seen = ~((s >= clamp[0]) & (s <= clamp[1]))
@@ -168,9 +169,9 @@ def make_part(
     measured = tuple(sections_of(sections, radius_mm, s_seen, clamp, lambda i: verdict if i in (2, 5) else "pass"))
     inspection = Inspection(
         measured, profile, Requirements(), 1.645, verdict, f"the part is made to {verdict}", "whole edge",
-        warnings=("the tilt of the root face rests on 1.5 mm of width",),
+        part=cloud.part, warnings=("the tilt of the root face rests on 1.5 mm of width",),
     )  # fmt: skip
-    return Part(cloud, edge, inspection)
+    return Inspected(cloud, edge, inspection)
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG,
     out = Travel(last, layers[0].quaternion_wxyz[[-1]], np.array([20.0]))
     return Toolpath(
         Cutter(), layers, (*[back] * len(layers), out), ROOT_MM, bevel_deg, depth_of_cut_mm=1.0, v_slow_mm_s=1.0,
-        edge_length_mm=LENGTH_MM, part_id="B-17", **known,
+        edge_length_mm=LENGTH_MM, part=Part(part_id="B-17"), **known,
     )  # fmt: skip
 
 
@@ -220,7 +221,7 @@ def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0)
     s_seen, tangent, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
     cloud = Cloud(
         x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
-        source="raw_edge.h5", part_id=part_id, rejected={"isolated": outliers},
+        source="raw_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers},
     )  # fmt: skip
     s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
     seen = ~((s >= clamp[0]) & (s <= clamp[1]))

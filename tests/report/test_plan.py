@@ -9,7 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from workbench.artefacts import Engagement, Gate, LayerEngagement, Moves
+from workbench.artefacts import Engagement, Gate, LayerEngagement, Moves, Part
 from workbench.errors import InputError
 from workbench.report import html, plan
 from workbench.report.plan_tables import duration
@@ -138,8 +138,8 @@ def test_one_layer_on_an_arc_without_travels(planned, quick, radius_mm):
 
 def test_names_out_of_files_are_text(planned, quick, hostile, elements):
     p = planned()
-    cloud = dataclasses.replace(p.cloud, source=hostile, part_id=hostile)
-    path = dataclasses.replace(p.toolpath, refused=(hostile,), part_id=None)
+    cloud = dataclasses.replace(p.cloud, source=hostile, part=Part(part_id=hostile))
+    path = dataclasses.replace(p.toolpath, refused=(hostile,), part=Part(part_id=None))
     chapter = plan(cloud, p.edge, path, None, Gate(True, hostile))
     page = html((chapter,)).content.decode()
     assert elements(page).scripts_are_the_reports_own()

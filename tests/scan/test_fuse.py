@@ -50,7 +50,7 @@ def test_two_poses_a_pass_opposite_signs_and_interleaved_passes(recording: Recor
     np.testing.assert_allclose(cloud.base_from_profiler, truth, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(cloud.keep, np.isfinite(cloud.x_mm) & np.isfinite(cloud.z_mm))
     assert cloud.keep.sum() == 12 * 7 - 8
-    assert (cloud.source, cloud.part_id, cloud.hand_eye_covariance) == (recording.source, "A-7", None)
+    assert (cloud.source, cloud.part.part_id, cloud.hand_eye_covariance) == (recording.source, "A-7", None)
 
 
 def test_a_dense_stream_of_poses(recording: Recording) -> None:

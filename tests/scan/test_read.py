@@ -94,7 +94,7 @@ def test_a_good_recording_in_each_form(build: Build, good: dict[str, Any], stora
         assert values.dtype == field.dtype
         assert not values.flags.writeable
         np.testing.assert_array_equal(values, good[field.path].astype(field.dtype))
-    assert (got.source, got.part_id, got.clock, got.sphere_diameter_mm) == (str(path), "A-7", "robot", None)
+    assert (got.source, got.part.part_id, got.clock, got.sphere_diameter_mm) == (str(path), "A-7", "robot", None)
 
 
 def test_blocks_of_frames_make_up_the_whole(
@@ -118,7 +118,7 @@ def test_what_is_optional_may_be_absent(build: Build) -> None:
     got = read(recording=build(optional_absent))
     assert got.intensity is None
     assert got.flange_from_profiler is None
-    assert got.part_id is None
+    assert got.part.part_id is None
     assert not got.pass_index.any()
     assert not got.robot_pass.any()
 
@@ -160,7 +160,7 @@ def test_names_out_of_the_file_can_always_be_printed(build: Build) -> None:
         kind = h5py.string_dtype("utf-8", 4)
         file.attrs.create("part_id", np.array(b"a\xff\x80b", "S4"), dtype=kind)
 
-    part_id = read(recording=build(edit)).part_id
+    part_id = read(recording=build(edit)).part.part_id
     assert part_id is not None
     part_id.encode("utf-8")
 

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from workbench.artefacts import Recording
+from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.scan import read, write
 
@@ -32,17 +32,19 @@ def test_what_was_written_is_read(
     recording: Recording, tmp_path: Path, compression: Literal["gzip", "lzf"] | None
 ) -> None:
     path = tmp_path / "again.h5"
-    write(recording, path, compression=compression, attributes={"sensor": "simulated"})
+    recording = dataclasses.replace(recording, part=Part(part_id="A-7", sensor="LPS 36", simulated=True))
+    write(recording, path, compression=compression)
     same(read(recording=path), recording)
     with h5py.File(path) as file:
         assert file["profiles/x"].compression == compression
-        assert file.attrs["sensor"] == "simulated"
+        assert file.attrs["sensor"] == "LPS 36"
+        assert file.attrs["simulated"] == 1
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {"flange_from_profiler": None, "intensity": None, "part_id": None},
+        {"flange_from_profiler": None, "intensity": None, "part": Part()},
         {"sphere_diameter_mm": 25.4, "clock": "own"},
     ],
 )

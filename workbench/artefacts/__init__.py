@@ -16,9 +16,18 @@ from workbench.artefacts.edges import (
     Edge,
     EdgeFrames,
 )
-from workbench.artefacts.inspections import EdgeProfile, Inspection, Requirements, Section, Verdict
+from workbench.artefacts.inspections import (
+    EdgeProfile,
+    Inspection,
+    Requirements,
+    Section,
+    Uncertainty,
+    UncertaintySource,
+    Verdict,
+)
 from workbench.artefacts.milling import Engagement, LayerEngagement, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
+from workbench.artefacts.parts import NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
 from workbench.artefacts.programs import (
     Judgement,
@@ -35,7 +44,9 @@ __all__ = [
     "BEVEL_FACE",
     "FACE_NAMES",
     "LOWER_SURFACE",
+    "NO_NAMES",
     "ROOT_FACE",
+    "UNKNOWN_PART",
     "UNLABELLED",
     "UPPER_SURFACE",
     "Chapter",
@@ -55,6 +66,8 @@ __all__ = [
     "LayerEngagement",
     "Mark",
     "Moves",
+    "Part",
+    "PartNames",
     "PathDeflection",
     "PathGate",
     "PointSet",
@@ -75,6 +88,8 @@ __all__ = [
     "Strokes",
     "Toolpath",
     "Travel",
+    "Uncertainty",
+    "UncertaintySource",
     "Verdict",
     "Violation",
     "frozen",

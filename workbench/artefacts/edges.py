@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from workbench.artefacts.checks import Check
+from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int
 
@@ -73,5 +74,6 @@ class Edge:
     hand_eye_u_mm: Float | None = None  # (n, 2) as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
     root_u_mm: float = 0.0  # standard uncertainty of all root sizes by what no frame shows
     root_direction_u: float = 0.0  # the same of the root face's direction, rad
+    part: Part = UNKNOWN_PART
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()  # of the cloud that it was found in, and of the faces

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from workbench.artefacts.checks import Check
+from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.units import Float, Int
 
 Verdict = Literal["pass", "fail", "undecided"]
@@ -52,6 +53,29 @@ class EdgeProfile:
     bevel_u_deg: Float  # (n,)
 
 
+@dataclass(frozen=True, slots=True)
+class UncertaintySource:
+    """One contribution to the combined standard uncertainty (GUM 4.1.4)."""
+
+    name: str
+    root_u_mm: float  # to the root face's width, in the section with the largest uncertainty of it
+    bevel_u_deg: float  # to the bevel angle, likewise
+    kind: Literal["A", "B"]  # evaluated from the scatter of these measurements, or by other means (GUM 4.2, 4.3)
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """The uncertainty budget: the squares of the sources add to the square of the largest section's u."""
+
+    coverage_factor: float = 2.0
+    sources: tuple[UncertaintySource, ...] = ()
+    not_included: tuple[str, ...] = ()  # sentences
+    correlations: str = ""  # why the squares do not add up, where they do not
+
+
+NO_BUDGET = Uncertainty()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
     """The measured part against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
@@ -63,5 +87,7 @@ class Inspection:
     verdict: Verdict
     reason: str
     root_face_tilt: str  # how the root face's tilt was estimated: 'whole edge' or 'per section'
+    part: Part = UNKNOWN_PART
+    uncertainty: Uncertainty = NO_BUDGET
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()  # what was checked of recording and faces

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
+from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.units import Bool, Float, Int
 
@@ -64,7 +65,7 @@ class Toolpath:
     v_slow_mm_s: float  # feed while cutting
     edge_length_mm: float
     base_from_workobject: Float | None = None  # (4, 4): positions are in the work object's frame; None: in the base
-    part_id: str | None = None
+    part: Part = UNKNOWN_PART
     source: str = ""
     refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
     warnings: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from workbench.artefacts.checks import Check
+from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 
@@ -27,7 +28,7 @@ class Recording:
     intensity: AnyArray | None = None  # (N, M) uint16
     sphere_diameter_mm: float | None = None  # set: a calibration recording
     clock: Literal["robot", "own"] = "robot"
-    part_id: str | None = None  # free text out of the file: data, never a path
+    part: Part = UNKNOWN_PART
     checks: tuple[Check, ...] = ()
 
 
@@ -38,6 +39,8 @@ class HandEye:
     flange_from_profiler: Float  # (4, 4)
     covariance: Float | None = None  # (6, 6) tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
     source: str = ""
+    calibrated_at: str | None = None  # ISO 8601
+    volume_u_mm: float | None = None  # predicted RMS error of a point over the field of view
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +60,7 @@ class Cloud:
     hand_eye_covariance: Float | None = None  # (6, 6) as in HandEye
     flange_from_profiler: Float | None = None  # (4, 4)
     source: str = ""
-    part_id: str | None = None
+    part: Part = UNKNOWN_PART
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
 
@@ -68,4 +71,4 @@ class PointSet:
 
     points_mm: Float  # (n, 3) finite
     source: str = ""  # the file's name as given, for messages
-    part_id: str | None = None
+    part: Part = UNKNOWN_PART

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import PointSet, frozen
+from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, frozen
 from workbench.cloud import readers
 from workbench.cloud.readers import READERS
 from workbench.errors import InputError
@@ -39,6 +39,7 @@ def read(
     unit: Annotated[
         Unit | None, Field(description="of the file's coordinates; null: what its format prescribes (E57: m), else mm")
     ] = None,
+    part: PartNames = NO_NAMES,
 ) -> PointSet:
     """Read a cloud without a grid: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
@@ -49,6 +50,7 @@ def read(
     Args:
         file: the cloud; its name's ending tells the format.
         unit: of its coordinates.
+        part: who and what was measured with what: no format of clouds says so.
 
     Raises:
         InputError: an unknown or damaged file, no points, or a size that no part has in that unit.
@@ -60,7 +62,7 @@ def read(
     points = in_process(file) * MM[used]
     points = points[~np.isnan(points).any(axis=1)]
     check_size(points, used, str(file))
-    return PointSet(frozen(points), str(file))
+    return PointSet(frozen(points), str(file), UNKNOWN_PART.with_names(part))
 
 
 def in_process(file: Path) -> Float:

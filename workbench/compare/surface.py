@@ -45,7 +45,7 @@ def surface(
     else:
         assert points is not None
         step = -(-len(points.points_mm) // most_points)
-        made = Surface(points.points_mm[::step], source=points.source, part_id=points.part_id)
+        made = Surface(points.points_mm[::step], source=points.source, part=points.part)
     if len(made.points_mm) < 100:
         raise InputError(made.source or "compare.surface", f"expected 100 points or more, found {len(made.points_mm)}")
     return made
@@ -101,7 +101,7 @@ def plan(toolpath: Toolpath) -> Surface:
     along = layer.cutting & (layer.width_mm > 0)
     course = toolpath.in_base(layer.position_mm[along])
     return Surface(points, triangles=triangles, course_mm=course, source=toolpath.source or "toolpath",
-                   part_id=toolpath.part_id)  # fmt: skip
+                   part=toolpath.part)  # fmt: skip
 
 
 def rigid(rows: list[list[float]], where: str) -> Float:
@@ -126,4 +126,4 @@ def _of_cloud(cloud: Cloud, most_points: int) -> Surface:
     number: Int = np.arange(len(cloud.keep))[frames][row]
     view = poses[:, :3, 2].mean(axis=0)
     return Surface(local[row, column].astype(float) + origin, frame=number, range_axis=view / np.linalg.norm(view),
-                   source=cloud.source, part_id=cloud.part_id)  # fmt: skip
+                   source=cloud.source, part=cloud.part)  # fmt: skip

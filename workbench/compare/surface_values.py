@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from workbench.artefacts import UNKNOWN_PART, Part
 from workbench.units import Bool, Float, Int
 
 
@@ -17,7 +18,7 @@ class Surface:
     range_axis: Float | None = None  # (3,) mean direction of the profiler's z, of either sense; None: not known
     course_mm: Float | None = None  # (m, 3) along which arc length counts; None: none is known
     source: str = ""
-    part_id: str | None = None
+    part: Part = UNKNOWN_PART
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -64,7 +64,7 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_m
     frame_tangent = np.full((len(s_low), 3), np.nan)
     frame_tangent[here] = measured.curve.tangent(s_low[here])
     return Edge(
-        kind="milled", faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
+        kind="milled", part=cloud.part, faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames,
         tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud)),
         arc_length_mm=at,

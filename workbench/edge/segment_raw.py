@@ -84,7 +84,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = float(np.median(turn_u(cloud, frame, t)))
     return Edge(
-        kind="raw", faces=found.faces, labels=found.labels, pass_index=cloud.pass_index,
+        kind="raw", part=cloud.part, faces=found.faces, labels=found.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=measured.s - start, frame_tangent=frame_tangent, frames=None,
         tangent_u=math.hypot(measured.tangent_u, math.sqrt(2.0) * robot_noise_mm / length), arc_length_mm=at - start,
         position_mm=position, tangent=t, normal=n, across=m, seen=seen,

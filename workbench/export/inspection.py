@@ -8,14 +8,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Document, Inspection, Provenance, Section
+from workbench.artefacts import Document, Inspection, Provenance, Section
 from workbench.spreadsheet import as_text
 from workbench.stage import stage
 
 FORMAT, VERSION = "bevel-inspection-rows", 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured
+PART = {
+    "part_id": "string", "drawing": "string", "operator": "string", "recorded_at": "string", "sensor": "string",
+    "sensor_serial": "string", "robot": "string", "robot_serial": "string", "simulated": "bool",
+}  # fmt: skip
 COLUMNS: dict[str, str] = {
-    "part_id": "string", "recording": "string", "recording_sha256": "string", "section": "int32",
+    **PART, "recording": "string", "recording_sha256": "string", "section": "int32",
     "arc_length_mm": "float64", "x_mm": "float64", "y_mm": "float64", "z_mm": "float64", "root_mm": "float64",
     "root_u_mm": "float64", "root_nominal_mm": "float64", "root_lower_mm": "float64", "root_upper_mm": "float64",
     "bevel_deg": "float64", "bevel_u_deg": "float64", "bevel_nominal_deg": "float64", "bevel_lower_deg": "float64",
@@ -28,7 +32,6 @@ COLUMNS: dict[str, str] = {
 def inspection(
     inspection: Inspection,
     provenance: Provenance,
-    cloud: Cloud | None = None,
     *,
     format: Annotated[Literal["parquet", "csv"], Field(description="of the file")] = "parquet",
 ) -> Document:
@@ -41,10 +44,10 @@ def inspection(
     Args:
         inspection: the measured part.
         provenance: the run's inputs.
-        cloud: names the part.
         format: of the file.
     """
-    part = {"part_id": cloud.part_id if cloud else None, **_recording(provenance), "part_verdict": inspection.verdict}
+    who = {name: getattr(inspection.part, name) for name in PART}
+    part = {**who, **_recording(provenance), "part_verdict": inspection.verdict}
     rows = [part | _row(inspection, section) for section in inspection.sections]
     return Document(f"inspection.{format}", _parquet(rows) if format == "parquet" else _csv(rows))
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Recording
+from workbench.artefacts import Part, PartNames, Recording
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
@@ -99,6 +99,15 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
     return None, "none: a pipeline must name one (input hand_eye)"
 
 
+def _part(frames: ProfileFrames, mapping: Mapping) -> Part:
+    """What the mapping says of the part; the sensor as the profiles name it where the mapping does not."""
+    try:
+        said = Part(**{field.name: getattr(mapping, field.name) for field in fields(PartNames)})
+    except ValueError as error:
+        raise InputError("mapping", str(error)) from None
+    return said if said.sensor is not None else replace(said, sensor=frames.sensor)
+
+
 def _recording(
     frames: ProfileFrames,
     passes: dict[int, TimedPass],
@@ -130,6 +139,6 @@ def _recording(
         z_mm=frames.z_mm[pick],
         intensity=None if frames.intensity is None else frames.intensity[pick],
         sphere_diameter_mm=mapping.sphere_diameter_mm,
-        part_id=mapping.part_id,
+        part=_part(frames, mapping),
         **fields,
     )

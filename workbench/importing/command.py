@@ -40,13 +40,7 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
     found = [read_source(Path(source), chosen) for source in sources]
     recording, notes = assemble(found, chosen)
-    named = {"sensor": chosen.sensor or next((one.profiles.sensor for one in found if one.profiles), None)}
-    write(
-        recording,
-        target,
-        compression="lzf",
-        attributes={key: text for key, text in {**named, "robot": chosen.robot}.items() if text},
-    )
+    write(recording, target, compression="lzf")
     read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
     return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording))))
 

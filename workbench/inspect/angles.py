@@ -29,6 +29,11 @@ class BevelAngles:
     tilt_variation: float  # standard deviation of that direction along the edge by its drift, rad; 0: none proven
     tilt_scatter: float  # standard deviation of that direction between stretches of edge, by drift or roughness, rad
 
+    def where(self, mask: Bool) -> BevelAngles:
+        """The places where `mask` (m,) holds."""
+        parts = (values[mask] for values in (self.bevel, self.u, self.local_u, self.tilt_u))
+        return BevelAngles(*parts, self.tilt_variation, self.tilt_scatter)
+
 
 def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:
     """Bevel angle at arc lengths at_mm (m,), from the frames within half_width_mm; passes averaged by their weight."""

@@ -11,6 +11,7 @@ from workbench.artefacts import Edge, EdgeProfile, Inspection, Requirements, Sec
 from workbench.errors import InputError
 from workbench.geometry.gaps import covered
 from workbench.inspect.angles import BevelAngles, bevel_angles
+from workbench.inspect.budget import budget
 from workbench.inspect.roots import RootSizes, root_sizes
 from workbench.inspect.verdict import judge, worst
 from workbench.stage import stage
@@ -66,9 +67,11 @@ def sections(
     )
     verdict = worst(s.verdict for s in inspected)
     profile = _profile(edge, angles, roots, seen, slice(sections, None))
-    return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge",
-                      (*edge.warnings, *_no_bevel(places[absurd]),
-                       *_warnings(profile, angles, required, guard_factor, verdict)), edge.checks)  # fmt: skip
+    at_sections = seen & (np.arange(seen.size) < sections)
+    uncertainty = budget(angles.where(at_sections), roots.where(at_sections), edge.part)
+    return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge", edge.part,
+                      uncertainty, (*edge.warnings, *_no_bevel(places[absurd]),
+                                    *_warnings(profile, angles, required, guard_factor, verdict)), edge.checks)  # fmt: skip
 
 
 def _warnings(profile: EdgeProfile, angles: BevelAngles, required: Requirements, guard_factor: float,

@@ -87,7 +87,7 @@ def layers(
     cut = _cut_layers(plan, depth_of_cut_mm)
     return Toolpath(
         cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=root_mm, bevel_deg=bevel_deg,
-        depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part_id=cloud.part_id,
+        depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part=cloud.part,
         source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings,
         evidence=edge.checks,
     )  # fmt: skip

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cutter, Layer, Toolpath, Travel
+from workbench.artefacts import Cutter, Layer, Part, PartNames, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
 from workbench.path.claim import read_claim, read_evidence
@@ -55,9 +56,9 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         travels=tuple(_travel(one, f"{where}.travels[{i}]") for i, one in enumerate(travels)),
         v_slow_mm_s=float(feeds.min()),
         edge_length_mm=_size(document.get("edge_length_mm", float(lengths.max())), f"{where}.edge_length_mm"),
-        base_from_workobject=_frame(document, where), source=str(toolpath), root_mm=needs["root_mm"],
-        bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"], claim=read_claim(document, where),
-        evidence=read_evidence(document, where),
+        base_from_workobject=_frame(document, where), source=str(toolpath), part=_part(document, where),
+        root_mm=needs["root_mm"], bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"],
+        claim=read_claim(document, where), evidence=read_evidence(document, where),
     )  # fmt: skip
 
 
@@ -159,6 +160,20 @@ def _frame(document: Mapping[str, Any], where: str) -> Float | None:
     pose = _column(document.get("base_from_workobject") or [], (4,), where, "base_from_workobject")
     _want(pose.shape == (4, 4) and is_rigid(pose), f"{where}.base_from_workobject", "expected a rigid motion, 4x4")
     return pose
+
+
+def _part(document: Mapping[str, Any], where: str) -> Part:
+    """The part that the path is for, as far as the file says."""
+    said = document.get("part") or {}
+    _want(isinstance(said, dict), f"{where}.part", "expected an object")
+    known = {field.name: said.get(field.name) for field in fields(PartNames)}
+    for name, text in known.items():
+        _want(text is None or isinstance(text, str), f"{where}.part.{name}", "expected text or null")
+    _want(said.get("simulated") in (None, True, False), f"{where}.part.simulated", "expected true, false or null")
+    try:
+        return Part(**known, simulated=said.get("simulated"))
+    except ValueError as error:
+        raise InputError(f"{where}.part", str(error)) from None
 
 
 def _want(fulfilled: bool, where: str, expected: str) -> None:

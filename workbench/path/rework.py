@@ -118,7 +118,7 @@ def _path(edge: Edge, cloud: Cloud, before: Toolpath, table: Course, bevel: Beve
     return Toolpath(
         cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=bevel.root_mm,
         bevel_deg=bevel.angle / DEG, depth_of_cut_mm=before.depth_of_cut_mm, v_slow_mm_s=before.v_slow_mm_s,
-        edge_length_mm=plan.length_mm, part_id=cloud.part_id, source=cloud.source,
+        edge_length_mm=plan.length_mm, part=cloud.part, source=cloud.source,
     )  # fmt: skip
 
 

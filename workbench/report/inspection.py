@@ -64,7 +64,7 @@ def inspection(
         html=inspection_html(cloud, edge, inspection, drawn, aside),
         verdict=inspection.verdict,
         summary=one_line(inspection.reason),
-        part=cloud.part_id or "",
+        part=inspection.part.part_id or "",
         warnings=tuple(dict.fromkeys([*inspection.warnings, *edge.warnings])),
         scene=scene,
     )

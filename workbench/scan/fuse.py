@@ -32,6 +32,9 @@ def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
     calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
+    part = dataclasses.replace(recording.part, hand_eye=hand_eye.name if hand_eye else "the recording's own",
+                               hand_eye_calibrated_at=calibration.calibrated_at,
+                               hand_eye_u_mm=calibration.volume_u_mm)  # fmt: skip
     recording = pass_after_pass(recording)
     return Cloud(
         x_mm=recording.x_mm,
@@ -43,7 +46,7 @@ def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
         hand_eye_covariance=calibration.covariance,
         flange_from_profiler=calibration.flange_from_profiler,
         source=recording.source,
-        part_id=recording.part_id,
+        part=part,
     )
 
 

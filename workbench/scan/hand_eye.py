@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import HandEye, Recording
+from workbench.artefacts.parts import iso_date
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid
 from workbench.strict_json import read_json
 from workbench.units import Float
 
+MAX_U_MM = 1e3
 KEYS = (
     "flange_from_profiler", "translation_mm", "rotation_rpy_deg", "covariance", "sphere_center_mm",
     "sphere_diameter_mm", "time_offset_s", "time_offset_u_s", "volume_u_mm", "residual_rms_mm", "method",
-    "frames_used", "frames_rejected", "warnings",
+    "frames_used", "frames_rejected", "warnings", "part",
 )  # fmt: skip
 
 
@@ -40,7 +42,24 @@ def read_hand_eye(path: Path) -> HandEye:
     if document.get("covariance") is not None:
         covariance = _matrix(document["covariance"], 6, f"{path}: $.covariance")
         _check_covariance(covariance, f"{path}: $.covariance")
-    return HandEye(flange_from_profiler=pose, covariance=covariance, source=str(path))
+    return HandEye(flange_from_profiler=pose, covariance=covariance, source=str(path),
+                   calibrated_at=_calibrated_at(document, path), volume_u_mm=_volume_u_mm(document, path))  # fmt: skip
+
+
+def _calibrated_at(document: dict[str, Any], path: Path) -> str | None:
+    """When the sphere was recorded, where the file says so."""
+    part = document.get("part") or {}
+    day = part.get("recorded_at") if isinstance(part, dict) else part
+    if day is not None and (not isinstance(day, str) or iso_date(day) is None):
+        raise InputError(f"{path}: $.part.recorded_at", "expected a date as 2026-03-31 (ISO 8601)")
+    return day
+
+
+def _volume_u_mm(document: dict[str, Any], path: Path) -> float | None:
+    u = document.get("volume_u_mm")
+    if u is not None and (isinstance(u, bool) or not isinstance(u, int | float) or not 0 <= u < MAX_U_MM):
+        raise InputError(f"{path}: $.volume_u_mm", "expected a length in mm")
+    return None if u is None else float(u)
 
 
 def recorded_hand_eye(recording: Recording) -> HandEye:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
 
+from workbench.artefacts import Part, PartNames
 from workbench.errors import InputError, nearest
 from workbench.scan.hdf5 import attribute, data_set, member
 
@@ -112,6 +113,18 @@ def text(holder: Any, name: str, where: str) -> str | None:
     if value is not None and not isinstance(value, str):
         raise InputError(f"{where}@{name}", f"expected text, found {_shown(value)}")
     return value
+
+
+def part_of(file: Any, where: str) -> Part:
+    """What the root attributes say of part, people and instruments."""
+    names = {field.name: text(file, field.name, f"{where}: /") for field in fields(PartNames)}
+    simulated = attribute(file, "simulated")
+    if simulated not in (None, 0, 1):
+        raise InputError(f"{where}: /@simulated", f"expected 0 or 1, found {_shown(simulated)}")
+    try:
+        return Part(**names, simulated=None if simulated is None else bool(simulated))
+    except ValueError as error:
+        raise InputError(f"{where}: /", str(error)) from None
 
 
 def _shown(value: Any) -> str:

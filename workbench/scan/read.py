@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Recording, frozen
+from workbench.artefacts import NO_NAMES, PartNames, Recording, frozen
 from workbench.errors import InputError
 from workbench.geometry.blocks import in_order
 from workbench.scan.checks import checked
 from workbench.scan.chunks import read_frames
 from workbench.scan.hdf5 import opened, whole
-from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, text
+from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, part_of
 from workbench.scan.trial import survives
 from workbench.stage import InputFile, Progress, stage
 from workbench.units import AnyArray, Float32
@@ -23,7 +24,7 @@ ON_THE_GRID = ("x_mm", "z_mm", "intensity")
 
 
 @stage("scan.read")
-def read(*, recording: InputFile, progress: Progress = None) -> Recording:
+def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress = None) -> Recording:
     """Read a profile recording: laser profiles (frame x column, mm) and robot poses, each with its time in s.
 
     The grid is read in blocks of frames straight into place and checked while in the cache. Quaternions within 1e-3 of
@@ -31,6 +32,7 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
 
     Args:
         recording: the HDF5 file, `format = "profile-recording"`, version 1.
+        part: who and what was measured with what, where the file does not say so or is mistaken.
         progress: called with the fraction read so far.
 
     Raises:
@@ -43,6 +45,9 @@ def read(*, recording: InputFile, progress: Progress = None) -> Recording:
         sets, values, header = _tables(file, where)
         values |= _grid(sets, where, progress)
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
+    for text in header["part"].contradicted(part):
+        warnings.warn(f"{text}, which is taken", stacklevel=1)
+    header["part"] = header["part"].with_names(part)
     return Recording(source=where, **fields, **header)
 
 
@@ -55,8 +60,8 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
     values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
     values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
     values = checked(where, values, diameter_mm is not None, clock)
-    part_id = text(file, "part_id", f"{where}: /")
-    return sets, values, {"sphere_diameter_mm": diameter_mm, "clock": clock, "part_id": part_id}
+    part = part_of(file, where)
+    return sets, values, {"sphere_diameter_mm": diameter_mm, "clock": clock, "part": part}
 
 
 def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, AnyArray]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from workbench.artefacts import Recording
+from workbench.artefacts import PartNames, Recording
 from workbench.errors import OutputError
 from workbench.storage import require_space
 
@@ -22,7 +22,6 @@ def write(
     path: Path,
     *,
     compression: Literal["gzip", "lzf"] | None = None,
-    attributes: Mapping[str, str] | None = None,
 ) -> None:
     """Write `recording` to `path` as HDF5, beside it first and then renamed, so that a killed run leaves no half file.
 
@@ -30,7 +29,6 @@ def write(
         recording: what `scan.read` would return.
         path: the file; replaced if it exists.
         compression: None is the fastest to read; gzip (with shuffle) makes about a third of it.
-        attributes: further root attributes, such as `sensor` and `robot`.
 
     Raises:
         OutputError: the file cannot be written.
@@ -43,7 +41,7 @@ def write(
     try:
         try:
             with h5py.File(partial, "w") as file:
-                _fill(file, recording, compression, attributes or {})
+                _fill(file, recording, compression)
             os.replace(partial, path)
         finally:
             with contextlib.suppress(FileNotFoundError):
@@ -52,11 +50,12 @@ def write(
         raise OutputError(str(path), f"cannot be written: {error}") from None
 
 
-def _fill(file: Any, recording: Recording, compression: str | None, attributes: Mapping[str, str]) -> None:
-    header = {"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"}
-    file.attrs.update({**attributes, **header})
-    if recording.part_id is not None:
-        file.attrs["part_id"] = recording.part_id
+def _fill(file: Any, recording: Recording, compression: str | None) -> None:
+    header: dict[str, str | int] = {"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"}
+    part = {field.name: getattr(recording.part, field.name) for field in fields(PartNames)}
+    if recording.part.simulated is not None:
+        header["simulated"] = int(recording.part.simulated)
+    file.attrs.update({**{name: text for name, text in part.items() if text is not None}, **header})
     profiles, robot = file.create_group("profiles"), file.create_group("robot")
     if recording.clock == "own":
         profiles.attrs["clock"] = "own"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Recording
+from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.storage import require_space
 from workbench.synthetic.motion import PassMotion, recorded_hand_eye
@@ -55,7 +55,7 @@ def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
         intensity=np.concatenate([b.intensity for b in flat if b.intensity is not None])
         if recipe.scanner.intensity
         else None,
-        part_id=recipe.part_id,
+        part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
     )
     return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
 
@@ -122,7 +122,7 @@ def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> T
     require_space(path, total * scanner.columns * (10 if scanner.intensity else 8))
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
-        file.attrs.update({"sensor": "synthetic", "robot": "synthetic"})
+        file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
         if recipe.part_id is not None:
             file.attrs["part_id"] = recipe.part_id
         _write_poses(file, motions, recipe)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Recording
+from workbench.artefacts import Part, Recording
 from workbench.storage import require_space
 from workbench.synthetic.returns import disturb
 from workbench.synthetic.scan import column_offsets, sensor_of
@@ -70,6 +70,7 @@ def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
         robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
         robot_pass=_pass_index([len(m.pose_time_s) for m in motions]), flange_from_profiler=truth.design,
         sphere_diameter_mm=sphere.stated_diameter_mm or sphere.diameter_mm, clock=recipe.robot.clock,
+        part=Part(sensor="synthetic", robot="synthetic", simulated=True),
     )  # fmt: skip
     return recording, truth
 
@@ -111,7 +112,7 @@ def write_sphere(recipe: SphereRecipe, path: Path) -> SphereTruth:
     packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
-        file.attrs.update({"sensor": "synthetic", "robot": "synthetic"})
+        file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
         file["profiles/time"], file["profiles/pass"] = recording.time_s, recording.pass_index.astype(np.int32)
         file.create_dataset("profiles/x", data=recording.x_mm, **packed)
         file.create_dataset("profiles/z", data=recording.z_mm, **packed)

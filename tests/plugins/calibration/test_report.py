@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from workbench.artefacts import Part
 from workbench.plugins.calibration import circles, hand_eye, plan, report, validate
 from workbench.synthetic import random_sphere_recipe, simulate_sphere
 
@@ -16,7 +17,7 @@ from workbench.synthetic import random_sphere_recipe, simulate_sphere
 @pytest.fixture(scope="module")
 def parts():
     recording, _ = simulate_sphere(random_sphere_recipe("sphere_gross", 5))
-    recording = dataclasses.replace(recording, part_id="<b>ball</b>")
+    recording = dataclasses.replace(recording, part=Part(part_id="<b>ball</b>"))
     profiles = circles(recording)
     _, found, _ = hand_eye(profiles, recording)
     return found, profiles, recording, plan(found, profiles, recording)[0], validate(found, profiles, recording)[0]

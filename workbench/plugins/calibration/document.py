@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from workbench.api import DEG, Document, rpy_from_rotation, strict_json
 from workbench.plugins.calibration.values import Calibration
 
@@ -10,6 +12,7 @@ def hand_eye_document(found: Calibration) -> Document:
     """The calibration as the file that inspection and planning read by their input `hand_eye`."""
     pose = found.hand_eye.flange_from_profiler
     content = {
+        "part": asdict(found.part),
         "flange_from_profiler": pose,
         "translation_mm": pose[:3, 3],
         "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],

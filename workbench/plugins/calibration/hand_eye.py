@@ -139,10 +139,12 @@ def _calibration(method: Method, result: Fit, answer: Answer, profiles: SpherePr
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = bundle.left_out(result, seen, noise)
     offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
+    volume = volume_u(covariance, *field_of_view(estimate, linear.centre[result.used]))
     return Calibration(
-        hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source), method=method,
+        part=recording.part, method=method,
+        hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume),
         sphere_center_mm=estimate.center_mm, sphere_radius_mm=estimate.radius_mm, covariance=frozen(covariance),
-        volume_u_mm=volume_u(covariance, *field_of_view(estimate, linear.centre[result.used])),
+        volume_u_mm=volume,
         directions=directions(covariance, estimate, linear.centre[result.used]),
         time_offset_s=estimate.offset_s if answer.with_offset else None, time_offset_u_s=offset_u,
         frames=seen.frames, centre_mm=bundle.signed_centres(estimate, linear, seen),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from workbench.api import Bool, Float, HandEye, Int
+from workbench.api import UNKNOWN_PART, Bool, Float, HandEye, Int, Part
 
 Method = Literal["bundle", "joint", "analytic", "genetic"]
 
@@ -63,6 +63,7 @@ class Calibration:
     frames_used: tuple[int, ...]
     frames_rejected: tuple[Rejected, ...]
     warnings: tuple[str, ...]
+    part: Part = UNKNOWN_PART  # sensor, robot and date of the recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)

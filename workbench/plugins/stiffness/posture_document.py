@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ def posture_document(found: Found) -> bytes:
         {
             "format": "posture",
             "version": 1,
+            "part": asdict(made.toolpath.part),
             "mode": found.mode,
             "mean_displacement_mm": float(found.displacement_mm.mean()),
             "constant": {

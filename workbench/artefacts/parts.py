@@ -1,0 +1,74 @@
+"""Whose measurement it is: the part, who recorded it when, and with which instruments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from datetime import date, datetime
+from typing import Any, ClassVar
+
+DATES = ("recorded_at", "sensor_calibrated_at")  # ISO 8601
+MOST_CHARACTERS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class PartNames:
+    """What a recording or a user may say of a part; None: unknown. Free text out of files: data, never a path."""
+
+    __pydantic_config__: ClassVar[Any] = {
+        "extra": "forbid",
+        "coerce_numbers_to_str": True,
+        "str_max_length": MOST_CHARACTERS,
+    }
+
+    part_id: str | None = None
+    drawing: str | None = None
+    operator: str | None = None
+    recorded_at: str | None = None
+    sensor: str | None = None
+    sensor_serial: str | None = None
+    sensor_calibrated_at: str | None = None
+    robot: str | None = None
+    robot_serial: str | None = None
+
+    def __post_init__(self) -> None:
+        """Dates must be such."""
+        for name in DATES:
+            if (text := getattr(self, name)) is not None and iso_date(text) is None:
+                raise ValueError(f"{name}: expected a date as 2026-03-31 or 2026-03-31T14:05 (ISO 8601), got {text!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Part(PartNames):
+    """The identity that goes with a measurement from the recording to every result.
+
+    >>> Part(part_id="A-7", sensor="LPS 36").with_names(PartNames(part_id="A-8")).part_id
+    'A-8'
+    """
+
+    simulated: bool | None = None  # True: no real part was measured
+    hand_eye: str | None = None  # the hand-eye calibration in use: its file, or 'the recording's own'
+    hand_eye_calibrated_at: str | None = None  # ISO 8601
+    hand_eye_u_mm: float | None = None  # RMS over the field of view, as its file predicts it
+
+    def with_names(self, names: PartNames) -> Part:
+        """The same part with what `names` says in place of its own."""
+        own = {f.name: getattr(self, f.name) for f in fields(Part)}
+        return Part(**{**own, **{f.name: v for f in fields(PartNames) if (v := getattr(names, f.name)) is not None}})
+
+    def contradicted(self, names: PartNames) -> list[str]:
+        """What `names` says otherwise, in words."""
+        both = ((f.name, getattr(self, f.name), getattr(names, f.name)) for f in fields(PartNames))
+        return [f"{name}: the file says {own!r}, the run {given!r}" for name, own, given in both
+                if own is not None and given is not None and own != given]  # fmt: skip
+
+
+UNKNOWN_PART = Part()
+NO_NAMES = PartNames()
+
+
+def iso_date(text: str) -> date | None:
+    """The day of an ISO 8601 date or time; None: it is none."""
+    try:
+        return datetime.fromisoformat(text).date()
+    except ValueError:
+        return None

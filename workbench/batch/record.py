@@ -89,7 +89,7 @@ def record_of(part: str, recording: str, checked: Plan, results: Results, files:
         recording,
         "passed" if results.passed else "rejected",
         cause=said,
-        part_id=read.part_id if read else None,
+        part_id=read.part.part_id if read else None,
         seconds=round(sum(results.seconds.values()), 6),
         pipeline=pipeline_digest(checked),
         versions=versions_digest(checked),

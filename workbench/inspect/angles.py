@@ -8,7 +8,7 @@ along the edge, each carries that drift too, and the inspection says so. Roughne
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,8 +31,7 @@ class BevelAngles:
 
     def where(self, mask: Bool) -> BevelAngles:
         """The places where `mask` (m,) holds."""
-        parts = (values[mask] for values in (self.bevel, self.u, self.local_u, self.tilt_u))
-        return BevelAngles(*parts, self.tilt_variation, self.tilt_scatter)
+        return replace(self, **{name: getattr(self, name)[mask] for name in ("bevel", "u", "local_u", "tilt_u")})
 
 
 def bevel_angles(edge: Edge, at_mm: Float, half_width_mm: float) -> BevelAngles:

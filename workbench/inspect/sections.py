@@ -69,9 +69,10 @@ def sections(
     profile = _profile(edge, angles, roots, seen, slice(sections, None))
     at_sections = seen & (np.arange(seen.size) < sections)
     uncertainty = budget(angles.where(at_sections), roots.where(at_sections), edge.part)
+    warnings = (*edge.warnings, *_no_bevel(places[absurd]),
+                *_warnings(profile, angles, required, guard_factor, verdict))  # fmt: skip
     return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "whole edge", edge.part,
-                      uncertainty, (*edge.warnings, *_no_bevel(places[absurd]),
-                                    *_warnings(profile, angles, required, guard_factor, verdict)), edge.checks)  # fmt: skip
+                      uncertainty, warnings, edge.checks)  # fmt: skip
 
 
 def _warnings(profile: EdgeProfile, angles: BevelAngles, required: Requirements, guard_factor: float,

@@ -166,7 +166,7 @@ def _part(document: Mapping[str, Any], where: str) -> Part:
     """The part that the path is for, as far as the file says."""
     said = document.get("part") or {}
     _want(isinstance(said, dict), f"{where}.part", "expected an object")
-    known = {field.name: said.get(field.name) for field in fields(PartNames)}
+    known: dict[str, Any] = {field.name: said.get(field.name) for field in fields(PartNames)}
     for name, text in known.items():
         _want(text is None or isinstance(text, str), f"{where}.part.{name}", "expected text or null")
     _want(said.get("simulated") in (None, True, False), f"{where}.part.simulated", "expected true, false or null")

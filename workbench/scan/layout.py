@@ -117,7 +117,7 @@ def text(holder: Any, name: str, where: str) -> str | None:
 
 def part_of(file: Any, where: str) -> Part:
     """What the root attributes say of part, people and instruments."""
-    names = {field.name: text(file, field.name, f"{where}: /") for field in fields(PartNames)}
+    names: dict[str, Any] = {field.name: text(file, field.name, f"{where}: /") for field in fields(PartNames)}
     simulated = attribute(file, "simulated")
     if simulated not in (None, 0, 1):
         raise InputError(f"{where}: /@simulated", f"expected 0 or 1, found {_shown(simulated)}")

@@ -13,18 +13,19 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import functools
 import hashlib
 import os
 import pickle
 import stat
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable
-from functools import cache, cached_property
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, TypeVar, overload
+from typing import Any, TypeAlias, TypeVar, overload
 
 KEPT_DAYS = 60  # for which a kernel of other sources stays
 DIGEST = hashlib.sha256
@@ -51,14 +52,56 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
         >>> larger(1.0, 2.5)
         2.5
     """
+    return Kernel(function, options) if function else lambda one: Kernel(one, options)
+
+
+class Kernel:
+    """A function that is compiled when it is first called; until then nothing of numba is loaded."""
+
+    _building = threading.RLock()
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.function, self.options = function, options
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Of numbers and arrays."""
+        return self.compiled(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        """What numba asks a function that another one calls, and the compiled function itself on first use."""
+        if name != "compiled":
+            return getattr(self.compiled, name)
+        with Kernel._building:
+            if "compiled" not in vars(self):
+                vars(self)["compiled"] = _compiled(self)
+            return vars(self)["compiled"]
+
+    def __reduce__(self) -> str:
+        """Other processes import it."""
+        return str(self.function.__qualname__)
+
+
+def _compiled(one: Kernel) -> Any:
+    """numba's function, which keeps its machine code here."""
     from numba import njit
 
-    if function is None:
-        return lambda one: kernel(one, **options)
-    compiled = njit(nogil=True, **options)(function)
+    _known_to_numba()
+    compiled = njit(nogil=True, **one.options)(one.function)
     if hasattr(compiled, "_cache"):  # not where NUMBA_DISABLE_JIT is set
         compiled._cache = Kept(compiled)
     return compiled
+
+
+@functools.cache
+def _known_to_numba() -> None:
+    """A kernel that another one calls has the type of what is compiled of it."""
+    from numba.core import types
+    from numba.extending import typeof_impl
+
+    @typeof_impl.register(Kernel)
+    def _(value: Kernel, _: Any) -> Any:
+        return types.Dispatcher(value.compiled)
 
 
 class Kept:
@@ -73,13 +116,20 @@ class Kept:
         """The folder, for numba's own statistics."""
         return str(folder().path) if folder().path else None
 
-    @cached_property
+    @functools.cached_property
     def source(self) -> str:
         """The digest of what the kernel is made of."""
         return source_digest(self.compiled)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The kernel for these types, or None: nothing kept, or damaged."""
+        found = self._load(signature, target)
+        if found is None:
+            for tell in [*_watching]:
+                tell()
+        return found
+
+    def _load(self, signature: Any, target: Any) -> Any:
         from numba.core.compiler import CompileResult
         from numba.core.runtime.nrt import rtsys
 
@@ -126,6 +176,19 @@ class Kept:
                     path.unlink()
 
 
+_watching: list[Callable[[], None]] = []
+
+
+@contextlib.contextmanager
+def compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call `tell` before each compilation; a kernel that was kept needs none."""
+    _watching.append(tell)
+    try:
+        yield
+    finally:
+        _watching.remove(tell)
+
+
 class Folder:
     """Where kernels are kept: `NUMBA_CACHE_DIR`, the user's cache folder, a temporary one, or nowhere."""
 
@@ -164,10 +227,13 @@ def _user_cache() -> Path | None:
     return Path(home, "workbench", "kernels") if os.path.isabs(home) else None  # an unknown user has no home
 
 
-@cache
+@functools.cache
 def folder() -> Folder:
     """This process's folder, looked for once."""
     return Folder()
+
+
+Found: TypeAlias = dict[str, str]  # by name and bytecode of each kernel: the rest of what it is made of
 
 
 def source_digest(compiled: Any) -> str:
@@ -175,16 +241,17 @@ def source_digest(compiled: Any) -> str:
     import numba
     import numpy
 
-    found: dict[str, str] = {}
+    found: Found = {}
     _describe_kernel(compiled, found)
     versions = (sys.version_info[:3], numba.__version__, numpy.__version__)
     return DIGEST(repr((versions, sorted(found.items()))).encode()).hexdigest()
 
 
-def _describe_kernel(compiled: Any, found: dict[str, str]) -> None:
+def _describe_kernel(compiled: Any, found: Found) -> None:
     """Add the kernel and all that it calls, by name."""
     function = compiled.py_func
-    name = f"{function.__module__}.{function.__qualname__}"
+    own = [(code.co_code, _literals(code), code.co_names, code.co_varnames) for code in _codes(function.__code__)]
+    name = f"{function.__module__}.{function.__qualname__} {own}"
     if name in found:
         return
     found[name] = ""
@@ -192,9 +259,8 @@ def _describe_kernel(compiled: Any, found: dict[str, str]) -> None:
     used = {name: function.__globals__[name] for name in names if name in function.__globals__}
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     constants = {name: _describe(value, found) for name, value in used.items()}
-    own = [(code.co_code, _literals(code), code.co_names, code.co_varnames) for code in _codes(function.__code__)]
     rest = [_describe(value, found) for value in (*closed, *(function.__defaults__ or ()))]
-    found[name] = repr((own, constants, rest, sorted(compiled.targetoptions.items(), key=str)))
+    found[name] = repr((constants, rest, sorted(compiled.targetoptions.items(), key=str)))
 
 
 def _codes(code: CodeType) -> list[CodeType]:
@@ -208,7 +274,7 @@ def _literals(code: CodeType) -> str:
     return repr([one for one in code.co_consts[len(docstring) :] if not isinstance(one, CodeType)])
 
 
-def _describe(value: Any, found: dict[str, str]) -> str:
+def _describe(value: Any, found: Found) -> str:
     """A constant as numba freezes it into the code, by value; another kernel by name, with its own entry in `found`."""
     if hasattr(value, "py_func"):
         _describe_kernel(value, found)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench import Pipeline
+from workbench import Pipeline, kernels
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
 from workbench.pipeline.progress import Lines, Reporter, compilation_watch
@@ -146,15 +147,17 @@ def test_progress_reaches_the_reporter(demo_document: Doc, tmp_path: Path) -> No
     assert notes.seen[:3] == [(0, 5, "demo.read"), (1, 5, "demo.turn"), 0.5]
 
 
-def test_compilation_is_announced_once_and_only_when_it_happens(capsys: pytest.CaptureFixture[str]) -> None:
-    import sys
-
-    import numba
-
-    kernel, other = numba.njit(lambda a: a + 1), numba.njit(lambda a: a + 2)
+def test_compilation_is_announced_once_and_only_when_it_happens(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    kernels.folder.cache_clear()
+    one, other = kernels.kernel(lambda a: a + 1), kernels.kernel(lambda a: a + 2)
     with compilation_watch(Lines(sys.stderr)):
-        assert kernel(np.float64(1)) + other(1) == 5
+        assert one(np.float64(1)) + other(1) == 5
     assert capsys.readouterr().err.count("compiling kernels") == 1
     with compilation_watch(Lines(sys.stderr)):
-        kernel(np.float64(2))
+        one(np.float64(2))
+        kernels.kernel(lambda a: a + 1)(np.float64(2))  # kept
+    kernels.folder.cache_clear()
     assert capsys.readouterr().err == ""

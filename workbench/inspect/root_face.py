@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
+from scipy.special import chdtri, fdtri
 
 from workbench.artefacts import EdgeFrames
 from workbench.units import Float, Int
@@ -63,7 +62,7 @@ def between(means: Float, sums: Float, proof: float) -> float:
     1986), where a chi-square test proves some; else 0.
     """
     misfit, freedom = float((sums * (means - np.average(means, weights=sums)) ** 2).sum()), means.size - 1
-    if freedom < 1 or misfit <= chi2.ppf(proof, freedom):
+    if freedom < 1 or misfit <= chdtri(freedom, 1.0 - proof):
         return 0.0
     return (misfit - freedom) / float(sums.sum() - (sums**2).sum() / sums.sum())
 
@@ -80,4 +79,4 @@ def drifts(at: Float, value: Float, weight: Float) -> bool:
     course = np.polynomial.Polynomial.fit(at, value, order, w=np.sqrt(weight))
     misfit = float((weight * (value - course(at)) ** 2).sum())
     explained = float((weight * (value - np.average(value, weights=weight)) ** 2).sum()) - misfit
-    return bool(explained / order > fisher.ppf(DRIFT_PROOF, order, freedom) * misfit / freedom)
+    return bool(explained / order > fdtri(order, freedom, DRIFT_PROOF) * misfit / freedom)

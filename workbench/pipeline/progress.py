@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import TextIO
 
 from workbench.errors import one_line
+from workbench.kernels import compiling, folder
 
 
 class Reporter:
@@ -51,8 +51,6 @@ class Lines(Reporter):
 
     def compiling(self) -> None:
         """Say why it takes so long this time."""
-        from workbench.kernels import folder
-
         kept = one_line(folder().note()) or "only once after installing"
         self._show(f"\ncompiling kernels for this machine: {kept}\n{self.label}")
 
@@ -69,26 +67,7 @@ class Lines(Reporter):
 
 @contextmanager
 def compilation_watch(reporter: Reporter) -> Iterator[None]:
-    """Tell the reporter, once, when numba really compiles; a kernel out of the cache on disk raises no event."""
-    if "numba" not in sys.modules:  # no family of this pipeline has kernels
+    """Tell the reporter, once, when a kernel has to be compiled."""
+    untold = [reporter.compiling]
+    with compiling(lambda: untold.pop()() if untold else None):
         yield
-        return
-    from numba.core import event
-
-    class Watch(event.Listener):
-        told = False
-
-        def on_start(self, event: Any) -> None:
-            if not self.told:
-                self.told = True
-                reporter.compiling()
-
-        def on_end(self, event: Any) -> None:
-            pass
-
-    watch = Watch()
-    event.register("numba:compile", watch)  # type: ignore[no-untyped-call]
-    try:
-        yield
-    finally:
-        event.unregister("numba:compile", watch)  # type: ignore[no-untyped-call]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtr
 
 from workbench.api import Float
 from workbench.plugins.calibration.bundle import Fit
@@ -31,7 +31,7 @@ def wrong_scales(result: Fit, seen: Observations, noise: Noise) -> tuple[tuple[s
         column = np.zeros((len(here), 3, 1))
         column[:, row, 0] = here.circle[:, row]
         error, u = _score(r, J, (white @ column).ravel(), noise)
-        if 2 * t.sf(abs(error) / u, result.freedom - 1) < SURE:
+        if 2 * stdtr(result.freedom - 1, -abs(error) / u) < SURE:
             found.append((name, error, u))
     return tuple(found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from workbench.api import AnyArray, Float
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature
@@ -80,8 +80,8 @@ def robust(eq: Equations) -> tuple[Estimate, Float]:
     limit = len(use) // 5
     for _ in range(limit):
         inside = use > 0
-        level = chi2.ppf(1 - GROSS / len(use), found.rows)
-        spread = max(1.0, float(np.median(found.misfit[inside] / chi2.median(found.rows[inside]))))
+        level = chdtri(found.rows, GROSS / len(use))
+        spread = max(1.0, float(np.median(found.misfit[inside] / chdtri(found.rows[inside], 0.5))))
         excess = np.where(inside, found.misfit / (level * spread), 0.0)
         if excess.max() <= 1:
             break

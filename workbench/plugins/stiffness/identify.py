@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from workbench.api import (
     AngleConvention,
@@ -84,7 +84,7 @@ def identify_from(chain: Chain, setup: LoadingSetup, tests: LoadingTests,
     check_size(found, tests)
     out = (*points_out, *(f"line {tests.lines[i]}: this load contradicts the others: left out"
                           for i in np.flatnonzero(use == 0)))  # fmt: skip
-    noisy = found.scale2 > chi2.ppf(0.999, found.freedom) / found.freedom
+    noisy = found.scale2 > chdtri(found.freedom, 0.001) / found.freedom
     covariance = found.covariance * (found.scale2 if noisy else 1.0)
     warnings = [*tests.warnings, *out, *check_pairs(sound, eq, found.compliance, use, found.scale2)]
     if noisy:

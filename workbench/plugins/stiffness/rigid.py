@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from workbench.api import Bool, Chain, Float, InputError, LoadingSetup, forward_kinematics
 from workbench.plugins.stiffness.values import LoadingTests
@@ -59,7 +59,7 @@ def _misfit(moved: Float, at: Float, use: Bool) -> float:
 def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
     """How many times the stated noise most loads show, at least 1."""
     ratios = [
-        _misfit(m, a, s) / noise_mm**2 / chi2.median(3 * s.sum() - 6)
+        _misfit(m, a, s) / noise_mm**2 / chdtri(3 * s.sum() - 6, 0.5)
         for m, a, s in zip(moved, at, seen, strict=True)
         if s.sum() >= 3
     ]
@@ -69,7 +69,7 @@ def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
 def _gross(moved: Float, at: Float, seen: Bool, noise_mm: float, loads: int) -> list[int]:
     """Points of one load to leave out."""
     use = seen.copy()
-    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * chi2.ppf(1 - GROSS / loads, 3 * use.sum() - 6):
+    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * chdtri(3 * use.sum() - 6, GROSS / loads):
         if use.sum() == 3:
             return [int(k) for k in np.flatnonzero(seen)]
         without = []

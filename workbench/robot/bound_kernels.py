@@ -45,6 +45,24 @@ def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
 
 
 @kernel(error_model="numpy")
+def pairs_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
+                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
+                 pairs: AnyArray) -> tuple[AnyArray, AnyArray]:  # fmt: skip
+    """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
+    found, middles = np.zeros((len(joints), len(pairs))), np.zeros((len(joints), len(link), 3))
+    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
+    turn[8] = table[:3]
+    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    for n in range(len(joints)):
+        _move(motion, turn, axes, points, joints, turned[n], n)
+        _place(at, placed, middle, motion, link, is_box, ends, pose)
+        middles[n] = middle
+        for i in range(len(pairs)):
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1])
+    return found, middles
+
+
+@kernel(error_model="numpy")
 def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
                 pairs: AnyArray, least: float) -> AnyArray:  # fmt: skip

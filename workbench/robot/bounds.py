@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import bound_kernel, near_kernel
+from workbench.robot.bound_kernels import bound_kernel, near_kernel, pairs_kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
@@ -68,6 +68,17 @@ def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: F
                     turntable_pose(cell, 0.0), np.ascontiguousarray(turntable, float), v.link, v.is_box, v.ends_mm,
                     v.radius_mm, v.pose, v.half_mm, v.around_mm, v.pairs, least)
     )  # fmt: skip
+
+
+def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:
+    """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,)."""
+    v = volumes
+    found, middles = pairs_kernel(
+        cell.chain.axes, cell.chain.points_mm, np.ascontiguousarray(joints, float), turntable_pose(cell, 0.0),
+        np.ascontiguousarray(turntable, float), v.link, v.is_box, v.ends_mm, v.radius_mm, v.pose, v.half_mm,
+        v.around_mm, v.pairs,
+    )  # fmt: skip
+    return np.asarray(found), np.asarray(middles)
 
 
 def _volume(shape: Shape) -> tuple[Float, float, Float]:

@@ -1,0 +1,427 @@
+"""A program judged as its controller will run it: driven through the cell without a gap, from the file's own words.
+
+    read back -> way (segments, corners rounded) -> places -> each stretch between two places is proven or halved
+
+A stretch is proven where limits, wrist and every pair of bodies keep their margins for all that lies between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.artefacts import Judgement, ProgramMoves, Violation
+from workbench.robot.bounds import SAFE_MM, bounding_volumes, pair_bounds_mm
+from workbench.robot.cell import Cell
+from workbench.robot.collision import CollisionModel, turntable_pose
+from workbench.robot.drive import Places, between, first_look, joined
+from workbench.robot.kinematics import forward_kinematics, joint_axes, motions
+from workbench.robot.margins import COVERAGE, dexterity
+from workbench.robot.shapes import ON_TURNTABLE
+from workbench.robot.surface import Planned, deviations
+from workbench.robot.way import JOINTS, Way, WayError, way_of
+from workbench.units import DEG, Bool, Float, Int
+
+ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin
+LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is told as a violation
+MOST_REACH = 0.25  # rad, of all joints together in a stretch that can be proven at once
+MOST_TOLD = 40
+Configuration = Callable[[Float, Cell], tuple[int, ...] | None]
+
+
+def judge(
+    cell: Cell, program: ProgramMoves, planned: Planned | None = None, configuration: Configuration | None = None
+) -> Judgement:
+    """Drive a program through its cell.
+
+    Between targets: collision, joint limits, the wrist's singularity and the condition of the Jacobian, each with the
+    cell's margins and the stated uncertainty of tool and part; speed and acceleration of the joints; at each target
+    the axis configuration that the program says; and how far the tool leaves the planned surface.
+
+    Args:
+        cell: robot, tool, bodies, margins.
+        program: as read back from its file.
+        planned: the path that it is to follow; None: its deviation is not judged, and the judgement says so.
+        configuration: of a posture, as the program's dialect counts it.
+    """
+    try:
+        tools, frames = _frames(cell, program)
+        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), _rated(cell))
+    except WayError as error:
+        return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
+    way, places = first_look(cell, way)
+    found = _proven(cell, way, places, _Findings())
+    return _judgement(cell, program, way, found, planned, configuration)
+
+
+def _rated(cell: Cell) -> Float:
+    return np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else np.inf)
+
+
+def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
+    """Tools and work objects by name: the program's, and the controller's that the cell knows."""
+    tools = {name: tool.flange_from_tool for name, tool in program.tools.items()}
+    tools = {name: cell.controller_tools.get(name) if pose is None else pose for name, pose in tools.items()}
+    frames = {
+        name: cell.controller_frames.get(name) if pose is None else pose for name, pose in program.work_objects.items()
+    }
+    for move in program.moves:
+        for name, known, what in ((move.tool, tools, "tool"), (move.work_object, frames, "work object")):
+            if known.get(name) is None and not (what == "work object" and move.pose is None):
+                raise WayError(move.line, f"the {what} '{name}' is neither in the program nor in the cell file")
+    return ({name: pose for name, pose in tools.items() if pose is not None},
+            {name: pose for name, pose in frames.items() if pose is not None})  # fmt: skip
+
+
+@dataclass
+class _Findings:
+    """What is gathered while stretches are proven."""
+
+    places: list[Places] = field(default_factory=list)
+    clearance: list[Float] = field(default_factory=list)
+    pair: list[Int] = field(default_factory=list)
+    margin: list[Float] = field(default_factory=list)
+    wrist: list[Float] = field(default_factory=list)
+    condition: list[Float] = field(default_factory=list)
+    proven_mm: float = np.inf  # least distance of all, with what the bodies move between places taken off
+    proven_pair: int = -1
+    faults: list[tuple[int, float, str, str]] = field(default_factory=list)  # segment, share, kind, finding
+
+
+class _Pairs:
+    """Which joints move the bodies of each pair against each other, and how far they must keep apart."""
+
+    def __init__(self, cell: Cell) -> None:
+        self.cell, self.model, self.volumes = cell, CollisionModel(cell), bounding_volumes(cell)
+        pairs = np.array(self.model.pairs, int).reshape(-1, 2)
+        link = np.array([max(shape.link, 0) for shape in cell.shapes] or [0])[pairs]
+        on_table = link == ON_TURNTABLE
+        arm = np.where(on_table, 0, link)
+        low, high = arm.min(axis=1), arm.max(axis=1)
+        self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
+        self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
+        self.table = on_table.any(axis=1)
+        self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
+        self.least_mm = self._least(pairs)
+
+    def _least(self, pairs: Int) -> Float:
+        """The clearance (P,) and what tool and part may be off, coverage 2."""
+        margins, shapes = self.cell.margins, self.cell.shapes
+        around = self.volumes.around_mm if len(shapes) else np.zeros(0)
+        tool = np.array([shape.body in ("tool", "cutter") for shape in shapes])
+        part = np.array([not 0 <= shape.link <= 6 for shape in shapes])
+        flange = self.cell.chain.base_from_flange_at_zero[:3, 3]
+        lever = np.array([np.linalg.norm(shape.pose[:3, 3] - flange) for shape in shapes]) + around
+        lever = np.where(part, around, lever)
+        off = np.where(tool, np.hypot(margins.flange_mm, margins.flange_rad * lever), 0.0)
+        off = np.where(part, np.hypot(margins.part_mm, margins.part_rad * lever), off)
+        two = off[pairs]
+        return np.asarray(margins.clearance_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
+
+    def moved_mm(self, places: Places, reach: Float, middles: Float) -> Float:
+        """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
+        axes, points = joint_axes(self.cell.chain, places.joints)
+        arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
+        radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
+        way = np.einsum("nip,pi,ni->np", radius[:, :, self.outer], self.joints.astype(float), reach[:, :6])
+        if self.table.any():
+            pose = turntable_pose(self.cell, 0.0)
+            from_axis = np.linalg.norm(np.cross(middles - pose[:3, 3], pose[:3, 2]), axis=-1) + self.volumes.around_mm
+            way += np.where(self.table, from_axis[:, self.standing] * reach[:, 6:], 0.0)
+        slack = 1 - reach.sum(axis=1, keepdims=True)
+        return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
+
+
+def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings:
+    """Halve every stretch until it is proven, or found to be at fault."""
+    pairs = _Pairs(cell)
+    found.places.append(places)
+    before, after = places.at(np.s_[:-1]), places.at(np.s_[1:])
+    for turn in range(ROUNDS):
+        middle = between(cell, way, before, after)
+        last = turn == ROUNDS - 1
+        open_ = _stretches(cell, way, pairs, before, middle, after, found, last=last)
+        found.places.append(middle)
+        if not open_.any() or last:
+            break
+        some = middle.at(open_)
+        before, after = joined([before.at(open_), some]), joined([some, after.at(open_)])
+    return found
+
+
+def _stretches(cell: Cell, way: Way, pairs: _Pairs, before: Places, middle: Places, after: Places, found: _Findings, *,
+               last: bool) -> Bool:  # fmt: skip
+    """Which stretches (n,) stay open; faults are noted."""
+    open_, closed = np.zeros(len(middle), bool), np.zeros(len(middle), bool)
+
+    def fault(which: Bool, kind: str, finding: Callable[[int], str]) -> None:
+        for i in np.flatnonzero(which & ~closed).tolist():
+            found.faults.append((int(middle.segment[i]), float(middle.share[i]), kind, finding(i)))
+        closed[which] = True
+
+    three = np.stack([np.column_stack([part.joints, part.turntable]) for part in (before, middle, after)])
+    lost = ~np.isfinite(three).all(axis=(0, 2))
+    fault(lost, "unreachable", lambda i: "no posture of the robot reaches it")
+    three[:, lost] = 0.0
+    reach = np.maximum(np.abs(three[0] - three[1]), np.abs(three[2] - three[1]))
+    reach += np.abs(three[1] - (three[0] + three[2]) / 2)
+    tiny = (reach.sum(axis=1) < LEAST_REACH) | last
+    wide = reach.sum(axis=1) > MOST_REACH
+    fault(wide & (np.linalg.norm(after.tool[:, :3, 3] - before.tool[:, :3, 3], axis=1) < 0.01) & (
+        way.kind[middle.segment] != JOINTS), "singular",
+        lambda i: f"joint {int(reach[i].argmax()) + 1} turns by {np.degrees(reach[i].max()):.0f} deg while the tool "
+        "stands")  # fmt: skip
+    open_ |= wide
+    wrist, condition, asked = dexterity(cell.chain, three[1][:, :6], middle.tool[:, :3, 3], cell.margins.twist)
+    asked[way.kind[middle.segment] == JOINTS] = 0.0
+    margin, which = _limits(cell, three[1], asked)
+    found.margin.append(np.where(lost, np.nan, margin))
+    found.wrist.append(np.where(lost, np.nan, wrist))
+    found.condition.append(np.where(lost, np.nan, condition))
+    need = cell.margins.limit
+    beyond = margin < need - 1e-9
+    fault(beyond, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
+    open_ |= margin - reach.max(axis=1) < need - 1e-9
+    in_space = way.kind[middle.segment] != JOINTS
+    fault(in_space & (wrist < cell.margins.wrist), "singular",
+          lambda i: f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
+          f"{np.degrees(cell.margins.wrist):g} deg")  # fmt: skip
+    open_ |= in_space & (wrist - reach[:, 4] < cell.margins.wrist)
+    fault(in_space & (condition > cell.margins.condition), "singular",
+          lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most "
+          f"{cell.margins.condition:g}")  # fmt: skip
+    near = _collisions(pairs, middle.at(~lost), reach[~lost], tiny[~lost], found)
+    open_[~lost] |= near[0]
+    hit, least, pair = np.full(len(middle), -1), np.full(len(middle), np.nan), np.full(len(middle), -1)
+    hit[~lost], least[~lost], pair[~lost] = near[1:]
+    found.clearance.append(least)
+    found.pair.append(pair)
+    fault(hit >= 0, "collision", lambda i: _collision_finding(pairs, int(hit[i]), float(least[i])))
+    fault(open_ & tiny, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
+    return np.asarray(open_ & ~closed)
+
+
+def _limits(cell: Cell, seven: Float, asked: Float) -> tuple[Float, Int]:
+    """The least margin (n,) of joints and turntable, what errors of tool and part ask for taken off, and of which."""
+    low, high = cell.chain.limits.T
+    margin = np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked
+    if cell.turntable is not None:
+        table = np.minimum(seven[:, 6] - cell.turntable.limits[0], cell.turntable.limits[1] - seven[:, 6])
+        margin = np.column_stack([margin, table])
+    which = margin.argmin(axis=1)
+    return margin[np.arange(len(margin)), which], which
+
+
+def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
+    if which == 6:
+        assert cell.turntable is not None
+        low, high = cell.turntable.limits
+        name, off = "the turntable", 0.0
+    else:
+        (low, high), name, off = cell.chain.limits[which], f"joint {which + 1}", float(asked[which])
+    angle, margin = float(seven[which]), np.degrees(min(seven[which] - low, high - seven[which]))
+    blur = f" (and tool and part may ask it for {np.degrees(off):.3f} deg more)" if off > 0 else ""
+    return (f"{name} at {np.degrees(angle):.3f} deg keeps {margin:.3f} deg from its limit{blur}, expected "
+            f"{np.degrees(cell.margins.limit):g} deg")  # fmt: skip
+
+
+def _collisions(pairs: _Pairs, places: Places, reach: Float, tiny: Bool,
+                found: _Findings) -> tuple[Bool, Int, Float, Int]:  # fmt: skip
+    """Which stretches stay open, the pair that is too near or -1, the least distance and its pair (n,) each."""
+    n, shape = len(places), (len(places),)
+    open_, hit = np.zeros(n, bool), np.full(n, -1)
+    if not len(pairs.model.pairs) or not n:
+        return open_, hit, np.full(n, np.inf), np.full(n, -1)
+    apart, middles = pair_bounds_mm(pairs.cell, pairs.volumes, places.joints, places.turntable)
+    moved = pairs.moved_mm(places, reach, middles)
+    need = pairs.least_mm + SAFE_MM
+    doubtful = apart - moved <= need
+    rows = np.flatnonzero(doubtful.any(axis=1))
+    links = motions(pairs.cell.chain, places.joints[rows])
+    for i, row in enumerate(rows.tolist()):
+        which = np.flatnonzero(doubtful[row])
+        table = turntable_pose(pairs.cell, float(places.turntable[row]))
+        apart[row, which] = pairs.model.distances(links[i], table, which.tolist())
+        short = apart[row, which] < pairs.least_mm[which]
+        if short.any():
+            hit[row] = which[np.argmin(np.where(short, apart[row, which], np.inf))]
+        unproven = apart[row, which] - moved[row, which] <= need[which]
+        if unproven.any():
+            open_[row] = True
+            if tiny[row] and hit[row] < 0:
+                hit[row] = which[np.argmin(np.where(unproven, apart[row, which], np.inf))]
+    pair = apart.argmin(axis=1)
+    least = apart[np.arange(n), pair]
+    sure = np.where(open_[:, None], np.inf, apart - moved)
+    at = int(sure.min(axis=0).argmin())
+    if sure.min() < found.proven_mm:
+        found.proven_mm, found.proven_pair = float(sure.min()), at
+    assert least.shape == shape
+    least = np.where(hit >= 0, apart[np.arange(n), np.maximum(hit, 0)], least)
+    return open_, hit, least, np.where(hit >= 0, hit, pair)
+
+
+def _collision_finding(pairs: _Pairs, hit: int, distance: float) -> str:
+    a, b = pairs.model.names(*pairs.model.pairs[hit])
+    need = float(pairs.least_mm[hit])
+    how = f"{a} runs into {b}" if distance <= 0 else f"{a} comes within {distance:.2f} mm of {b}"
+    return f"{how}, expected a clearance of {need:.2f} mm"
+
+
+def _undriven(program: ProgramMoves, violation: Violation) -> Judgement:
+    nan = float("nan")
+    return Judgement(program, (violation,), (), nan, nan, 0, nan, None, nan, nan, nan, nan, nan, {})
+
+
+def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, planned: Planned | None,
+               configuration: Configuration | None) -> Judgement:  # fmt: skip
+    everywhere = joined(found.places)
+    order = np.lexsort((everywhere.share, everywhere.segment))
+    places = everywhere.at(order)
+    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
+    at = _Lookup(places, arc)
+    faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
+    faults += _configurations(cell, program, way, places, at, configuration)
+    speeds, share = _speeds(cell, way, places, arc)
+    faults += speeds
+    unchecked = list(_unchecked(cell))
+    deviation = float("nan")
+    if planned is None:
+        unchecked.append("the tool's deviation from its path: no path was given")
+    else:
+        off, worst = deviations(cell, planned, places.tool, places.turntable)
+        deviation = off
+        faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), "deviation", text) for i, text in worst]
+    measured = len(everywhere) - len(found.places[0])
+    inside = np.argsort(order)[len(found.places[0]) :]
+    along = {
+        name: np.concatenate(values)[np.argsort(inside)] if values else np.zeros(0)
+        for name, values in (("clearance_mm", found.clearance), ("limit_margin", found.margin),
+                             ("wrist", found.wrist), ("condition", found.condition))
+    }  # fmt: skip
+    along["arc_length_mm"] = arc[np.sort(inside)]
+    assert measured == len(along["arc_length_mm"])
+    least, pair = _least(found)
+    return Judgement(
+        program=program,
+        violations=tuple(_told(faults)),
+        unchecked=tuple(unchecked),
+        length_mm=float(arc[-1]),
+        time_s=float(way.duration_s.sum()),
+        postures=len(everywhere),
+        clearance_mm=min(found.proven_mm, least),
+        clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
+        limit_margin=_nanmin(along["limit_margin"]),
+        wrist=_nanmin(along["wrist"]),
+        condition=float(np.nanmax(along["condition"], initial=0.0)),
+        speed_share=share,
+        deviation_mm=deviation,
+        along=along,
+    )
+
+
+def _least(found: _Findings) -> tuple[float, int]:
+    clearance, pair = np.concatenate(found.clearance), np.concatenate(found.pair)
+    if not np.isfinite(clearance).any():
+        return np.inf, -1
+    i = int(np.nanargmin(clearance))
+    return float(clearance[i]), int(pair[i])
+
+
+def _names(cell: Cell, pair: int) -> tuple[str, str] | None:
+    if pair < 0:
+        return None
+    model = CollisionModel(cell)
+    return model.names(*model.pairs[pair])
+
+
+def _nanmin(values: Float) -> float:
+    return float(np.nanmin(values)) if np.isfinite(values).any() else float("nan")
+
+
+class _Lookup:
+    """Arc length by place."""
+
+    def __init__(self, places: Places, arc: Float) -> None:
+        self._key, self._arc = places.segment + np.minimum(places.share, 1 - 1e-12), arc
+
+    def arc(self, segment: int, share: float) -> float:
+        """Of the tool, from the first target."""
+        i = int(np.searchsorted(self._key, segment + min(share, 1 - 1e-12)))
+        return float(self._arc[min(i, len(self._arc) - 1)])
+
+
+def _configurations(cell: Cell, program: ProgramMoves, way: Way, places: Places, at: _Lookup,
+                    configuration: Configuration | None) -> Iterator[Violation]:  # fmt: skip
+    """Targets whose configuration is another than the program says: a restart there would take another posture."""
+    if configuration is None:
+        return
+    last = np.flatnonzero(np.append(np.diff(way.move[places.segment]) != 0, True))
+    for i in last.tolist():
+        move = program.moves[way.move[places.segment[i]]]
+        if move.configuration is None or not np.isfinite(places.joints[i]).all():
+            continue
+        there = configuration(places.joints[i], cell)
+        if there is not None and tuple(there) != tuple(move.configuration):
+            said = f"the program says configuration {list(move.configuration)}, the robot has {list(there)}"
+            yield Violation(move.line, at.arc(int(places.segment[i]), float(places.share[i])), "configuration", said)
+
+
+def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Violation], float]:
+    """Joints that cannot keep the programmed feed, and the largest share of a rated speed (and acceleration)."""
+    seven = np.column_stack([places.joints, places.turntable])
+    same = places.segment[1:] == places.segment[:-1]
+    share = places.share[1:] - np.where(same, places.share[:-1], 0.0)
+    seconds = share * way.duration_s[places.segment[1:]]
+    moved = np.abs(np.diff(seven, axis=0))
+    long_enough = seconds > 1e-9
+    rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)
+    asked = np.nan_to_num(rate / _rated(cell))
+    asked[way.kind[places.segment[1:]] == JOINTS] = 0.0
+    worst = asked.max(axis=1, initial=0.0)
+    faults = []
+    if (worst > 1 + 1e-6).any():
+        i = int(worst.argmax())
+        joint = int(asked[i].argmax())
+        name = "the turntable" if joint == 6 else f"joint {joint + 1}"
+        faults.append(Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "speed",
+                                f"{name} would need {worst[i]:.2f} times its largest speed"))  # fmt: skip
+    if cell.accelerations is not None:
+        faults += _accelerations(cell, way, places, rate, seconds, arc)
+    return faults, float(worst.max(initial=0.0))
+
+
+def _accelerations(cell: Cell, way: Way, places: Places, rate: Float, seconds: Float,
+                   arc: Float) -> list[Violation]:  # fmt: skip
+    """Within segments and through rounded corners, where the controller does not stop."""
+    assert cell.accelerations is not None
+    signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
+    rate = np.where(seconds[:, None] > 1e-9, signed / np.maximum(seconds, 1e-9)[:, None], 0.0)
+    middle = (seconds[1:] + seconds[:-1]) / 2
+    flying = (places.segment[1:-1] == places.segment[2:]) & (seconds[1:] > 1e-9) & (seconds[:-1] > 1e-9)
+    change = np.abs(np.diff(rate, axis=0))[:, :6] / np.maximum(middle, 1e-9)[:, None]
+    asked = np.where(flying[:, None], np.nan_to_num(change / cell.accelerations), 0.0)
+    asked[way.kind[places.segment[1:-1]] == JOINTS] = 0.0
+    worst = asked.max(axis=1, initial=0.0)
+    if not (worst > 1 + 1e-6).any():
+        return []
+    i = int(worst.argmax())
+    return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration",
+                      f"joint {int(asked[i].argmax()) + 1} would need {worst[i]:.2f} times its largest acceleration")]  # fmt: skip
+
+
+def _unchecked(cell: Cell) -> Iterator[str]:
+    yield from cell.unchecked
+    if cell.accelerations is None:
+        yield "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)"
+
+
+def _told(faults: list[Violation]) -> Iterator[Violation]:
+    """One of each kind and line, in the order of the way, not more than can be read."""
+    seen: Mapping[tuple[int, str], Violation] = {}
+    kept: dict[tuple[int, str], Violation] = dict(seen)
+    for fault in sorted(faults, key=lambda fault: fault.arc_length_mm):
+        kept.setdefault((fault.line, fault.kind), fault)
+    yield from list(kept.values())[:MOST_TOLD]

@@ -1,0 +1,244 @@
+"""The way that a program drives, at any place between its targets: straight, circular, joint moves and rounded corners.
+
+Vectorised over places. A place is (segment, share of it). Corners are rounded as controllers do it, by a parabola from
+the zone's begin to its end; what a controller may do otherwise within the zone is bounded by `Way.rounding`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import ProgramMove, ProgramMoves
+from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, slerp
+from workbench.units import DEG, Float, Int
+
+ToFlange = Callable[[Float], Float]  # base_from_flange (4, 4) at joint angles (6,)
+STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
+NO_LENGTH_MM = 1e-6
+MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may take either way round
+BLENDING_JOINTS = "a joint move that blends: its way depends on the controller; expected a stop before and after it"
+TURN_SPEED = 50 * DEG  # rad/s where the orientation alone moves, and of the turntable where a program does not say
+
+
+class WayError(ValueError):
+    """A move that no way can be made of; `line` is the program's."""
+
+    def __init__(self, line: int, finding: str) -> None:
+        """What was found, in words."""
+        super().__init__(finding)
+        self.line = line
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """g segments in the order of motion. Poses are of the flange's tool in the base."""
+
+    kind: Int  # (g,) STRAIGHT, CIRCULAR, CORNER or JOINTS
+    line: Int  # (g,) of the program
+    move: Int  # (g,) index of the move that it belongs to
+    span: Float  # (g, 2) shares of the whole move that it reaches from and to
+    position_mm: Float  # (g, 3, 3) start, corner (of CORNER), end of the whole move
+    quaternion: Float  # (g, 3, 4) likewise
+    centre_mm: Float  # (g, 3) of arcs
+    turn: Float  # (g, 3) rotation axis of arcs, times the sweep
+    joints: Float  # (g, 2, 6) start and end of joint moves
+    turntable: Float  # (g, 3) start, corner, end
+    flange_from_tool: Float  # (g, 4, 4)
+    duration_s: Float  # (g,)
+    length_mm: Float  # (g,)
+    start_joints: Float  # (6,)
+
+    def tool(self, segment: Int, share: Float) -> tuple[Float, Float]:
+        """Poses (n, 4, 4) of the tool in the base, NaN on joint moves, and turntable angles (n,)."""
+        f = self.span[segment, 0] + share * (self.span[segment, 1] - self.span[segment, 0])
+        kind = self.kind[segment]
+        a, corner, b = (self.position_mm[segment, i] for i in range(3))
+        position = a + f[:, None] * (b - a)
+        arc = kind == CIRCULAR
+        if arc.any():
+            s, centre = segment[arc], self.centre_mm[segment[arc]]
+            position[arc] = centre + _turned(a[arc] - centre, self.turn[s], f[arc])
+        q0, qc, q1 = (self.quaternion[segment, i] for i in range(3))
+        quaternion = slerp(q0, q1, f)
+        table = self.turntable[segment, 0] + f * (self.turntable[segment, 2] - self.turntable[segment, 0])
+        bent = kind == CORNER
+        if bent.any():
+            v = f[bent][:, None]
+            weights = (1 - v) ** 2, 2 * v * (1 - v), v**2
+            position[bent] = weights[0] * a[bent] + weights[1] * corner[bent] + weights[2] * b[bent]
+            quaternion[bent] = slerp(slerp(q0[bent], qc[bent], f[bent]), slerp(qc[bent], q1[bent], f[bent]), f[bent])
+            three = self.turntable[segment[bent]]
+            table[bent] = sum(w[:, 0] * three[:, i] for i, w in enumerate(weights))
+        return pose_from(rotation_from_quaternion(quaternion), position), table
+
+    def joint_move(self, segment: Int, share: Float) -> Float:
+        """Joint angles (n, 6) on joint moves."""
+        start, end = self.joints[segment, 0], self.joints[segment, 1]
+        return np.asarray(start + share[:, None] * (end - start))
+
+
+def _turned(arm: Float, turn: Float, share: Float) -> Float:
+    """Vectors (n, 3) turned by a share of rotation vectors (n, 3)."""
+    angle = np.linalg.norm(turn, axis=1)
+    axis = turn / angle[:, None]
+    c, s = np.cos(angle * share)[:, None], np.sin(angle * share)[:, None]
+    along = np.einsum("ni,ni->n", axis, arm)[:, None]
+    return np.asarray(arm * c + np.cross(axis, arm) * s + axis * along * (1 - c))
+
+
+@dataclass
+class _Leg:
+    """One whole move, before its ends are rounded off."""
+
+    index: int
+    move: ProgramMove
+    kind: int
+    tool: Float  # flange_from_tool
+    start: Float  # (4, 4) tool in the base
+    end: Float
+    tables: tuple[float, float]
+    joints: tuple[Float, Float] | None
+    centre: Float
+    turn: Float
+    length: float
+    cut: list[float]  # shares at which it begins and ends
+
+    def at(self, share: float) -> tuple[Float, Float, float]:
+        """Position, quaternion and turntable angle on the whole move."""
+        a, b = self.start[:3, 3], self.end[:3, 3]
+        position = a + share * (b - a)
+        if self.kind == CIRCULAR:
+            position = self.centre + _turned((a - self.centre)[None], self.turn[None], np.array([share]))[0]
+        q0, q1 = (quaternion_from_rotation(pose[:3, :3]) for pose in (self.start, self.end))
+        table = self.tables[0] + share * (self.tables[1] - self.tables[0])
+        return position, slerp(q0, q1, np.array(share)), table
+
+
+def way_of(program: ProgramMoves, tools: Mapping[str, Float], work_objects: Mapping[str, Float], flange_at: ToFlange,
+           rated: Float) -> Way:  # fmt: skip
+    """The way of a program from its first target on.
+
+    Args:
+        program: its first move gives joint angles.
+        tools: flange_from_tool (4, 4) by name, those of the controller included.
+        work_objects: base_from_workobject (4, 4) by name.
+        flange_at: function from joint angles (6,) to base_from_flange (4, 4).
+        rated: (7,) largest speeds of the joints and the turntable, rad/s.
+
+    Raises:
+        WayError: a first move without joint angles, an orientation that turns too far, a circle that is none, a joint
+            move to a pose, a joint move that blends.
+    """
+    legs: list[_Leg] = []
+    joints: Float | None = None
+    flange: Float | None = None
+    table = 0.0
+    for i, move in enumerate(program.moves):
+        end_table = table if move.turntable is None else move.turntable
+        if i == 0:
+            if move.joints is None:
+                raise WayError(move.line, "the first move gives no joint angles: expected the program to say in which "
+                               "posture it begins")  # fmt: skip
+            joints, flange, table = move.joints, flange_at(move.joints), end_table
+            continue
+        assert flange is not None
+        leg = _leg(i, move, tools[move.tool], work_objects.get(move.work_object), joints, flange, (table, end_table),
+                   flange_at)  # fmt: skip
+        legs.append(leg)
+        joints = move.joints if leg.kind == JOINTS else None
+        flange, table = leg.end @ inverse(leg.tool), end_table
+    first = program.moves[0].joints if program.moves else None
+    if first is None:
+        raise WayError(1, "the program moves nowhere")
+    return _stacked(_rounded(legs), first, rated)
+
+
+def _leg(i: int, move: ProgramMove, tool: Float, frame: Float | None, joints: Float | None, flange: Float,
+         tables: tuple[float, float], flange_at: ToFlange) -> _Leg:  # fmt: skip
+    start, nothing = flange @ tool, np.zeros(3)
+    if move.kind == "J":
+        if move.joints is None:
+            raise WayError(move.line, "a joint move to a pose: its way depends on the controller; expected joint angles")
+        if move.zone_mm > 0:
+            raise WayError(move.line, BLENDING_JOINTS)
+        both = (np.full(6, np.nan) if joints is None else joints, move.joints)
+        return _Leg(i, move, JOINTS, tool, start, flange_at(move.joints) @ tool, tables, both, nothing, nothing, 0.0,
+                    [0.0, 1.0])  # fmt: skip
+    assert move.pose is not None
+    assert frame is not None
+    end = frame @ move.pose
+    cosine = (np.trace(start[:3, :3].T @ end[:3, :3]) - 1) / 2
+    if np.arccos(np.clip(cosine, -1, 1)) > MOST_TURN:
+        raise WayError(move.line, f"the tool turns by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} deg in one "
+                       "move, either way round: expected at most 170 deg")  # fmt: skip
+    if move.kind == "L":
+        length = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
+        return _Leg(i, move, STRAIGHT, tool, start, end, tables, None, nothing, nothing, length, [0.0, 1.0])
+    assert move.via is not None
+    centre, turn = _circle(start[:3, 3], (frame @ move.via)[:3, 3], end[:3, 3], move.line)
+    length = float(np.linalg.norm(start[:3, 3] - centre) * np.linalg.norm(turn))
+    return _Leg(i, move, CIRCULAR, tool, start, end, tables, None, centre, turn, length, [0.0, 1.0])
+
+
+def _circle(a: Float, via: Float, b: Float, line: int) -> tuple[Float, Float]:
+    """Centre and rotation vector of the arc from a over via to b."""
+    u, v = via - a, b - a
+    normal = np.cross(u, v)
+    size = float(normal @ normal)
+    if size <= 1e-12 * float(u @ u) * float(v @ v):
+        raise WayError(line, "a circular move whose three points lie on a line")
+    centre = a + np.cross((u @ u) * v - (v @ v) * u, normal) / (2 * size)
+    axis, arm = normal / np.sqrt(size), a - centre
+    end = b - centre
+    sweep = np.arctan2(np.cross(arm, end) @ axis, arm @ end) % (2 * np.pi)
+    return centre, axis * sweep
+
+
+def _rounded(legs: list[_Leg]) -> list[tuple[_Leg, _Leg | None]]:
+    """Legs, and between them corners (both legs) where a zone rounds them off."""
+    order: list[tuple[_Leg, _Leg | None]] = []
+    for i, leg in enumerate(legs):
+        after = legs[i + 1] if i + 1 < len(legs) else None
+        order.append((leg, None))
+        if after is None or leg.move.zone_mm <= 0:
+            continue
+        if after.kind == JOINTS:
+            raise WayError(leg.move.line, BLENDING_JOINTS)
+        zone = min(leg.move.zone_mm, leg.length / 2, after.length / 2)
+        if zone > NO_LENGTH_MM:
+            leg.cut[1], after.cut[0] = 1 - zone / leg.length, zone / after.length
+            order.append((leg, after))
+    return order
+
+
+def _stacked(order: list[tuple[_Leg, _Leg | None]], first: Float, rated: Float) -> Way:
+    rows = [_row(leg, after, rated) for leg, after in order]
+    columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else []
+    if not columns:
+        raise WayError(1, "the program moves nowhere but to its first target")
+    return Way(*columns, start_joints=first)
+
+
+def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
+    if after is None:
+        places = leg.at(0.0), leg.at(0.0), leg.at(1.0)
+        kind, span = leg.kind, tuple(leg.cut)
+        length = leg.length * (leg.cut[1] - leg.cut[0])
+    else:
+        places, kind, span = (leg.at(leg.cut[1]), leg.at(1.0), after.at(after.cut[0])), CORNER, (0.0, 1.0)
+        length = sum(float(np.linalg.norm(places[i + 1][0] - places[i][0])) for i in (0, 1))
+    joints = np.zeros((2, 6)) if leg.joints is None or after is not None else np.array(leg.joints)
+    position, quaternion, table = (np.array(part) for part in zip(*places, strict=True))
+    turned = 2 * float(np.arccos(np.clip(abs(quaternion[0] @ quaternion[2]), 0, 1)))
+    feed = leg.move.feed_mm_s
+    duration = length / feed if feed else 0.0
+    if kind == JOINTS:
+        moved = np.abs(np.append(joints[1] - joints[0], table[2] - table[0]))
+        duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
+    elif length < NO_LENGTH_MM:
+        duration = max(duration, turned / TURN_SPEED, abs(table[2] - table[0]) / TURN_SPEED)
+    return (kind, leg.move.line, leg.index, span, position, quaternion, leg.centre, leg.turn, joints, table, leg.tool,
+            duration, length)  # fmt: skip

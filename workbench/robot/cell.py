@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.artefacts import RobotCell
 from workbench.robot.chain import Chain
+from workbench.robot.margins import Margins
 from workbench.robot.shapes import Shape
 from workbench.units import Float
 
@@ -55,6 +57,13 @@ class Cell(RobotCell):
     may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
     margin_mm: float  # clearance below which a posture counts as colliding
     warnings: tuple[str, ...] = ()
+    margins: Margins = field(default_factory=Margins)
+    accelerations: Float | None = None  # (6,) rad/s^2, largest of the joints; None: not stated
+    controller_tools: Mapping[str, Float] = field(
+        default_factory=dict
+    )  # flange_from_tool (4, 4) by the controller's name
+    controller_frames: Mapping[str, Float] = field(default_factory=dict)  # base_from_workobject (4, 4), likewise
+    unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
 
 
 def spindle_warning(flange_from_cutter: Float) -> str | None:

@@ -17,6 +17,10 @@ Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)
 Quaternion = tuple[float, float, float, float]
 
 
+Six = tuple[Size, Size, Size, Size, Size, Size]
+Uncertainty = Annotated[float, Field(ge=0, le=10)]
+
+
 class _Part(BaseModel):
     """An object of the file: known keys only."""
 
@@ -45,6 +49,10 @@ class RobotPart(_Part):
     urdf: str = Field(description="its URDF, relative to this file")
     base_frame: str = Field(default="base_link", description="the URDF's frame in which the controller reports poses")
     flange_frame: str = Field(default="tool0", description="the URDF's frame of the mounting flange")
+    acceleration_deg_s2: Six | None = Field(default=None, description="largest of the joints; null: not judged")
+    joint_stiffness_nm_per_rad: Six | None = Field(
+        default=None, description="of this robot, where no stiffness.json is named; null: unknown"
+    )
 
 
 class ShapePart(_Part):
@@ -80,6 +88,15 @@ class ToolPart(_Part):
     """Spindle and cutter."""
 
     flange_from_cutter: Pose = Field(description="the cutter's tip: z along its axis from shank to tip")
+    controller_name: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=32,
+        description="of the tool as measured on the controller; null: the "
+        "program declares it, from mass and centre of gravity",
+    )
+    mass_kg: float | None = Field(default=None, gt=0, le=1000, description="of spindle and cutter")
+    centre_of_gravity_mm: Point | None = Field(default=None, description="of spindle and cutter, in the flange")
     shapes: list[ToolShapePart] = Field(default=[], description="collision shapes, in the flange frame")
 
 
@@ -115,6 +132,57 @@ class FixturePart(ShapePart):
     on: Literal["base", "turntable"] = Field(default="base", description="what it stands on")
 
 
+class MarginsPart(_Part):
+    """What a posture keeps from joint limits and singularities."""
+
+    limit_deg: float = Field(default=2.0, ge=0, le=45, description="of each joint and the turntable from its limits")
+    wrist_deg: float = Field(default=5.0, ge=0, le=45, description="of axis 6 from the line of axis 4 (abs(q5))")
+    condition: float = Field(
+        default=50.0,
+        gt=1,
+        le=1e6,
+        description="largest ratio of singular values of the Jacobian, lengths in units of half the robot's own",
+    )
+
+
+class UncertaintyPart(_Part):
+    """How well the cell is known: standard uncertainties, of each axis."""
+
+    tool_u_mm: Uncertainty = Field(default=0.0, description="of the tool on the flange")
+    tool_u_deg: Uncertainty = Field(default=0.0, description="of its orientation")
+    base_u_mm: Uncertainty = Field(
+        default=0.0, description="of the part in the base, as scanned: the hand-eye's volume_u_mm"
+    )
+    base_u_deg: Uncertainty = Field(default=0.0, description="of its orientation")
+    turntable_u_mm: Uncertainty = Field(default=0.0, description="of the turntable's axis in the base")
+    turntable_u_deg: Uncertainty = Field(default=0.0, description="of the axis' direction")
+
+
+class EnvelopePart(_Part):
+    """A box that the robot and its tool stay in, along the axes of the base."""
+
+    lowest_mm: Point = Field(description="corner")
+    highest_mm: Point = Field(description="corner")
+
+    @model_validator(mode="after")
+    def _open(self) -> EnvelopePart:
+        if not all(low < high for low, high in zip(self.lowest_mm, self.highest_mm, strict=True)):
+            raise ValueError("expected lowest_mm below highest_mm")
+        return self
+
+
+class WorkObjectPart(_Part):
+    """The frame in which targets are written."""
+
+    controller_name: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=32,
+        description="of the frame as measured on the controller; null: the program declares it",
+    )
+    pose: Pose = Field(default=Placed(), description="of the frame in the base")
+
+
 class LoadingPart(_Part):
     """What is mounted for loading tests; noise is the standard deviation of loaded minus unloaded."""
 
@@ -143,8 +211,12 @@ class CellPart(_Part):
     loading: LoadingPart | None = Field(default=None, description="needed by loading tests only")
     may_touch: list[tuple[str, str]] = Field(default=[], description="pairs of bodies whose contact is no collision")
     margin_mm: float = Field(
-        default=0.0, ge=0, le=1000, description="clearance below which a posture counts as colliding"
+        default=5.0, ge=0, le=1000, description="clearance below which a posture counts as colliding"
     )
+    margins: MarginsPart = MarginsPart()
+    uncertainty: UncertaintyPart | None = Field(default=None, description="null: not stated, and programs say so")
+    envelope: EnvelopePart | None = Field(default=None, description="null: not stated, and programs say so")
+    work_object: WorkObjectPart | None = Field(default=None, description="null: not stated: targets are in the base")
 
 
 def matrix_of(pose: Pose) -> Float | None:

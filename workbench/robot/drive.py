@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
 from workbench.geometry.poses import inverse
 from workbench.kernels import kernel
 from workbench.robot.cell import Cell

@@ -22,7 +22,7 @@ from workbench.robot.margins import COVERAGE, dexterity
 from workbench.robot.shapes import ON_TURNTABLE
 from workbench.robot.surface import Planned, deviations
 from workbench.robot.way import JOINTS, Way, WayError, way_of
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import Bool, Float, Int
 
 ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin
 LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is told as a violation
@@ -118,7 +118,7 @@ class _Pairs:
         off = np.where(tool, np.hypot(margins.flange_mm, margins.flange_rad * lever), 0.0)
         off = np.where(part, np.hypot(margins.part_mm, margins.part_rad * lever), off)
         two = off[pairs]
-        return np.asarray(margins.clearance_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
+        return np.asarray(self.cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
 
     def moved_mm(self, places: Places, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
@@ -138,7 +138,7 @@ def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings
     """Halve every stretch until it is proven, or found to be at fault."""
     pairs = _Pairs(cell)
     found.places.append(places)
-    before, after = places.at(np.s_[:-1]), places.at(np.s_[1:])
+    before, after = places.at(np.arange(len(places) - 1)), places.at(np.arange(1, len(places)))
     for turn in range(ROUNDS):
         middle = between(cell, way, before, after)
         last = turn == ROUNDS - 1
@@ -162,7 +162,7 @@ def _stretches(cell: Cell, way: Way, pairs: _Pairs, before: Places, middle: Plac
         closed[which] = True
 
     three = np.stack([np.column_stack([part.joints, part.turntable]) for part in (before, middle, after)])
-    lost = ~np.isfinite(three).all(axis=(0, 2))
+    lost = np.asarray(~np.isfinite(three).all(axis=(0, 2)))
     fault(lost, "unreachable", lambda i: "no posture of the robot reaches it")
     three[:, lost] = 0.0
     reach = np.maximum(np.abs(three[0] - three[1]), np.abs(three[2] - three[1]))
@@ -286,12 +286,13 @@ def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, pl
     faults += _configurations(cell, program, way, places, at, configuration)
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
-    unchecked = list(_unchecked(cell))
+    unchecked = list(cell.unchecked)
     deviation = float("nan")
     if planned is None:
         unchecked.append("the tool's deviation from its path: no path was given")
     else:
-        off, worst = deviations(cell, planned, places.tool, places.turntable)
+        tool = forward_kinematics(cell.chain, places.joints) @ planned.flange_from_point
+        off, worst = deviations(cell, planned, tool, places.turntable)
         deviation = off
         faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), "deviation", text) for i, text in worst]
     measured = len(everywhere) - len(found.places[0])
@@ -408,14 +409,8 @@ def _accelerations(cell: Cell, way: Way, places: Places, rate: Float, seconds: F
     if not (worst > 1 + 1e-6).any():
         return []
     i = int(worst.argmax())
-    return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration",
-                      f"joint {int(asked[i].argmax()) + 1} would need {worst[i]:.2f} times its largest acceleration")]  # fmt: skip
-
-
-def _unchecked(cell: Cell) -> Iterator[str]:
-    yield from cell.unchecked
-    if cell.accelerations is None:
-        yield "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)"
+    finding = f"joint {int(asked[i].argmax()) + 1} would need {worst[i]:.2f} times its largest acceleration"
+    return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration", finding)]
 
 
 def _told(faults: list[Violation]) -> Iterator[Violation]:

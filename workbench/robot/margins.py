@@ -20,12 +20,10 @@ class Margins:
     limit: float = 2.0 * DEG  # of every joint and the turntable from its limits
     wrist: float = 5.0 * DEG  # of axis 6 from the line of axis 4
     condition: float = 50.0  # of the Jacobian, lengths in units of half the robot's own
-    clearance_mm: float = 5.0  # between bodies that must not touch
     flange_mm: float = 0.0  # standard uncertainty of the tool, each axis
     flange_rad: float = 0.0
     part_mm: float = 0.0  # of what stands on the base or the turntable, as the robot sees it: hand-eye, base, turntable
     part_rad: float = 0.0
-    stated: bool = False  # whether uncertainties were stated at all
 
     @property
     def twist(self) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -13,15 +14,19 @@ from workbench.parameters import check_parameters
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
 from workbench.robot.cell_file import (
     CellPart,
+    EnvelopePart,
     LoadingPart,
     Pose,
+    RobotPart,
     ShapePart,
     ToolPart,
     TurntablePart,
+    UncertaintyPart,
     WorkpiecePart,
     matrix_of,
 )
 from workbench.robot.chain import Chain
+from workbench.robot.margins import Margins
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.workpiece import read_workpiece
@@ -29,6 +34,8 @@ from workbench.robot.wrist import spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
+
+WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
 @stage("robot.cell")
@@ -59,11 +66,68 @@ def read_cell(path: Path) -> Cell:
         if name not in known:
             raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
+    tools, frames = _on_controller(part, cutter, path)
     return Cell(
         source=str(path), title=part.title or chain.name, chain=chain, shapes=shapes, flange_from_cutter=cutter,
         turntable=_turntable(part.turntable, path), loading=_loading(part.loading, path),
         may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
+        margins=_margins(part), accelerations=_accelerations(part.robot), controller_tools=tools,
+        controller_frames=frames, unchecked=tuple(_not_said(part, shapes)),
     )  # fmt: skip
+
+
+def _margins(part: CellPart) -> Margins:
+    """Margins, and the uncertainties of tool and part as the robot sees them."""
+    said = part.uncertainty or UncertaintyPart()
+    return Margins(
+        limit=part.margins.limit_deg * DEG, wrist=part.margins.wrist_deg * DEG, condition=part.margins.condition,
+        flange_mm=said.tool_u_mm, flange_rad=said.tool_u_deg * DEG,
+        part_mm=float(np.hypot(said.base_u_mm, said.turntable_u_mm)),
+        part_rad=float(np.hypot(said.base_u_deg, said.turntable_u_deg)) * DEG,
+    )  # fmt: skip
+
+
+def _accelerations(part: RobotPart) -> Float | None:
+    return None if part.acceleration_deg_s2 is None else np.array(part.acceleration_deg_s2) * DEG
+
+
+def _on_controller(part: CellPart, cutter: Float, path: Path) -> tuple[dict[str, Float], dict[str, Float]]:
+    """Tools (by the cutter's tip) and frames that the controller has under a name."""
+    tool, place = part.tool.controller_name, part.work_object
+    tools = {} if tool is None else {tool: cutter}
+    if place is None or place.controller_name is None:
+        return tools, {}
+    return tools, {place.controller_name: _pose(place.pose, f"{path}: $.work_object.pose")}
+
+
+def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
+    """What the cell file leaves open: a program says so, since nothing could look at it."""
+    bare = [str(link) for link in range(1, 6) if not any(shape.link == link for shape in shapes)]
+    if bare:
+        yield f"collision of the robot's links {', '.join(bare)}: the URDF gives them no <collision>"
+    if not part.tool.shapes:
+        yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
+    if part.workpiece.mesh is None:
+        yield "collision with the workpiece: the cell file gives none ($.workpiece.mesh)"
+    if part.envelope is None:
+        yield "the robot's envelope: the cell file states none ($.envelope)"
+    if part.uncertainty is None:
+        yield "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)"
+    if part.robot.acceleration_deg_s2 is None:
+        yield "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)"
+
+
+def _walls(part: EnvelopePart) -> Iterator[Shape]:
+    """Six boxes around the envelope."""
+    low, high = np.array(part.lowest_mm), np.array(part.highest_mm)
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            size = high - low + 2 * WALL_MM
+            size[axis] = WALL_MM
+            pose = np.eye(4)
+            pose[:3, 3] = (low + high) / 2
+            pose[axis, 3] = (high[axis] + WALL_MM / 2) if side > 0 else (low[axis] - WALL_MM / 2)
+            yield Shape("envelope", ON_BASE, "box", tuple(size.tolist()), pose)
 
 
 def _inverse_warning(chain: Chain) -> str | None:
@@ -88,6 +152,7 @@ def _around(part: CellPart, path: Path) -> list[Shape]:
     found = []
     for i, shape in enumerate(table.shapes if table else []):
         found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
+    found += [] if part.envelope is None else _walls(part.envelope)
     if part.workpiece.mesh is not None:
         found.append(_workpiece(part.workpiece, ON_TURNTABLE if table else ON_BASE, path))
     for i, fixture in enumerate(part.fixtures):

@@ -24,6 +24,7 @@ class Planned:
     toolpath: Toolpath
     turntable: float  # where it stood when the path was planned, rad
     tolerance_mm: float  # by which the tool may leave it
+    flange_from_point: Float  # (4, 4) the path's frames in the flange
 
 
 def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> tuple[float, list[tuple[int, str]]]:
@@ -35,7 +36,7 @@ def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> t
     Args:
         cell: the turntable.
         planned: the path.
-        tool: (n, 4, 4) base_from_tool along the driven way, near enough to each other that the chord is the way.
+        tool: (n, 4, 4) the path's frame on the flange, in the base; so near to each other that chords are the way.
         turntable: (n,) rad.
     """
     back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
@@ -81,7 +82,7 @@ def _layer(planned: Planned, layer: Layer, tool: Float) -> tuple[int, Float] | s
     fine, turned = _densified(points, axes)
     there, back_ = _along(driven[:, :3, 3]), _along(fine)
     if abs(there[-1] - back_[-1]) > 0.01 * back_[-1] + NEAR_MM / 2:
-        return (f"layer {layer.index} of the path is {back_[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm")
+        return f"layer {layer.index} of the path is {back_[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm"
     off = _apart(driven, there * back_[-1] / max(there[-1], 1e-9), fine, turned, back_, lever)
     missed = _apart_points(fine, back_ * there[-1] / max(back_[-1], 1e-9), driven[:, :3, 3], there)
     off[np.searchsorted(there, there[-1] * 0.5)] = max(off[np.searchsorted(there, there[-1] * 0.5)],
@@ -106,7 +107,7 @@ def _to_segments(point: Float, start: Float, way: Float) -> tuple[Float, Float]:
     """Distance of points (n, 3) or (3,) from segments (n, 3), and the share at which it lies."""
     square = np.maximum((way * way).sum(axis=-1), 1e-30)
     share = np.clip(((point - start) * way).sum(axis=-1) / square, 0.0, 1.0)
-    return np.linalg.norm(start + share[..., None] * way - point, axis=-1), share
+    return np.asarray(np.linalg.norm(start + share[..., None] * way - point, axis=-1)), share
 
 
 def _along(position: Float) -> Float:
@@ -145,7 +146,7 @@ def _apart(driven: Float, places: Float, fine: Float, turned: Float, along: Floa
         axis[nearer] = z[nearer]
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-12)
     tilt = np.linalg.norm(np.cross(axis, driven[:, :3, 2]), axis=1)
-    return best + lever * tilt
+    return np.asarray(best + lever * tilt)
 
 
 def _apart_points(points: Float, places: Float, driven: Float, along: Float) -> Float:

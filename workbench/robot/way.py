@@ -161,7 +161,9 @@ def _leg(i: int, move: ProgramMove, tool: Float, frame: Float | None, joints: Fl
     start, nothing = flange @ tool, np.zeros(3)
     if move.kind == "J":
         if move.joints is None:
-            raise WayError(move.line, "a joint move to a pose: its way depends on the controller; expected joint angles")
+            raise WayError(
+                move.line, "a joint move to a pose: its way depends on the controller; expected joint angles"
+            )
         if move.zone_mm > 0:
             raise WayError(move.line, BLENDING_JOINTS)
         both = (np.full(6, np.nan) if joints is None else joints, move.joints)
@@ -219,7 +221,7 @@ def _stacked(order: list[tuple[_Leg, _Leg | None]], first: Float, rated: Float) 
     columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else []
     if not columns:
         raise WayError(1, "the program moves nowhere but to its first target")
-    return Way(*columns, start_joints=first)
+    return Way(*columns, first)  # type: ignore[call-arg]  # as many as `_row` gives
 
 
 def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.kernels import Folder
+from workbench.user_folder import UserFolder
 
 CONSTANTS = "LIMIT = 2.0\nUNUSED = 5.0\n"
 INNER = """
@@ -119,7 +119,7 @@ def test_nowhere_to_keep_them_is_no_reason_not_to_run(room: Path) -> None:
     """A service without a home, on a read-only root: nothing may be written, and nothing is said in vain."""
     nowhere = {name: str(room / "constants.py" / "x") for name in ("NUMBA_CACHE_DIR", "HOME", "XDG_CACHE_HOME")}
     code = f"import tempfile; tempfile.tempdir = {str(room / 'constants.py')!r}\n{USE}"
-    code += "from workbench.kernels import folder; print(folder().path, folder().note())"
+    code += "from workbench.user_folder import folder; print(folder().path, folder().note())"
     said = use(room, code, **nowhere)
     assert said.startswith("5.0 2.0 0 5.0\nNone not kept: ")
     assert said.count("\n") == 1
@@ -133,7 +133,7 @@ def test_a_temporary_folder_stands_in(
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    found = Folder()
+    found = UserFolder()
     assert found.path is not None
     assert found.path.parent == tmp_path
     assert found.path.stat().st_mode & 0o777 == 0o700
@@ -143,10 +143,10 @@ def test_a_temporary_folder_stands_in(
 
 def test_code_that_others_may_write_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    first = Folder().path
+    first = UserFolder().path
     assert first is not None
     assert first.parent == tmp_path
     first.chmod(0o777)
-    second = Folder()
+    second = UserFolder()
     assert second.path != first
     assert "others may write it" in second.note()

@@ -71,16 +71,18 @@ def validate(options: argparse.Namespace) -> int:
 def stages(options: argparse.Namespace) -> int:
     """List the stages, or describe one."""
     from workbench.errors import one_line
-    from workbench.pipeline.registry import every_stage, find
-    from workbench.pipeline.tables import print_stage, print_stages
+    from workbench.pipeline.catalogue import catalogue, print_stages
+    from workbench.pipeline.registry import find
 
     if options.name:
+        from workbench.pipeline.tables import print_stage
+
         printed(print_stage, find(options.name, "workbench stages"))
         return 0
-    known, broken = every_stage()
-    for why in broken.values():
+    found = catalogue()
+    for why in found.broken.values():
         print(one_line(f"warning: {why}"), file=sys.stderr)
-    printed(print_stages, known)
+    printed(print_stages, found)
     return 0
 
 
@@ -88,10 +90,9 @@ def schema(options: argparse.Namespace) -> int:
     """Print the JSON Schema of a pipeline."""
     import json
 
-    from workbench.pipeline.registry import every_stage
-    from workbench.pipeline.schema import pipeline_schema
+    from workbench.pipeline.catalogue import catalogue
 
-    printed(print, json.dumps(pipeline_schema(every_stage()[0]), indent=2))
+    printed(print, json.dumps(catalogue().schema, indent=2))
     return 0
 
 

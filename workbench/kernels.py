@@ -15,19 +15,16 @@ import contextlib
 import enum
 import functools
 import hashlib
-import os
 import pickle
-import stat
 import sys
-import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias, TypeVar, overload
 
-KEPT_DAYS = 60  # for which a kernel of other sources stays
+from workbench.user_folder import folder, forget, keep
+
 DIGEST = hashlib.sha256
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -152,28 +149,13 @@ class Kept:
         if path is None or result.lifted or result.library.has_dynamic_globals:
             return
         data = dumps(result._reduce())  # type: ignore[no-untyped-call]
-        with contextlib.suppress(OSError):
-            descriptor, written = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
-            try:
-                with open(descriptor, "wb") as file:
-                    file.write(DIGEST(data).digest() + data)
-                os.replace(written, path)
-            except OSError:
-                os.unlink(written)
-            self._forget(path.parent)
+        keep(path, DIGEST(data).digest() + data)
+        forget(f"{self.name}-*.kernel")
 
     def _path(self, signature: Any, codegen: Any) -> Path | None:
         where = folder().path
         key = DIGEST(f"{self.source} {signature} {codegen.magic_tuple()}".encode()).hexdigest()[:32]
         return where / f"{self.name}-{key}.kernel" if where else None
-
-    def _forget(self, where: Path) -> None:
-        """Remove forms of this kernel that no process has compiled for long, and what killed ones left."""
-        oldest = time.time() - KEPT_DAYS * 86400
-        for path in [*where.glob(f"{self.name}-*.kernel"), *where.glob(".writing-*")]:
-            with contextlib.suppress(OSError):
-                if path.stat().st_mtime < oldest:
-                    path.unlink()
 
 
 _watching: list[Callable[[], None]] = []
@@ -187,50 +169,6 @@ def compiling(tell: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         _watching.remove(tell)
-
-
-class Folder:
-    """Where kernels are kept: `NUMBA_CACHE_DIR`, the user's cache folder, a temporary one, or nowhere."""
-
-    def __init__(self) -> None:
-        self.refused: list[str] = []
-        own = f"workbench-kernels-{os.getuid() if hasattr(os, 'getuid') else ''}"
-        named = os.environ.get("NUMBA_CACHE_DIR")
-        candidates = [Path(named, own) if named else None, _user_cache(), Path(tempfile.gettempdir(), own)]
-        self.path = next((path for place in candidates if place and (path := self._usable(place))), None)
-
-    def note(self) -> str:
-        """Where kernels go, if not where they belong; else ''."""
-        if not self.refused:
-            return ""
-        kept = f"kept in {self.path}" if self.path else "not kept"
-        return f"{kept}: {'; '.join(self.refused)} (NUMBA_CACHE_DIR names another folder)"
-
-    def _usable(self, path: Path) -> Path | None:
-        """The folder, if this user may write it and nobody else; kernels are code, so a stranger's are not run."""
-        try:
-            path.mkdir(parents=True, exist_ok=True, mode=0o700)
-            status = path.stat()
-            strangers = stat.S_IWGRP | stat.S_IWOTH
-            if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & strangers):
-                raise PermissionError(0, "others may write it")
-            tempfile.TemporaryFile(dir=path).close()
-        except (OSError, RuntimeError) as error:
-            self.refused.append(f"{path} cannot be used ({getattr(error, 'strerror', None) or error})")
-            return None
-        return path
-
-
-def _user_cache() -> Path | None:
-    """By the XDG rules; a home that cannot be written is found out when the folder is made."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(home, "workbench", "kernels") if os.path.isabs(home) else None  # an unknown user has no home
-
-
-@functools.cache
-def folder() -> Folder:
-    """This process's folder, looked for once."""
-    return Folder()
 
 
 Found: TypeAlias = dict[str, str]  # by name and bytecode of each kernel: the rest of what it is made of

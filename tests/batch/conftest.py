@@ -84,8 +84,8 @@ def breaking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (info / "entry_points.txt").write_text("[workbench.stages]\nbreaking = breaking\n")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.syspath_prepend(str(site))
-    from workbench.batch.record import package_digest
     from workbench.pipeline.registry import families
+    from workbench.pipeline.sources import package_digest
     from workbench.stage import REGISTRY
 
     families.cache_clear()

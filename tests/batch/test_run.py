@@ -89,7 +89,7 @@ def test_what_is_whole_is_not_made_again(pipeline: Path, breaking: Path, record:
     assert again() == ""
     assert again(inputs={"shift_mm": 0.1}) == "abcd"
     assert again() == "abcd"
-    from workbench.batch.record import package_digest
+    from workbench.pipeline.sources import package_digest
 
     breaking.write_text(breaking.read_text() + "\n# another version\n")
     package_digest.cache_clear()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench import Pipeline, kernels
+from workbench import Pipeline, kernels, user_folder
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
 from workbench.pipeline.progress import Lines, Reporter, compilation_watch
@@ -151,7 +151,7 @@ def test_compilation_is_announced_once_and_only_when_it_happens(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    kernels.folder.cache_clear()
+    user_folder.folder.cache_clear()
     one, other = kernels.kernel(lambda a: a + 1), kernels.kernel(lambda a: a + 2)
     with compilation_watch(Lines(sys.stderr)):
         assert one(np.float64(1)) + other(1) == 5
@@ -159,5 +159,5 @@ def test_compilation_is_announced_once_and_only_when_it_happens(
     with compilation_watch(Lines(sys.stderr)):
         one(np.float64(2))
         kernels.kernel(lambda a: a + 1)(np.float64(2))  # kept
-    kernels.folder.cache_clear()
+    user_folder.folder.cache_clear()
     assert capsys.readouterr().err == ""

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
 from workbench.artefacts import Gate, Inspection, Recording
 from workbench.pipeline.results import is_plain_name
 from workbench.pipeline.run import Results, resolved, versions
+from workbench.pipeline.sources import package_digest
 from workbench.pipeline.wiring import Plan
 from workbench.strict_json import plain, strict_json
 
 PART_FILE = "part.json"
 FORMAT = "bevel-part"
 VERSION = 1
-SOURCES = (".py", ".j2", ".css", ".js")  # what a package's behaviour is written in
 
 Outcome = Literal["passed", "rejected", "failed", "hung", "crashed"]
 OUTCOMES: tuple[Outcome, ...] = ("crashed", "hung", "failed", "rejected", "passed")  # worst first
@@ -112,21 +110,6 @@ def versions_digest(checked: Plan) -> str:
     packages = {step.stage.function.__module__.partition(".")[0] for step in checked.steps} | {"workbench"}
     code = {name: package_digest(name) for name in sorted(packages)}
     return sha256(json.dumps([versions(), code], sort_keys=True).encode())
-
-
-@functools.cache
-def package_digest(name: str) -> str:
-    """Of a package's source files, by name and content."""
-    spec = find_spec(name)
-    places = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
-    files = sorted((path for place in places for path in place.rglob("*") if path.suffix in SOURCES), key=str)
-    if spec and spec.origin and not places:
-        files, places = [Path(spec.origin)], [Path(spec.origin).parent]
-    digest = hashlib.sha256()
-    for path in files:
-        digest.update(f"{path.relative_to(next(p for p in places if p in path.parents))}\n".encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def sha256(content: bytes) -> str:

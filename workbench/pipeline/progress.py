@@ -7,7 +7,8 @@ from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from workbench.errors import one_line
-from workbench.kernels import compiling, folder
+from workbench.kernels import compiling
+from workbench.user_folder import folder
 
 
 class Reporter:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from workbench.artefacts import Gate, Inspection, Moves, Rework, Section, Toolpath
 from workbench.errors import one_line
-from workbench.pipeline.describe import makes, parameter_texts, prose, source_text, summary
+from workbench.pipeline.describe import makes, parameter_texts, prose, source_text
 from workbench.pipeline.run import Results
 from workbench.stage import Stage
 
@@ -82,15 +82,6 @@ def _value(value: float | None, u: float | None, digits: int) -> str:
 
 def _limits(nominal: float, tolerance: tuple[float, float]) -> str:
     return f"{nominal:g} {tolerance[0]:+g} {tolerance[1]:+g}"
-
-
-def print_stages(stages: dict[str, Stage]) -> None:
-    """All stages, one a row."""
-    table = Table("stage", "takes", "makes", "what it does")
-    for name, stage in stages.items():
-        takes = ", ".join(map(source_text, stage.sources))
-        table.add_row(Text(name), Text(takes), Text(makes(stage)), Text(summary(stage)))
-    Console(highlight=False).print(table)
 
 
 def print_stage(stage: Stage) -> None:

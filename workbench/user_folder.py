@@ -1,0 +1,81 @@
+"""The folder in which the program keeps what is quicker to read than to make: kernels, the list of stages.
+
+All in it can be made again; who deletes it loses a minute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import stat
+import tempfile
+import time
+from pathlib import Path
+
+KEPT_DAYS = 60  # after which what nobody has made again goes
+
+
+class UserFolder:
+    """The first that can be used: below `NUMBA_CACHE_DIR`, the user's cache folder, a temporary one; or none."""
+
+    def __init__(self) -> None:
+        self.refused: list[str] = []
+        own = f"workbench-{os.getuid() if hasattr(os, 'getuid') else ''}"
+        named = os.environ.get("NUMBA_CACHE_DIR")
+        candidates = [Path(named, own) if named else None, _user_cache(), Path(tempfile.gettempdir(), own)]
+        self.path = next((path for place in candidates if place and (path := self._usable(place))), None)
+
+    def note(self) -> str:
+        """Where it is, if not where it belongs; else ''."""
+        if not self.refused:
+            return ""
+        kept = f"kept in {self.path}" if self.path else "not kept"
+        return f"{kept}: {'; '.join(self.refused)} (NUMBA_CACHE_DIR names another folder)"
+
+    def _usable(self, path: Path) -> Path | None:
+        """The folder, if this user may write it and nobody else: what is kept is run."""
+        try:
+            path.mkdir(parents=True, exist_ok=True, mode=0o700)
+            status = path.stat()
+            strangers = stat.S_IWGRP | stat.S_IWOTH
+            if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & strangers):
+                raise PermissionError(0, "others may write it")
+            tempfile.TemporaryFile(dir=path).close()
+        except (OSError, RuntimeError) as error:
+            self.refused.append(f"{path} cannot be used ({getattr(error, 'strerror', None) or error})")
+            return None
+        return path
+
+
+def _user_cache() -> Path | None:
+    """By the XDG rules; a home that cannot be written is found out when the folder is made."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home, "workbench", "kept") if os.path.isabs(home) else None  # an unknown user has no home
+
+
+@functools.cache
+def folder() -> UserFolder:
+    """This process's folder, looked for once."""
+    return UserFolder()
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Write a file of the folder as a whole; one that has become full or read-only costs the next process time only."""
+    with contextlib.suppress(OSError):
+        descriptor, written = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
+        try:
+            with open(descriptor, "wb") as file:
+                file.write(content)
+            os.replace(written, path)
+        except OSError:
+            os.unlink(written)
+
+
+def forget(pattern: str) -> None:
+    """Remove the files of a pattern that have not been made for long, and what killed processes have left."""
+    where, oldest = folder().path, time.time() - KEPT_DAYS * 86400
+    for path in [*where.glob(pattern), *where.glob(".writing-*")] if where else ():
+        with contextlib.suppress(OSError):
+            if path.stat().st_mtime < oldest:
+                path.unlink()

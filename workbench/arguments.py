@@ -25,7 +25,7 @@ VALUE is read as JSON if it parses, else as a text. A relative path is relative 
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
 OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache",
-           "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
+           "draft", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
@@ -90,7 +90,10 @@ def build_parser() -> Parser:
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
     imported = command("import", "make a recording of profile files, pose files and bags (docs/importing.md)")
     imported.add_argument("source", nargs="+", metavar="SOURCE", help="profiles, poses, or a bag of both")
-    imported.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
+    imported.add_argument(
+        "--out", required=True, metavar="FILE.h5", help="the recording (with --draft: MAP.json) to write"
+    )
+    imported.add_argument("--draft", action="store_true", help="write what was understood as a mapping to confirm")
     imported.add_argument("--mapping", metavar="MAP.json", help="what the files do not say about themselves")
     looked = command("look", "show what a recording, a cloud or a vendor's file holds, and what speaks against it")
     looked.add_argument("file", metavar="FILE", help="recording (.h5), cloud, or what `workbench import` reads")

@@ -130,6 +130,11 @@ def samples(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Make a recording of other people's files, and tell what was understood of them."""
+    if options.draft:
+        from workbench.importing.draft import draft_files
+
+        printed(print, "\n".join(draft_files(options.source, options.out)))
+        return 0
     from workbench.importing.command import import_files
 
     understood = import_files(options.source, options.out, options.mapping)

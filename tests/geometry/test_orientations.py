@@ -27,7 +27,7 @@ def test_euler_orders_agree_with_scipy(order: str) -> None:
 
 def test_twelve_orders_no_two_alike() -> None:
     assert len(set(ORDERS)) == 12
-    assert len(set(CONVENTIONS)) == len(CONVENTIONS) == 31
+    assert len(set(CONVENTIONS)) == len(CONVENTIONS) == 34
 
 
 def test_fanuc_turns_about_fixed_axes_w_first() -> None:

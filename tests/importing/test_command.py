@@ -64,7 +64,8 @@ REFUSED = {
     "not a recording's name": (["a.csv", "--out", "a.csv"], "a.csv: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),
     "a source twice": (["a.csv", "./a.csv"], "./a.csv: stands twice among the sources"),
-    "no poses": (["a.csv"], "a.csv: expected poses too: a file of poses, or linear_axis in the mapping"),
+    "no poses": (["b.csv"], "b.csv: expected poses too: a file of poses, or linear_axis in the mapping"),
+    "two sources wrong": (["a.h5x", "c.csv"], "sources: (1) a.h5x: no such file"),
     "no such folder": (["a.csv", "--mapping", "map.json", "--out", "none/a.h5"], "none/a.h5: cannot be written"),
     "an unknown option": (["a.csv", "--maping", "map.json"], "unknown option '--maping'; did you mean '--mapping'"),
 }  # fmt: skip
@@ -77,6 +78,7 @@ def test_one_line_and_nothing_written(
     arguments, message = REFUSED[case]
     monkeypatch.chdir(tmp_path)
     makers.write_scancontrol(tmp_path / "a.csv")
+    makers.write_gopxl(tmp_path / "b.csv")
     mapped(**AXIS)
     before = sorted(os.listdir(tmp_path))
     if "--out" not in arguments:
@@ -88,6 +90,14 @@ def test_one_line_and_nothing_written(
     assert errors.count("\n") == 1
     assert message in errors
     assert sorted(os.listdir(tmp_path)) == before
+
+
+def test_travel_in_the_file_is_used(tmp_path: Path, capsys: Out) -> None:
+    out = tmp_path / "a.h5"
+    assert main(["import", str(makers.write_gocator(tmp_path / "a.csv")), "--out", str(out)]) == 0
+    assert "from travel along (0, 1, 0) of the profiler's frame" in capsys.readouterr().out
+    with h5py.File(out) as file:
+        np.testing.assert_allclose(file["robot/position"][:, 1], makers.TRAVEL_MM)
 
 
 def test_an_earlier_recording_stays_where_the_new_one_fails(tmp_path: Path, mapped: Mapped, capsys: Out) -> None:

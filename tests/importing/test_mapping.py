@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.importing.conftest import MAPPING, poses_part, profiles_part
 from workbench.errors import InputError
@@ -38,7 +40,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "offset of a rate": (
         {"times": {"source": "pose_each", "clock_offset_s": 0.1}}, r"expected clock_offset_s with source 'file' only",
     ),
-    "two hand-eyes": ({"hand_eye": {}}, r"expected one of flange_from_profiler, file"),
+    "two hand-eyes": ({"hand_eye": {}}, r"expected one of flange_from_profiler, file, position"),
     "accept": ({"accept": ["all"]}, r"\$\.accept\[0\]: expected 'length_unit'"),
     "base_dir": ({"base_dir": "/"}, r"\$\.base_dir: unknown key"),
 }  # fmt: skip
@@ -69,3 +71,76 @@ def test_no_json(text: str, tmp_path: Path) -> None:
     (tmp_path / "map.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=r"map\.json"):
         read_mapping(tmp_path / "map.json")
+
+
+def test_all_problems_at_once_each_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "map.json"
+    path.write_text("""{"format": "import-mapping", "version": 1,
+      "profiles": {"delimeter": ";",
+        "frames": "colum", "columns": {"x": "a", "zz": 3}},
+      "poses": {"position": ["X", "Y"],
+        "orientation": ["A", "B", "C"], "convention": "kuka"},
+      "times": {"source": "rate"}}""")
+    with pytest.raises(InputError) as caught:
+        read_mapping(path)
+    text = str(caught.value)
+    for line, problem in [
+        (2, r"$.profiles.delimeter: unknown key; did you mean 'delimiter'"),
+        (2, r"$.profiles.length_unit: is required"),
+        (3, r"$.profiles.columns.zz: unknown key"),
+        (3, r"$.profiles.frames: expected 'column'"),
+        (4, r"$.poses.position[2]: is required"),
+        (6, r"$.times: expected rate_hz"),
+    ]:
+        assert f"line {line}: {problem}" in text
+    assert "\n" not in text
+
+
+CONTROLLERS = {  # (numbers as a teach pendant shows them, the rotation by scipy)
+    "abb_xyz": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
+    "fanuc_wpr": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
+    "yaskawa_rxyz": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
+    "kuka_abc": ([75.0, -20.0, 30.0], ("ZYX", [75.0, -20.0, 30.0])),
+    "staubli_rxyz": ([30.0, -20.0, 75.0], ("XYZ", [30.0, -20.0, 75.0])),
+}
+
+
+@pytest.mark.parametrize("convention", CONTROLLERS)
+def test_hand_eye_as_a_teach_pendant_shows_it(convention: str, tmp_path: Path) -> None:
+    numbers, (axes, angles) = CONTROLLERS[convention]
+    path = tmp_path / "map.json"
+    eye = {"position": [10, 20, 30], "orientation": numbers, "convention": convention}
+    path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
+    hand_eye = read_mapping(path).hand_eye
+    assert hand_eye is not None
+    np.testing.assert_allclose(hand_eye.pose()[:3, :3], Rotation.from_euler(axes, angles, degrees=True).as_matrix())
+    assert hand_eye.pose()[:3, 3].tolist() == [10, 20, 30]
+
+
+def test_hand_eye_of_ur_and_of_abb_quaternions(tmp_path: Path) -> None:
+    path = tmp_path / "map.json"
+    turn = Rotation.from_rotvec([0.3, -1.2, 2.0])
+    ur = {"position": [0.01, 0.02, 0.03], "length_unit": "m", "orientation": [0.3, -1.2, 2.0], "convention": "ur"}
+    abb = {"position": [10, 20, 30], "orientation": np.roll(turn.as_quat(), 1).tolist(), "convention": "abb"}
+    for eye in (ur, abb):
+        path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
+        hand_eye = read_mapping(path).hand_eye
+        assert hand_eye is not None
+        np.testing.assert_allclose(hand_eye.pose()[:3, :3], turn.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(hand_eye.pose()[:3, 3], [10, 20, 30])
+
+
+@pytest.mark.parametrize(
+    ("eye", "says"),
+    [
+        ({"position": [1, 2, 3]}, "position, orientation and convention together"),
+        ({"position": [1, 2, 3], "orientation": [1, 2, 3], "convention": "kuka"}, "did you mean 'kuka_abc'"),
+        ({"position": [1, 2, 3], "orientation": [9, 2, 3], "convention": "ur"}, "degrees declared as rad"),
+        ({"position": [1, 2, 3], "orientation": [1, 1, 0, 0], "convention": "abb"}, "norm 1"),
+    ],
+)
+def test_hand_eyes_that_are_none(eye: dict[str, Any], says: str, tmp_path: Path) -> None:
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
+    with pytest.raises(InputError, match=says):
+        read_mapping(path)

@@ -1,7 +1,9 @@
 """Orientations as robot controllers write them, to unit quaternions (w, x, y, z). Angles in rad, arrays over rows.
 
 Sources: ABB RAPID reference (`orient`, q1 is the scalar); docs.baslerweb.com/stereovisard, pose formats: FANUC W P R,
-R = Rz(R) Ry(P) Rx(W); KUKA A B C, R = Rz(A) Ry(B) Rx(C); Universal Robots, rotation vector in rad.
+R = Rz(R) Ry(P) Rx(W); KUKA A B C, R = Rz(A) Ry(B) Rx(C); Yaskawa Rx Ry Rz, R = Rz Ry Rx; Universal Robots, rotation
+vector in rad. ABB's pendant shows EulerZYX as X, Y, Z: R = Rz Ry Rx. Staubli VAL 3 (`trsf`): rx about x, ry about the
+new y, rz about the newest z: R = Rx Ry Rz.
 """
 
 from __future__ import annotations
@@ -20,11 +22,17 @@ _EULER = {  # name -> axes in the order of the columns; True: about the moving a
     **{f"euler_{axes}_{kind}": (axes, kind == "intrinsic") for axes in ORDERS for kind in ("intrinsic", "extrinsic")},
     "fanuc_wpr": ("xyz", False),
     "kuka_abc": ("zyx", True),
+    "abb_xyz": ("xyz", False),
+    "yaskawa_rxyz": ("xyz", False),
+    "staubli_rxyz": ("xyz", True),
 }
 _QUATERNION = {"quaternion_wxyz": (0, 1, 2, 3), "abb": (0, 1, 2, 3), "quaternion_xyzw": (3, 0, 1, 2)}
 _VECTOR = ("rotation_vector", "ur")
-CONVENTIONS = (*_QUATERNION, "fanuc_wpr", "kuka_abc", *_VECTOR, *(name for name in _EULER if name.startswith("euler")))
-USUAL_ANGLE_UNIT = {"fanuc_wpr": "deg", "kuka_abc": "deg", "ur": "rad"}  # what the controller itself writes
+CONVENTIONS = (*_QUATERNION, *_VECTOR, *sorted(_EULER, key=lambda name: name.startswith("euler")))
+USUAL_ANGLE_UNIT = {  # what the controller itself writes
+    **dict.fromkeys(("fanuc_wpr", "kuka_abc", "abb_xyz", "yaskawa_rxyz", "staubli_rxyz"), "deg"),
+    "ur": "rad",
+}
 
 
 def components(convention: str) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts import Part, PartNames, Recording
 from workbench.errors import InputError
-from workbench.importing.mapping import Mapping
+from workbench.importing.mapping import LinearAxisPart, Mapping
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.passes import joined, poses_by_pass
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
@@ -37,7 +37,7 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     lost = sum(int((~inside).sum()) for inside in kept)
     flange_from_profiler, origin = _hand_eye(sources, mapping)
     recording = _recording(frames, passes, kept, flange_from_profiler, mapping)
-    if not mapping.linear_axis and mapping.sphere_diameter_mm is None:
+    if any(source.poses is not None for source in sources) and mapping.sphere_diameter_mm is None:
         check_motion(recording, all(one.has_clock for one in passes.values()), mapping)
     notes = [f"times: {'; '.join(dict.fromkeys(one.note for one in passes.values()))}", f"hand-eye: {origin}"]
     if lost:
@@ -55,6 +55,9 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
                 streams[0].source, "holds poses, but the mapping names a linear_axis: expected one of them"
             )
         axis = mapping.linear_axis
+        return {int(n): on_linear_axis(_of_pass(frames, int(n)), axis, mapping.times) for n in numbers}
+    if not streams and frames.travel_mm is not None and mapping.hand_eye is None:
+        axis = LinearAxisPart()  # what the file says: it went its travel along its own y
         return {int(n): on_linear_axis(_of_pass(frames, int(n)), axis, mapping.times) for n in numbers}
     if not streams:
         raise InputError(frames.source, "expected poses too: a file of poses, or linear_axis in the mapping")
@@ -88,13 +91,14 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
         if mapping.hand_eye.file is not None:
             path = mapping.base_dir / mapping.hand_eye.file
             return read_hand_eye(path).flange_from_profiler, f"from {path}"
-        return np.array(mapping.hand_eye.flange_from_profiler, float), "from the mapping"
+        told = f" ({mapping.hand_eye.convention})" if mapping.hand_eye.convention else ""
+        return mapping.hand_eye.pose(), f"from the mapping{told}"
     own = [source.flange_from_profiler for source in sources if source.flange_from_profiler is not None]
     if any(not np.allclose(pose, own[0], atol=1e-9) for pose in own):
         raise InputError("sources", "carry different hand-eye poses: expected one, or hand_eye in the mapping")
     if own:
         return own[0], "from the source"
-    if mapping.linear_axis is not None:
+    if mapping.linear_axis is not None or not any(source.poses is not None for source in sources):
         return np.eye(4), "none needed on a linear axis: the profiler's frame is the flange's"
     return None, "none: a pipeline must name one (input hand_eye)"
 

@@ -12,7 +12,8 @@ from workbench.artefacts import Recording
 from workbench.errors import InputError, one_line
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
-from workbench.importing.mapping import no_mapping, read_mapping
+from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.neutral import Imported
 from workbench.scan.write import write
 
 
@@ -38,11 +39,27 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     target = Path(out)
     _check_names(sources, target)
     chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
-    found = [read_source(Path(source), chosen) for source in sources]
+    found = _all_read(sources, chosen)
     recording, notes = assemble(found, chosen)
     write(recording, target, compression="lzf")
     read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
-    return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording))))
+    unsure = [f"not confirmed: {text}" for text in chosen.uncertain]
+    return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording), *unsure)))
+
+
+def _all_read(sources: Sequence[str | Path], mapping: Mapping) -> list[Imported]:
+    """What each source holds; what is wrong with any of them is told at once."""
+    found, errors = [], []
+    for source in sources:
+        try:
+            found.append(read_source(Path(source), mapping))
+        except InputError as error:
+            errors.append(error)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise InputError("sources", "; ".join(f"({k}) {error}" for k, error in enumerate(errors, 1)))
+    return found
 
 
 def _check_names(sources: Sequence[str | Path], target: Path) -> None:

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, TypeGuard, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from workbench.errors import InputError, PipelineError, nearest
-from workbench.geometry.poses import is_rigid
+from workbench.errors import InputError
+from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
+from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
 from workbench.importing.bags_mapping import BagPart
-from workbench.importing.mapping_tables import Matrix, PosesPart, ProfilesPart, RawPart
+from workbench.importing.mapping_tables import (
+    LENGTH_MM,
+    LengthUnit,
+    Matrix,
+    PosesPart,
+    ProfilesPart,
+    RawPart,
+    check_convention,
+)
 from workbench.importing.part import Part
+from workbench.importing.problems import problems_of, told
 from workbench.parameters import check_parameters
+from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.strict_json import read_json
+from workbench.units import DEG, Float
 
 MAX_BYTES = 1_000_000
 Suspicion = Literal["length_unit", "angle_unit", "time_unit", "still", "direction"]
@@ -48,8 +60,12 @@ class TimesPart(Part):
 class LinearAxisPart(Part):
     """No robot: the profiler, or the part, went along a straight axis."""
 
-    direction: tuple[float, float, float] = Field(description="of the profiler's motion, in the profiler frame")
-    speed_mm_s: float = Field(gt=0, description="of the axis; times follow from it")
+    direction: tuple[float, float, float] = Field(
+        default=(0.0, 1.0, 0.0), description="of the profiler's motion, in the profiler frame"
+    )
+    speed_mm_s: float | None = Field(
+        default=None, gt=0, description="of the axis; times follow from it. null: a mm counts as a second"
+    )
 
     @model_validator(mode="after")
     def _somewhere(self) -> LinearAxisPart:
@@ -59,18 +75,57 @@ class LinearAxisPart(Part):
 
 
 class HandEyePart(Part):
-    """Pose of the profiler on the flange: one of the two."""
+    """Pose of the profiler on the flange: a matrix, a file, or six or seven numbers as a teach pendant shows them."""
 
     flange_from_profiler: Matrix | None = Field(default=None, description="4x4, row-major, translation in mm")
     file: str | None = Field(default=None, description="a handeye.json, relative to the mapping file")
+    position: tuple[float, float, float] | None = Field(default=None, description="X, Y, Z of the profiler's origin")
+    length_unit: LengthUnit = Field(default="mm", description="of position")
+    orientation: Annotated[list[float], Field(min_length=3, max_length=4)] | None = Field(
+        default=None, description="the convention's numbers, in its own order"
+    )
+    convention: str | None = Field(default=None, description="what the numbers of orientation are")
+    angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of Euler angles, rotation vectors")
 
     @model_validator(mode="after")
     def _one(self) -> HandEyePart:
-        if (self.flange_from_profiler is None) == (self.file is None):
-            raise ValueError("expected one of flange_from_profiler, file")
+        if sum(way is not None for way in (self.flange_from_profiler, self.file, self.position)) != 1:
+            raise ValueError("expected one of flange_from_profiler, file, position (with orientation and convention)")
         if self.flange_from_profiler is not None and not is_rigid(np.array(self.flange_from_profiler)):
             raise ValueError("expected flange_from_profiler as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+        given = (self.orientation is not None, self.convention is not None)
+        if given != (self.position is not None,) * 2:
+            raise ValueError("expected position, orientation and convention together")
+        if self.orientation is not None and self.convention is not None:
+            _check_turn(self.orientation, self.convention, self.angle_unit)
         return self
+
+    def pose(self) -> Float:
+        """`flange_from_profiler` (4, 4) of what stands in the mapping itself."""
+        if self.flange_from_profiler is not None:
+            return np.array(self.flange_from_profiler, float)
+        assert self.position is not None
+        assert self.orientation is not None
+        assert self.convention is not None
+        values = np.array([self.orientation], float)
+        if components(self.convention) == 3:
+            values *= DEG if (self.angle_unit or USUAL_ANGLE_UNIT[self.convention]) == "deg" else 1.0
+        quaternion = quaternions(values, self.convention)[0]
+        quaternion /= np.linalg.norm(quaternion)
+        return pose_from(rotation_from_quaternion(quaternion), np.array(self.position) * LENGTH_MM[self.length_unit])
+
+
+def _check_turn(values: list[float], convention: str, angle_unit: str | None) -> None:
+    """Refuse numbers that are no orientation in the convention."""
+    check_convention(convention, len(values), angle_unit, "numbers")
+    if components(convention) == 4:
+        norm = float(np.linalg.norm(values))
+        if abs(norm - 1.0) > UNIT_TOLERANCE:
+            raise ValueError(f"expected a quaternion of norm 1, found {norm:.4g}")
+        return
+    largest, unit = max(map(abs, values)), angle_unit or USUAL_ANGLE_UNIT[convention]
+    if unit == "rad" and largest > 2 * np.pi + 1e-3:
+        raise ValueError(f"an angle of {largest:g} rad is more than a turn: degrees declared as rad?")
 
 
 class Mapping(Part):
@@ -97,6 +152,7 @@ class Mapping(Part):
     sphere_diameter_mm: float | None = Field(default=None, gt=0, description="it is a calibration recording")
     outside: Literal["refuse", "trim"] = Field(default="refuse", description="frames outside the poses' times")
     accept: list[Suspicion] = Field(default=[], description="what looks wrong, but is right")
+    uncertain: list[str] = Field(default=[], description="of a draft: what to confirm; told at every import")
     _base_dir: Path = PrivateAttr(Path())
 
     @property
@@ -111,27 +167,11 @@ def no_mapping() -> Mapping:
 
 
 def read_mapping(path: Path) -> Mapping:
-    """Read MAP.json. Raises InputError with its JSON path, what was expected and the nearest known name."""
+    """Read MAP.json. Raises InputError with all of its problems: line, JSON path, what was expected, nearest name."""
     tree = read_json(path, MAX_BYTES)
-    try:
-        _check_names(tree, Mapping, f"{path}: $")
-        mapping = Mapping(**check_parameters(Mapping, tree, f"{path}: $"))
-    except PipelineError as error:
-        raise InputError(error.where, error.expected.split(", got {")[0]) from None  # not the whole object again
+    found = problems_of(Mapping, tree)
+    if found:
+        raise InputError(str(path), told(found, path.read_text("utf-8-sig")))
+    mapping = Mapping(**check_parameters(Mapping, tree, f"{path}: $"))
     mapping._base_dir = path.parent
     return mapping
-
-
-def _check_names(tree: dict[str, object], model: type[Part], where: str) -> None:
-    """Every key of every object is known; the nearest known name is told."""
-    for key, value in tree.items():
-        if key not in model.model_fields:
-            raise PipelineError(f"{where}.{key}", f"unknown key{nearest(key, model.model_fields)}")
-        parts = [hint for hint in get_args(model.model_fields[key].annotation) if is_part(hint)]
-        if parts and isinstance(value, dict):
-            _check_names(value, parts[0], f"{where}.{key}")
-
-
-def is_part(hint: object) -> TypeGuard[type[Part]]:
-    """Whether an annotation is an object of the mapping file."""
-    return isinstance(hint, type) and issubclass(hint, Part)

@@ -53,8 +53,9 @@ class ProfileColumns(Part):
 class ProfilesPart(TextPart):
     """A table of profile points, one row a point; or of ranges, one row a frame."""
 
-    frames: Literal["column", "blank_lines", "one", "rows"] = Field(
-        description="what tells frames apart: columns.frame, blank lines, one frame a file, a frame a row of ranges"
+    frames: Literal["column", "blank_lines", "restart", "one", "rows"] = Field(
+        description="what tells frames apart: columns.frame, blank lines, x that starts anew, one frame a file, "
+        "a frame a row of ranges"
     )
     columns: ProfileColumns | None = Field(default=None, description="for a row a point")
     x_first: float | None = Field(default=None, description="x of the first range in a row, for 'rows'")
@@ -113,19 +114,24 @@ class PosesPart(TextPart):
 
     @model_validator(mode="after")
     def _complete(self) -> PosesPart:
-        if self.convention not in CONVENTIONS:
-            raise ValueError(f"unknown convention '{self.convention}'{nearest(self.convention, CONVENTIONS)}")
+        check_convention(self.convention, len(self.orientation), self.angle_unit, "orientation columns")
         for name in ("flange_from_tool", "base_from_frame"):
             pose = getattr(self, name)
             if pose is not None and not is_rigid(np.array(pose)):
                 raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
-        count = components(self.convention)
-        if len(self.orientation) != count:
-            raise ValueError(f"expected {count} orientation columns for {self.convention}, got {len(self.orientation)}")
-        if count == 4 and self.angle_unit is not None:
-            raise ValueError(f"expected no angle_unit for {self.convention}")
-        if count == 3 and self.angle_unit is None and self.convention not in USUAL_ANGLE_UNIT:
-            raise ValueError(f"expected angle_unit for {self.convention}")
         if (self.time is None) != (self.time_unit is None):
             raise ValueError("expected time_unit with time and only there")
         return self
+
+
+def check_convention(convention: str, count: int, angle_unit: str | None, what: str) -> None:
+    """Refuse (ValueError) an unknown convention, another count of numbers than it has, an angle unit out of place."""
+    if convention not in CONVENTIONS:
+        raise ValueError(f"unknown convention '{convention}'{nearest(convention, CONVENTIONS)}")
+    expected = components(convention)
+    if count != expected:
+        raise ValueError(f"expected {expected} {what} for {convention}, got {count}")
+    if expected == 4 and angle_unit is not None:
+        raise ValueError(f"expected no angle_unit for {convention}")
+    if expected == 3 and angle_unit is None and convention not in USUAL_ANGLE_UNIT:
+        raise ValueError(f"expected angle_unit for {convention}")

@@ -57,7 +57,7 @@ def read_table(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Tabl
         raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
     first_row = next(line for number, line in numbered(content[start : start + HEAD_BYTES]))
     count = len(header) or len(cells(first_row, part.delimiter))
-    places = {role: _place(column, header, count, where) for role, column in wanted.items()}
+    places = _places(wanted, header, count, where)
     names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
     slabs, lines = [], skipped
     for begin, end in _slabs(content, start):
@@ -113,14 +113,19 @@ def _rows(body: bytes, skipped: int) -> tuple[Int, Bool]:
     return index + skipped + 1, np.diff(index, prepend=-1) > 1
 
 
-def _place(column: Column, header: list[str], count: int, where: str) -> int:
-    """Where a column stands, from 0."""
-    if isinstance(column, int):
-        if column >= count:
-            raise InputError(where, f"expected a column {column} (counted from 0), found {count} columns")
-        return column
-    found = [i for i, name in enumerate(header) if name == column]
-    if len(found) != 1:
-        what = "stands twice in the header" if found else f"no such column{nearest(column, [n for n in header if n])}"
-        raise InputError(f"{where}: column {column!r}", what)
-    return found[0]
+def _places(wanted: Mapping[str, Column], header: list[str], count: int, where: str) -> dict[str, int]:
+    """Where the columns stand, from 0; all that are not there, or stand twice, in one error."""
+    places, wrong = {}, []
+    for role, column in wanted.items():
+        found = [i for i, name in enumerate(header) if name == column] if isinstance(column, str) else [column]
+        if len(found) == 1 and found[0] < count:
+            places[role] = found[0]
+        elif isinstance(column, int):
+            wrong.append(f"expected a column {column} (counted from 0), found {count} columns")
+        elif found:
+            wrong.append(f"column {column!r}: stands twice in the header")
+        else:
+            wrong.append(f"column {column!r}: no such column{nearest(column, [name for name in header if name])}")
+    if wrong:
+        raise InputError(where, "; ".join(dict.fromkeys(wrong)))
+    return places

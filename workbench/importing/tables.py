@@ -85,6 +85,8 @@ def _first(table: Table, part: ProfilesPart) -> Bool:
     if part.frames == "column":
         number = table.present("frame")
         first = np.diff(number, prepend=np.nan) != 0
+    elif part.frames == "restart":
+        first = restarts(table.present("x"))
     else:
         first = table.after_blank.copy() if part.frames == "blank_lines" else np.zeros(len(table.line), bool)
     first[0] = True
@@ -94,6 +96,13 @@ def _first(table: Table, part: ProfilesPart) -> Bool:
             f"expected several points a frame, found {first.sum()} frames in {len(first)} rows",
         )
     return np.asarray(first)
+
+
+def restarts(x: Float) -> Bool:
+    """Where x jumps back by more than half of what it spans, against its usual way."""
+    step = np.diff(x, prepend=x[:1])
+    way = np.sign(np.median(step[1:])) if len(step) > 1 else 1.0
+    return np.asarray(step * way < -0.5 * np.ptp(x))
 
 
 def _of_frame(table: Table, role: str, first: Bool, unit: float) -> Float | None:

@@ -52,10 +52,13 @@ def on_linear_axis(frames: ProfileFrames, axis: LinearAxisPart, part: TimesPart 
     travel_mm = _travel(frames, part.pitch_mm if part else None)
     way_mm = travel_mm - travel_mm[0]
     position_mm = way_mm[:, None] * np.array(axis.direction) / np.linalg.norm(axis.direction)
-    time_s = np.abs(way_mm) / axis.speed_mm_s
+    time_s = np.abs(way_mm) / (axis.speed_mm_s or 1.0)
     quaternion_wxyz = np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1))
     poses = PoseStream(f"{frames.source}: linear axis", position_mm, quaternion_wxyz, time_s)
-    return TimedPass(time_s, poses, f"from travel at {axis.speed_mm_s:g} mm/s")
+    direction = ", ".join(f"{v:g}" for v in axis.direction)
+    speed = f"at {axis.speed_mm_s:g} mm/s" if axis.speed_mm_s else "no clock: a mm of it counts as a second"
+    note = f"from travel along ({direction}) of the profiler's frame, no turn; {speed}"
+    return TimedPass(time_s, poses, note, has_clock=axis.speed_mm_s is not None)
 
 
 def _travel(frames: ProfileFrames, pitch_mm: float | None) -> Float:

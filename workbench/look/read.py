@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +14,7 @@ from workbench.artefacts import Recording
 from workbench.cloud import readers
 from workbench.cloud.read import MM, OF_FORMAT, check_size, in_process
 from workbench.errors import InputError
+from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.look.foreign import frames_alone, poses_alone
@@ -39,15 +44,16 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
         return _recording(file)
     if suffix in readers.READERS and suffix not in TEXTS:
         return _cloud(file)
-    try:
-        return _foreign(file, chosen)
-    except InputError as error:
-        if suffix not in TEXTS or mapping is not None:
-            raise
+    ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
+    if mapping is None:
+        ways += [_drafted, *([_cloud] if suffix in TEXTS else [])]
+    refused: list[InputError] = []
+    for way in ways:
         try:
-            return _cloud(file)
-        except InputError:
-            raise error from None  # what the file is not says more than what a table of points would need
+            return way(file)
+        except InputError as error:
+            refused.append(error)
+    raise refused[0]  # what the file is not says more than what a table of points would need
 
 
 def _recording(file: Path) -> Seen:
@@ -83,6 +89,13 @@ def _cloud(file: Path) -> Seen:
         checks=tuple(checks),
         hints=("as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE (docs/clouds.md)",),
     )
+
+
+def _drafted(file: Path) -> Seen:
+    """A table as a drafted mapping reads it; what is uncertain is told."""
+    tree, _ = drafted([file])
+    found = _foreign(file, Mapping.model_validate_json(json.dumps(tree)))
+    return replace(found, hints=(*(f"uncertain: {text}" for text in tree.get("uncertain", ())), *found.hints))
 
 
 def _foreign(file: Path, mapping: Mapping) -> Seen:

@@ -1,0 +1,139 @@
+"""Drafted mappings: what a stranger's files are is found, written as a mapping, and what is uncertain marked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.importing import makers
+from tests.importing.conftest import ORIENTATIONS, rows_of, turned
+from workbench.artefacts import Recording
+from workbench.cli import main
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+NAMES = {  # convention -> names of the columns as its controller's users write them
+    "kuka_abc": ["A", "B", "C"],
+    "fanuc_wpr": ["W", "P", "R"],
+    "quaternion_wxyz": ["qw", "qx", "qy", "qz"],
+    "abb": ["q1", "q2", "q3", "q4"],
+    "ur": ["rx", "ry", "rz"],
+}
+
+
+def drafted(tmp_path: Path, capsys: Any, *sources: Path) -> tuple[dict[str, Any], str]:
+    out = tmp_path / "map.json"
+    assert main(["import", "--draft", *map(str, sources), "--out", str(out)]) == 0, capsys.readouterr().err
+    return json.loads(out.read_text()), capsys.readouterr().out
+
+
+def write(tmp_path: Path, recording: Recording, convention: str, delimiter: str, decimal: str, unit_mm: float) -> Any:
+    every = slice(None, None, 20)
+    frames, columns = recording.z_mm[every].shape
+    table = zip(
+        np.repeat(np.arange(frames), columns).tolist(),
+        np.repeat(recording.time_s[every] * 1e3 + 7000.0, columns).tolist(),
+        recording.x_mm[every].astype(float).ravel().tolist(),
+        np.nan_to_num(recording.z_mm[every].astype(float), nan=-999.999).ravel().tolist(),
+        strict=True,
+    )
+    scan = tmp_path / "scan.csv"
+    scan.write_text(
+        delimiter.join(["Profile", "Timestamp [ms]", "X (mm)", "Z (mm)"]) + "\n" + rows_of(table, delimiter, decimal)
+    )
+    values = ORIENTATIONS[convention](turned(recording.robot_quaternion_wxyz))
+    rows = np.hstack([recording.robot_time_s[:, None], recording.robot_position_mm / unit_mm, values])
+    robot = tmp_path / "robot.txt"
+    header = delimiter.join(["time_s", "X", "Y", "Z", *NAMES[convention]])
+    robot.write_text("# log of the robot\n\n" + header + "\n" + rows_of(rows.tolist(), delimiter, decimal))
+    return scan, robot
+
+
+@pytest.mark.parametrize("convention", NAMES)
+@pytest.mark.parametrize(("delimiter", "decimal", "unit_mm"), [(",", ".", 1.0), (";", ",", 1000.0), ("\t", ".", 1.0)])
+def test_a_drafted_mapping_brings_it_in(
+    convention: str, delimiter: str, decimal: str, unit_mm: float, milled: Recording,
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording],
+) -> None:  # fmt: skip
+    sources = write(tmp_path, milled, convention, delimiter, decimal, unit_mm)
+    tree, _ = drafted(tmp_path, capsys, *sources)
+    assert tree["poses"]["convention"] == convention
+    assert tree["poses"]["length_unit"] == ("mm" if unit_mm == 1 else "m")
+    assert (tree["profiles"]["time_unit"], tree["profiles"]["missing"]) == ("ms", [-999.999])
+    assert tree["times"] == {"source": "file", "clock_offset_s": pytest.approx(7.0, abs=0.05)}
+    assert any("clock" in text for text in tree["uncertain"])
+    assert any("hand_eye" in text for text in tree["uncertain"])
+    got = imported(*sources, mapping=tmp_path / "map.json")
+    np.testing.assert_allclose(got.z_mm, milled.z_mm[::20], atol=1e-4)
+    np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm, atol=1e-6)
+    same = np.abs((got.robot_quaternion_wxyz * milled.robot_quaternion_wxyz).sum(axis=1))  # q and -q are equal
+    np.testing.assert_allclose(same, 1.0, atol=1e-9)
+
+
+def test_files_that_explain_themselves_need_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tree, told = drafted(tmp_path, capsys, makers.write_gocator(tmp_path / "a.csv"))
+    assert tree == {"format": "import-mapping", "version": 1}
+    assert "Gocator CSV surface" in told
+
+
+def test_frames_that_start_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    z = makers.heights_mm()
+    rows = [
+        (float(x), -999.99 if np.isnan(v) else float(v)) for row in z for x, v in zip(makers.X_MM, row, strict=True)
+    ]
+    (tmp_path / "s.txt").write_text(rows_of(rows, " "))
+    tree, _ = drafted(tmp_path, capsys, tmp_path / "s.txt")
+    assert tree["profiles"]["frames"] == "restart"
+    assert tree["profiles"]["missing"] == [-999.99]
+    out = tmp_path / "a.h5"
+    assert main(["import", str(tmp_path / "s.txt"), "--out", str(out), "--mapping", str(tmp_path / "map.json")]) == 0
+    told = capsys.readouterr().out
+    assert "6 frames of 40 columns" in told
+    assert "not confirmed: times.pitch_mm" in told
+
+
+@pytest.mark.parametrize("text", ["", "hello\n", "a,b\n1,2\n3,4\n", "\0\0\0\0", "1\n2\n3\n"])
+def test_what_is_no_table_ends_in_one_line(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    assert main(["import", "--draft", str(tmp_path / "a.csv"), "--out", str(tmp_path / "m.json")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "m.json").exists()
+
+
+def real(name: str) -> Path:
+    if not (REAL / name).is_file():
+        pytest.skip(f"no {name}: data of others, for local tests only")
+    return REAL / name
+
+
+def test_a_real_keyence_profile_without_header(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = real("lps_profile.csv")
+    tree, _ = drafted(tmp_path, capsys, source)
+    assert tree["profiles"]["missing"] == [-999.999]
+    assert main(["look", str(source), "--mapping", str(tmp_path / "map.json")]) == 0
+    assert "single profile" in capsys.readouterr().out
+
+
+def test_a_real_row_of_counts_a_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = real("vgroove_lds_scan1.csv"), tmp_path / "v.h5"
+    tree, _ = drafted(tmp_path, capsys, source)
+    assert tree["profiles"]["frames"] == "rows"
+    assert any("x_pitch" in text for text in tree["uncertain"])
+    assert main(["import", str(source), "--out", str(out), "--mapping", str(tmp_path / "map.json")]) == 0
+    assert "200 frames of 2048 columns" in capsys.readouterr().out
+
+
+def test_real_poses_of_a_ur5(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tree, told = drafted(tmp_path, capsys, real("akig_ur5_poses.txt"))
+    assert (tree["poses"]["convention"], tree["poses"]["length_unit"]) == ("ur", "m")
+    assert "profiles: none among the sources" in told
+
+
+def test_real_tables_of_other_things_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("gocator_gage_rr_minitab_ready.csv", "rabkkk_3smr_joints.csv", "akig_ur5_joints.txt"):
+        assert main(["import", "--draft", str(real(name)), "--out", str(tmp_path / "m.json")]) == 2
+        assert "expected columns x and z of points" in capsys.readouterr().err

@@ -1,0 +1,302 @@
+"""`workbench import --draft`: the smallest mapping under which the sources make sense, its doubts marked."""
+
+from __future__ import annotations
+
+import glob
+import itertools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, OutputError, one_line
+from workbench.importing.assemble import assemble
+from workbench.importing.kinds import read_source
+from workbench.importing.mapping import Mapping, no_mapping
+from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.neutral import Imported
+from workbench.importing.passes import joined
+from workbench.importing.roles import LENGTHS, TIMES, Columns, columns_of
+from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
+from workbench.importing.suspicions import WIDTH_MM
+from workbench.importing.tables import restarts
+from workbench.importing.text import as_utf8
+from workbench.storage import regular_file
+from workbench.units import Float
+
+USUAL_REACH_MM = (200.0, 5000.0)
+FRAME_S, POSE_S = (2e-5, 1.0), (1e-3, 60.0)  # from one frame, or pose, to the next
+CODES = (-999.999, -999.99, -999.0, -9999.0, -99999.0, -99.99, 0.0, -32768.0, 32767.0, 65535.0, 9999.0, 99999.0)
+CODE_GAP = 0.3  # share of the other values' span that lies free around a code for 'no return'
+Tree = dict[str, Any]
+
+
+def draft_files(sources: Sequence[str | Path], out: str | Path) -> tuple[str, ...]:
+    """Write MAP.json for the sources; returns lines that say what was understood and what is uncertain.
+
+    Raises:
+        InputError: a source is neither of a known kind nor a table of numbers that can be told.
+        OutputError: the mapping cannot be written.
+    """
+    target = Path(out)
+    if target.suffix != ".json":
+        raise InputError(str(target), "expected the name of a mapping to write, ending in .json")
+    tree, lines = drafted([Path(source) for source in sources])
+    try:
+        target.write_text(json.dumps(tree, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
+    told = [f"uncertain: {text}" for text in tree.get("uncertain", ())]
+    return tuple(one_line(line) for line in [*lines, *told, f"mapping: {target}"])
+
+
+def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
+    """The mapping, and what was understood of each source."""
+    tree: Tree = {"format": "import-mapping", "version": 1}
+    doubts: list[str] = []
+    lines: list[str] = []
+    by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": []}
+    for source in sources:
+        try:
+            known = read_source(source, no_mapping())
+        except InputError as error:
+            form, columns = _table(source, error)
+            by_part["poses" if columns.kind == "poses" else "profiles"].append((source, form, columns))
+            continue
+        lines += [f"{source}: {note}" for note in known.notes]
+    for name, tables in by_part.items():
+        if tables:
+            others = [source.name for source in sources if source not in [table[0] for table in tables]]
+            part, more = (_poses if name == "poses" else _profiles)(*tables[0][1:])
+            tree[name] = {"files": _pattern([table[0].name for table in tables], others), **part}
+            doubts += [*tables[0][2].doubts, *more]
+            if name == "poses" and tables[0][2].robot:
+                tree["robot"] = tables[0][2].robot
+    doubts += _settle(tree, sources, lines)
+    if doubts:
+        tree["uncertain"] = doubts
+    return tree, lines
+
+
+def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
+    """A table of numbers whose columns can be told; else the reader's own refusal."""
+    if source.is_dir():
+        raise error
+    size = regular_file(source).st_size
+    with open(source, "rb") as file:
+        content = file.read(SAMPLE_BYTES)
+    form = (
+        None
+        if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff")
+        else sniffed(as_utf8(content, str(source)) if size <= SAMPLE_BYTES else content, size <= SAMPLE_BYTES)
+    )
+    if form is None:
+        raise error
+    columns = columns_of(form)
+    if not columns.kind:
+        names = ", ".join(map(repr, form.header[:12])) or f"{form.rows.shape[1]} columns without names"
+        known = f" (understood: {', '.join(columns.roles)})" if columns.roles else ""
+        raise InputError(
+            str(source), f"expected columns x and z of points, or x, y, z and an orientation; found {names}{known}"
+        )
+    return form, columns
+
+
+def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
+    """The part `profiles`."""
+    if columns.kind == "rows":
+        return _ranges(form)
+    roles = columns.roles
+    x, z = (_values(form, roles[role].column) for role in "xz")
+    missing = _codes(z)
+    good = ~np.isin(z, missing) & np.isfinite(x) & np.isfinite(z)
+    unit, doubts = _length(
+        "profiles", roles["x"].unit or roles["z"].unit, float(np.ptp(x[good])) if good.any() else 0.0, WIDTH_MM
+    )
+    part: Tree = {**form.as_part(), "length_unit": unit}
+    part["frames"] = _frames(form, columns, x)
+    names = {role: one.column for role, one in roles.items()}
+    if part["frames"] != "column":
+        names.pop("frame", None)
+    if "time" in names:
+        time = _values(form, names["time"])
+        steps = np.diff(np.unique(time))
+        part["time_unit"], more = _time("profiles", roles["time"].unit, steps, FRAME_S)
+        doubts += more
+    part["columns"] = names
+    if missing:
+        part["missing"] = missing
+        doubts.append(f"profiles.missing: {', '.join(f'{v:g}' for v in missing)} is taken as no return")
+    return part, doubts
+
+
+def _frames(form: Form, columns: Columns, x: Float) -> str:
+    """What tells frames apart."""
+    if "frame" in columns.roles:
+        return "column"
+    if form.after_blank[1:].any():
+        return "blank_lines"
+    return "restart" if restarts(x[np.isfinite(x)]).any() else "one"
+
+
+def _ranges(form: Form) -> tuple[Tree, list[str]]:
+    """A row of ranges a frame: nothing tells x, and often nothing the unit."""
+    values = form.rows[np.isfinite(form.rows)]
+    missing = _codes(values)
+    part: Tree = {**form.as_part(), "length_unit": "mm", "frames": "rows", "x_first": 0.0, "x_pitch": 1.0}
+    if missing:
+        part["missing"] = missing
+    return part, [
+        "profiles.x_pitch, profiles.x_first: a row of ranges does not tell x; 1 and 0 stand for the sensor's values",
+        "profiles.length_unit: a row of ranges does not tell its unit",
+        *([f"profiles.missing: {', '.join(f'{v:g}' for v in missing)} is taken as no return"] if missing else []),
+    ]
+
+
+def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
+    """The part `poses`."""
+    roles = columns.roles
+    position = np.stack([_values(form, roles[role].column) for role in "xyz"], axis=1)
+    reach = float(np.nanmax(np.linalg.norm(position, axis=1)))
+    unit, doubts = _length("poses", roles["x"].unit, reach, USUAL_REACH_MM)
+    part: Tree = {**form.as_part(), "length_unit": unit}
+    if "time" in roles:
+        time = _values(form, roles["time"].column)
+        part["time_unit"], more = _time("poses", roles["time"].unit, np.diff(np.unique(time)), POSE_S)
+        part["time"] = roles["time"].column
+        doubts += more
+    part["position"] = [roles[role].column for role in "xyz"]
+    part["orientation"] = [roles[role].column for role in columns.orientation]
+    part["convention"] = columns.convention
+    if columns.convention.startswith("euler"):
+        values = np.stack([_values(form, roles[role].column) for role in columns.orientation], axis=1)
+        told = roles[columns.orientation[0]].unit
+        part["angle_unit"] = told or ("rad" if np.nanmax(np.abs(values)) <= 2 * np.pi + 1e-3 else "deg")
+        if not told:
+            doubts.append(f"poses.angle_unit: {part['angle_unit']}, by the size of the numbers")
+    if "pass" in roles:
+        part["scan_pass"] = roles["pass"].column
+    return part, doubts
+
+
+def _values(form: Form, column: str | int) -> Float:
+    return np.asarray(form.rows[:, column if isinstance(column, int) else form.header.index(column)])
+
+
+def _length(part: str, told: str, size: float, usual_mm: tuple[float, float]) -> tuple[str, list[str]]:
+    """The unit that the name tells, else the first under which the size is a usual one."""
+    if told in LENGTHS:
+        return told, []
+    units = [
+        unit for unit in ("mm", "m", "um", "inch", "0.01um") if usual_mm[0] <= size * LENGTH_MM[unit] <= usual_mm[1]
+    ]
+    others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
+    chosen = units[0] if units else "mm"
+    return chosen, [f"{part}.length_unit: {chosen}, by the size of the numbers ({size:.4g}){others}"]
+
+
+def _time(part: str, told: str, steps: Float, usual_s: tuple[float, float]) -> tuple[str, list[str]]:
+    """The unit that the name tells, else the first under which the steps are usual ones."""
+    if told in TIMES:
+        return told, []
+    step = float(np.median(steps)) if len(steps) else 0.0
+    units = [unit for unit in TIMES if usual_s[0] <= step * TIME_S[unit] <= usual_s[1]]
+    others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
+    chosen = units[0] if units else "s"
+    return chosen, [f"{part}.time_unit: {chosen}, by the steps of {step:.6g}{others}"]
+
+
+def _codes(values: Float) -> list[float]:
+    """Numbers that mean no return: known ones, apart from all others."""
+    known, found = values[np.isfinite(values)], []
+    for code in CODES:
+        hits = known == code
+        rest = known[~hits & ~np.isin(known, CODES)]
+        if hits.any() and len(rest) and np.abs(rest - code).min() > CODE_GAP * max(float(np.ptp(rest)), 1e-9):
+            found.append(code)
+    return found
+
+
+def _pattern(names: list[str], others: list[str]) -> str:
+    """A file name pattern for these names and none of the others."""
+    if len(names) == 1:
+        return glob.escape(names[0])
+    head = _common(names)
+    tail = _common([name[len(head) :][::-1] for name in names])[::-1]
+    if any(name.startswith(head) and name.endswith(tail) for name in others):
+        raise InputError(
+            ", ".join(names[:3]), "expected names that tell profiles from poses, such as scan1.csv and robot1.csv"
+        )
+    return f"{glob.escape(head)}*{glob.escape(tail)}"
+
+
+def _common(names: list[str]) -> str:
+    """The characters that all names begin with."""
+    alike = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    return "".join(letters[0] for letters in alike)
+
+
+def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> list[str]:
+    """Times and hand-eye, by what the sources hold under the mapping so far; adds to tree and lines; doubts."""
+    mapping = Mapping(**tree) if len(tree) == 2 else Mapping.model_validate_json(json.dumps(tree))
+    found, unread = [], []
+    for source in sources:
+        try:
+            one = read_source(source, mapping)
+        except InputError as error:
+            unread.append(f"{error}")
+            continue
+        found.append(one)
+        lines += [f"{source}: {note}" for note in one.notes if f"{source}: {note}" not in lines]
+    if unread:
+        return [f"with this mapping: {text}" for text in unread]
+    doubts = _times(tree, found)
+    has = [any(getattr(one, what) is not None for one in found) for what in ("profiles", "poses")]
+    if has == [True, False] and all(one.profiles is None or len(one.profiles.z_mm) == 1 for one in found):
+        return [*doubts, "a single profile: `workbench look` shows and measures it; a recording needs frames and poses"]
+    if has == [True, True] and not any(one.flange_from_profiler is not None for one in found):
+        doubts.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
+    if not has[0]:
+        return [*doubts, "profiles: none among the sources"]
+    try:
+        assemble(found, Mapping.model_validate_json(json.dumps(tree)))
+    except InputError as error:
+        doubts.append(f"with this mapping: {error}")
+    return doubts
+
+
+def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
+    """The part `times`, where profiles and poses do not have times on one clock."""
+    streams = [one.poses for one in found if one.poses is not None]
+    profiles = [one.profiles for one in found if one.profiles is not None]
+    if not profiles:
+        return []
+    frames = joined(profiles)
+    count = len(frames.z_mm)
+    if not streams:
+        if frames.travel_mm is None and count > 1:
+            tree["linear_axis"] = {}
+            tree["times"] = {"source": "travel", "start_mm": 0.0, "pitch_mm": 1.0}
+            return ["times.pitch_mm: the files tell no way along the scan; 1 mm a frame stands for the axis's"]
+        return []
+    poses = streams[0]
+    if frames.time_s is not None and poses.time_s is not None:
+        if frames.time_s[0] >= poses.time_s[0] and frames.time_s[-1] <= poses.time_s[-1]:
+            return []
+        offset = round(float(frames.time_s[0] - poses.time_s[0]), 9)
+        tree["times"] = {"source": "file", "clock_offset_s": offset}
+        return [f"times.clock_offset_s: the clocks differ; {offset:g} s puts the first frame on the first pose"]
+    if len(poses.position_mm) == count and len(streams) == 1:
+        tree["times"] = {"source": "pose_each"}
+        return ["times.source: as many poses as frames: one pose a frame"]
+    if frames.travel_mm is not None:
+        tree["times"] = {"source": "travel", "start_mm": float(frames.travel_mm[0])}
+        return ["times.start_mm: the travel at the first frame is taken as that at the first pose"]
+    if poses.time_s is None or count < 2:
+        return []
+    duration = float(poses.time_s[-1] - poses.time_s[0])
+    rate = round((count - 1) / duration * (1 + 1e-9), 9) if duration > 0 else 1.0
+    tree["times"] = {"source": "rate", "rate_hz": rate, "start_s": "first_pose"}
+    return [f"times.rate_hz: no times in the profiles; {rate:.6g} spreads the frames evenly over the poses"]

@@ -1,0 +1,203 @@
+"""What the columns of an unknown table are: by their names, else by their numbers."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.importing.sniff import Form, steady
+from workbench.units import Float
+
+UNITS = {"mm": "mm", "m": "m", "um": "um", "µm": "um", "μm": "um", "inch": "inch", "in": "inch", "s": "s", "sec": "s",
+         "ms": "ms", "us": "us", "µs": "us", "ns": "ns", "deg": "deg", "°": "deg", "rad": "rad"}  # fmt: skip
+LENGTHS, TIMES, ANGLES = ("mm", "m", "um", "inch"), ("s", "ms", "us", "ns"), ("deg", "rad")
+ALIKE = {
+    "x": "x", "xpos": "x", "posx": "x", "lateral": "x", "y": "y", "ypos": "y", "posy": "y", "z": "z", "zpos": "z",
+    "posz": "z", "range": "z", "height": "z", "distance": "z", "depth": "z",
+    "frame": "frame", "profile": "frame", "profileno": "frame", "profileid": "frame", "profilenumber": "frame",
+    "scan": "frame", "frameid": "frame", "framenumber": "frame", "frameno": "frame", "line": "frame",
+    "profileindex": "frame",
+    "t": "time", "time": "time", "stamp": "time", "timestamp": "time", "clock": "time", "zeit": "time",
+    "intensity": "intensity", "brightness": "intensity", "luminance": "intensity", "reflectance": "intensity",
+    "encoder": "travel", "travel": "travel", "feed": "travel",
+    "pass": "pass", "scanpass": "pass",
+    "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q1": "q1", "q2": "q2", "q3": "q3", "q4": "q4",
+    "w": "w", "p": "p", "r": "r", "a": "a", "b": "b", "c": "c", "rx": "rx", "ry": "ry", "rz": "rz",
+    "roll": "roll", "pitch": "pitch", "yaw": "yaw",
+}  # fmt: skip
+ORIENTATIONS = (  # columns, convention, robot, what is uncertain
+    (("qw", "qx", "qy", "qz"), "quaternion_wxyz", "", ""),
+    (("q1", "q2", "q3", "q4"), "abb", "ABB", ""),
+    (("w", "p", "r"), "fanuc_wpr", "FANUC", ""),
+    (("a", "b", "c"), "kuka_abc", "KUKA", "A, B, C are taken as KUKA's; Kawasaki's O, A, T and others differ"),
+    (("rx", "ry", "rz"), "", "", ""),  # UR's, Yaskawa's, Staubli's, ABB's: by the numbers
+    (("roll", "pitch", "yaw"), "euler_xyz_extrinsic", "", "roll, pitch, yaw are taken about the fixed x, y, z"),
+)
+FEWEST_RANGES = 48  # columns from which a row without names is a profile
+COUNTER = "counter"
+
+
+class Named(NamedTuple):
+    """A column as a mapping names it, and the unit in its name."""
+
+    column: str | int
+    unit: str
+
+
+class Columns(NamedTuple):
+    """Columns by role; what they are for ('profiles', 'poses', 'rows' of ranges, '' unknown)."""
+
+    kind: str
+    roles: dict[str, Named]
+    convention: str = ""
+    robot: str = ""
+    orientation: tuple[str, ...] = ()  # roles in the convention's order
+    doubts: tuple[str, ...] = ()
+
+
+def columns_of(form: Form) -> Columns:
+    """What the columns are."""
+    return _by_name(form) if form.header else _by_numbers(form)
+
+
+def role_of(name: str) -> tuple[str, str]:
+    """(role or '', unit or '') of a column's name: 'X [mm]', 'pose.position.x', 'time_s'."""
+    text = name.strip().lower()
+    unit = ""
+    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", text)
+    if bracket:
+        unit, text = UNITS.get(bracket[1], ""), text.replace(bracket[0], " ")
+    tokens = [token for token in re.split(r"[\s._/:-]+", text) if token]
+    if not unit and len(tokens) > 1 and tokens[-1] in UNITS and tokens[-1] not in ("in",):
+        unit = UNITS[tokens.pop()]
+    if not tokens:
+        return "", unit
+    about = " ".join(tokens[:-1])
+    if re.search(r"orient|quat|rot", about) and tokens[-1] in ("w", "x", "y", "z"):
+        return f"q{tokens[-1]}", unit
+    return ALIKE.get("".join(tokens), ALIKE.get(tokens[-1], "")), unit
+
+
+def _by_name(form: Form) -> Columns:
+    found: dict[str, Named] = {}
+    for name in form.header:
+        role, unit = role_of(name)
+        if role and role not in found and form.header.count(name) == 1:
+            found[role] = Named(name, unit)
+    for names, convention, robot, doubt in ORIENTATIONS:
+        if {"x", "y", "z", *names} <= set(found):
+            roles = {role: found[role] for role in ("x", "y", "z", *names, "time", "pass") if role in found}
+            values = [form.rows[:, form.header.index(str(found[name].column))] for name in names]
+            if not convention:
+                return _angles(
+                    Columns("poses", roles, orientation=names), np.stack(values, axis=1), found[names[0]].unit
+                )
+            return Columns("poses", roles, convention, robot, names, (doubt,) if doubt else ())
+    if {"x", "y", "z"} <= set(found) and "frame" not in found and not steady(_column(form, found["y"])):
+        return Columns("", {"a cloud: see cloud.read and `workbench look`": found["x"]})
+    if {"x", "z"} <= set(found):
+        roles = {role: found[role] for role in ("x", "z", "frame", "time", "travel", "intensity") if role in found}
+        if "travel" not in roles and "y" in found and steady(_column(form, found["y"])):
+            roles["travel"] = found["y"]
+        roles = {
+            role: one for role, one in roles.items() if role in ("x", "z", "intensity") or steady(_column(form, one))
+        }
+        return Columns("profiles", roles)
+    numbered = all(re.fullmatch(r"[\d.]*", name) for name in form.header)  # columns that are counted, not named
+    return Columns("rows", {}) if numbered and form.rows.shape[1] >= FEWEST_RANGES else Columns("", found)
+
+
+def _column(form: Form, named: Named) -> Float:
+    return np.asarray(form.rows[:, named.column if isinstance(named.column, int) else form.header.index(named.column)])
+
+
+def _by_numbers(form: Form) -> Columns:
+    """Without names: a few columns are points or poses, many are ranges."""
+    rows, count = form.rows, form.rows.shape[1]
+    if count >= FEWEST_RANGES:
+        return Columns("rows", {})
+    first = _leading(rows)
+    places = list(range(len(first), count))
+    doubt = "the columns have no names: what they are was told by their numbers"
+    roles = {role: Named(k, "") for k, role in enumerate(first) if role != COUNTER}
+    if len(places) in (6, 7) and not any(steady(rows[:, k]) for k in places[:3]):
+        roles |= {role: Named(places[k], "") for k, role in enumerate("xyz")}
+        values = rows[:, places[3:]]
+        if (
+            len(places) == 6
+            and np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3
+            and not _metres(rows[:, places[:3]])
+        ):
+            return Columns("", {"joint angles in rad": Named(places[0], "")})
+        if len(places) == 7:
+            return _quaternion(roles, places[3:], values, doubt)
+        names = ("rx", "ry", "rz")
+        roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
+        return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
+    if len(places) == 3 and steady(rows[:, places[1]]):
+        roles["travel"] = Named(places.pop(1), "")
+    if len(places) == 2:
+        roles |= {"x": Named(places[0], ""), "z": Named(places[1], "")}
+        if _lateral(rows[:, places[1]]) and not _lateral(rows[:, places[0]]):
+            roles |= {"x": Named(places[1], ""), "z": Named(places[0], "")}
+        return Columns("profiles", roles, doubts=() if count == 2 else (doubt,))
+    return Columns("", roles)
+
+
+def _metres(position: Float) -> bool:
+    """Whether numbers could be a flange's positions in m."""
+    return bool(0.2 <= np.nanmax(np.linalg.norm(position, axis=1)) <= 5.0)
+
+
+def _leading(rows: Float) -> list[str]:
+    """Roles of the first columns: a counter, a frame's number, a time."""
+    first: list[str] = []
+    for k in range(min(2, rows.shape[1] - 2)):
+        values = rows[:, k]
+        whole = np.isfinite(values).all() and (values == np.round(values)).all()
+        if whole and len(values) > 1 and (np.diff(values) == 1).all() and values[0] in (0, 1):
+            first.append(COUNTER)
+        elif whole and _held(values) and "frame" not in first:
+            first.append("frame")
+        elif "time" not in first and ((_rising(values) and rows.shape[1] > 6) or ("frame" in first and _held(values))):
+            first.append("time")
+        else:
+            break
+    return first
+
+
+def _held(values: Float) -> bool:
+    return steady(values) and bool((np.diff(values) >= 0).all())
+
+
+def _rising(values: Float) -> bool:
+    return bool(np.isfinite(values).all() and len(values) > 1 and (np.diff(values) > 0).all())
+
+
+def _lateral(values: Float) -> bool:
+    """Whether a column steps evenly, as x does."""
+    step = np.diff(values[np.isfinite(values)])
+    return len(step) > 2 and float(np.mean(np.abs(step - np.median(step)) < 1e-6 + 0.01 * abs(np.median(step)))) > 0.8
+
+
+def _quaternion(roles: dict[str, Named], places: list[int], values: Float, doubt: str) -> Columns:
+    norm = np.linalg.norm(values, axis=1)
+    if not (np.abs(norm - 1.0) < 1e-2).all():
+        return Columns("", roles)
+    names = ("qw", "qx", "qy", "qz")
+    roles |= {role: Named(at, "") for role, at in zip(names, places, strict=True)}
+    why = "poses.convention: four unnamed numbers are taken as w, x, y, z; quaternion_xyzw is as common"
+    return Columns("poses", roles, "quaternion_wxyz", "", names, (doubt, why))
+
+
+def _angles(columns: Columns, values: Float, unit: str) -> Columns:
+    """Three angles called rx, ry, rz, or nothing: rotation vectors where radians, else the commonest Euler angles."""
+    largest = float(np.nanmax(np.abs(values)))
+    if unit == "rad" or (not unit and largest <= 2 * np.pi + 1e-3):
+        why = "poses.convention: rx, ry, rz within 2 pi are taken as UR's rotation vectors in rad"
+        return columns._replace(convention="ur", robot="Universal Robots", doubts=(*columns.doubts, why))
+    why = ("poses.convention: rx, ry, rz in deg are taken as Rz Ry Rx about fixed axes (Yaskawa, ABB's X Y Z, FANUC); "
+           "Staubli's is staubli_rxyz")  # fmt: skip
+    return columns._replace(convention="yaskawa_rxyz", doubts=(*columns.doubts, why))

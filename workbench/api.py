@@ -83,6 +83,7 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         bounding_volumes,
         cell_triangles,
         clearance_bound_mm,
+        dexterity,
         forward_kinematics,
         inverse_kinematics,
         jacobian,
@@ -94,6 +95,7 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         spherical_wrist,
         turntable_pose,
         within_limits,
+        within_margins,
     )
 
 __all__ = [  # noqa: RUF022  (as Python sorts)
@@ -166,6 +168,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "bounding_volumes",
     "cell_triangles",
     "clearance_bound_mm",
+    "dexterity",
     "forward_kinematics",
     "frozen",
     "interpolate_poses",
@@ -193,6 +196,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "turntable_pose",
     "vector_from_rotation",
     "within_limits",
+    "within_margins",
     "write_program",
 ]
 

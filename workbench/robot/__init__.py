@@ -5,7 +5,7 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
-from workbench.robot.cell import Cell, LoadingSetup, Turntable
+from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.inverse import inverse_kinematics
@@ -17,6 +17,7 @@ from workbench.robot.kinematics import (
     joint_axes,
     motions,
 )
+from workbench.robot.margins import Margins, dexterity
 from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
 from workbench.robot.triangles import cell_triangles
@@ -31,6 +32,7 @@ __all__ = [
     "CollisionModel",
     "CollisionScreen",
     "LoadingSetup",
+    "Margins",
     "SphericalWrist",
     "Turntable",
     "abb_angles",
@@ -38,6 +40,7 @@ __all__ = [
     "cell",
     "cell_triangles",
     "clearance_bound_mm",
+    "dexterity",
     "forward_kinematics",
     "inverse_kinematics",
     "jacobian",
@@ -49,4 +52,5 @@ __all__ = [
     "spherical_wrist",
     "turntable_pose",
     "within_limits",
+    "within_margins",
 ]

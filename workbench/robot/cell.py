@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.artefacts import RobotCell
+from workbench.errors import InputError
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
 from workbench.robot.shapes import Shape
@@ -64,6 +66,22 @@ class Cell(RobotCell):
     )  # flange_from_tool (4, 4) by the controller's name
     controller_frames: Mapping[str, Float] = field(default_factory=dict)  # base_from_workobject (4, 4), likewise
     unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
+
+
+def within_margins(cell: Cell) -> Cell:
+    """The cell with the limits of joints and turntable nearer by the margin: what is planned in it keeps the margin.
+
+    Raises:
+        InputError: a joint or a turntable that is left no range.
+    """
+    inwards = cell.margins.limit * np.array([1.0, -1.0])
+    limits, table = cell.chain.limits + inwards, cell.turntable
+    if table is not None:
+        table = dataclasses.replace(table, limits=table.limits + inwards)
+    if (np.diff(limits) <= 0).any() or (table is not None and table.limits[0] >= table.limits[1]):
+        raise InputError(f"{cell.source}: $.margins.limit_deg", f"no range is left of a joint within "
+                         f"{np.degrees(cell.margins.limit):g} deg of its limits")  # fmt: skip
+    return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits), turntable=table)
 
 
 def spindle_warning(flange_from_cutter: Float) -> str | None:

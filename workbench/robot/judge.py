@@ -174,7 +174,8 @@ def _stretches(cell: Cell, way: Way, pairs: _Pairs, before: Places, middle: Plac
         lambda i: f"joint {int(reach[i].argmax()) + 1} turns by {np.degrees(reach[i].max()):.0f} deg while the tool "
         "stands")  # fmt: skip
     open_ |= wide
-    wrist, condition, asked = dexterity(cell.chain, three[1][:, :6], middle.tool[:, :3, 3], cell.margins.twist)
+    tip = forward_kinematics(cell.chain, three[1][:, :6]) @ cell.flange_from_cutter
+    wrist, condition, asked = dexterity(cell.chain, three[1][:, :6], tip[:, :3, 3], cell.margins.twist)
     asked[way.kind[middle.segment] == JOINTS] = 0.0
     margin, which = _limits(cell, three[1], asked)
     found.margin.append(np.where(lost, np.nan, margin))

@@ -11,6 +11,7 @@ from workbench.robot.kinematics import jacobian_at, joint_axes
 from workbench.units import DEG, Float
 
 COVERAGE = 2.0  # times the stated standard uncertainties
+REGULAR = 1e9  # condition number up to which a Jacobian is inverted
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +57,13 @@ def dexterity(chain: Chain, joints: Float, tip_mm: Float, twist: Float) -> tuple
     axes, points = joint_axes(chain, joints)
     scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
     j = jacobian_at(axes, points, tip_mm) / scale[:, None]
-    condition = np.full(len(joints), np.inf)
-    asked = np.full((len(joints), 6), np.inf)
+    condition, asked = np.full(len(joints), np.inf), np.zeros((len(joints), 6))
     finite = np.isfinite(j).all(axis=(1, 2))
-    u, s, vt = np.linalg.svd(j[finite])
+    sizes = np.linalg.svd(j[finite], compute_uv=False)
     with np.errstate(divide="ignore", over="ignore"):
-        condition[finite] = s[:, 0] / s[:, 5]
-        inverse = np.swapaxes(vt, 1, 2) @ (np.swapaxes(u, 1, 2) / np.maximum(s, 1e-300)[:, :, None])
-    asked[finite] = np.abs(inverse) @ (twist / scale)
+        condition[finite] = sizes[:, 0] / sizes[:, 5]
+    if twist.any():
+        asked[:] = np.inf
+        regular = np.flatnonzero(condition < REGULAR)
+        asked[regular] = np.abs(np.linalg.inv(j[regular])) @ (twist / scale)
     return wrist_angles(axes), condition, asked

@@ -17,7 +17,15 @@ from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.elastic import give_way
 from workbench.plugins.stiffness.path_points import path_points, turn_about_z
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
-from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics, turntable_pose, within_limits
+from workbench.robot import (
+    Cell,
+    CollisionModel,
+    forward_kinematics,
+    inverse_kinematics,
+    jacobian,
+    turntable_pose,
+    within_limits,
+)
 from workbench.robot.shapes import ON_BASE, Shape
 from workbench.units import Float
 
@@ -62,6 +70,8 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
     points = path_points(path, acts, load="mean", reach_mm=15.0, planned=0.0)
     model, angles = CollisionModel(cell), np.radians(np.arange(-180, 180, step_deg))
     best = np.full((len(angles), len(angles)), np.inf)
+    low, high = cell.chain.limits.T + np.radians([[2.0], [-2.0]])
+    reach = np.array([[1796.25]] * 3 + [[1.0]] * 3)
     for (t, rotation), (a, table) in itertools.product(enumerate(angles), enumerate(angles)):
         moved = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
         point = moved @ points.base_from_point
@@ -70,6 +80,11 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
         for branch in range(8):
             q = np.unwrap(joints[:, branch], axis=0)
             if not np.isfinite(q).all() or not np.isfinite(within_limits(cell.chain, q)).all():
+                continue
+            if abs(table) > np.radians(178) or ((q < low) | (q > high)).any():
+                continue
+            by_tip = [jacobian(cell.chain, one, cell.flange_from_cutter[:3, 3]) / reach for one in q]
+            if np.abs(np.sin(q[:, 4])).min() < np.sin(np.radians(5)) or max(map(np.linalg.cond, by_tip)) > 50:
                 continue
             if np.abs(np.diff(q, axis=0)).max() > np.radians(15) or any(model.collision(one, table) for one in q):
                 continue
@@ -92,6 +107,8 @@ def test_choice_and_map_are_those_of_plain_loops(
     length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]
     assert np.isclose(length.mean(), least, rtol=1e-9)
     over = json.loads(document.content)["map"]
+    assert not np.isfinite(each[:, 0]).any()  # the turntable at its limit
+    each = each[:, 1:]
     found = np.array([[np.inf if x is None else x for x in row] for row in over["mean_displacement_mm"]])
     assert (np.isfinite(found) == np.isfinite(each)).all()
     feasible = np.isfinite(each)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int
+from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics
 from workbench.plugins.stiffness.arm import Arm, joint_angles
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
@@ -60,7 +60,9 @@ class Examiner:
                     continue
                 joints = Configuration(which, flip).joints(self.arm, flange[todo].reshape(-1, 4, 4))
                 joints, inside = followed(self.cell.chain, joints.reshape(len(todo), len(at), 6))
-                swings = _swings(joints, np.diff(at) == 1) & inside
+                poor = self.poor(joints)
+                swings = (_swings(joints, np.diff(at) == 1) | (poor == SINGULAR).any(axis=1)) & inside
+                inside &= ~(poor == LIMIT).any(axis=1)
                 inside &= ~swings
                 hits = np.full(len(todo), -1)
                 hits[inside] = self._hits(joints[inside], table[todo[inside]])
@@ -77,10 +79,26 @@ class Examiner:
         joints, inside = followed(self.cell.chain, configuration.joints(self.arm, flange)[None])
         if not inside[0]:
             return joints[0], LIMIT, -1
-        if _swings(joints, np.ones(len(rotation) - 1, bool))[0]:
+        poor = self.poor(joints)[0]
+        if _swings(joints, np.ones(len(rotation) - 1, bool))[0] or (poor == SINGULAR).any():
             return joints[0], SINGULAR, -1
+        if (poor == LIMIT).any():
+            return joints[0], LIMIT, -1
         hits = self.screen.hits(joints[0], table)
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
+
+    def poor(self, joints: Float) -> Int:
+        """What the margins have against each posture (..., 6): SINGULAR, LIMIT, or FREE; limits are looked at before.
+
+        LIMIT: the joints that stand within their limits could be asked to leave them by what tool and part are off.
+        """
+        margins, chain, flat = self.cell.margins, self.cell.chain, joints.reshape(-1, 6)
+        tip = (forward_kinematics(chain, flat) @ self.cell.flange_from_cutter)[:, :3, 3]
+        wrist, condition, asked = dexterity(chain, flat, tip, margins.twist)
+        room = np.minimum(flat - chain.limits[:, 0], chain.limits[:, 1] - flat)
+        said = np.where((asked > 0).any(axis=1) & (room < asked).any(axis=1), LIMIT, FREE)
+        said[(wrist < margins.wrist) | (condition > margins.condition)] = SINGULAR
+        return np.asarray(said.reshape(joints.shape[:-1]))
 
     def _hits(self, joints: Float, table: Float) -> Int:
         """The first hit of each path (c, p, 6), or -1; points one after the other, so that a hit spares the rest."""

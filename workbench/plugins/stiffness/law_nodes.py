@@ -33,6 +33,7 @@ def nodes(examiner: Examiner, stiffness: Float, configuration: Configuration, ro
     cost, said = displacements(arm, stiffness, flange, tip, force, shoulder=shoulder, elbow=elbow)
     joints = configuration.joints(arm, flange)
     free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
+    free[free] = examiner.poor(joints[free]) == FREE
     free[free] = examiner.screen.hits(joints[free], alpha[free]) < 0
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
     return np.where(free, cost, np.inf).reshape(shape), seven, free.reshape(shape)

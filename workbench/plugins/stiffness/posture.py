@@ -8,7 +8,19 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench.api import DEG, Cell, Chapter, Document, Float, InputError, PathGate, Postures, Toolpath, stage
+from workbench.api import (
+    DEG,
+    Cell,
+    Chapter,
+    Document,
+    Float,
+    InputError,
+    PathGate,
+    Postures,
+    Toolpath,
+    stage,
+    within_margins,
+)
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
@@ -74,7 +86,9 @@ def posture(
     Cells are examined in the order of their displacement, so the choice is the optimum of the grid: every better cell
     is proven unreachable, out of limits, singular or colliding. `along_path`: then a law of the cutter rotation along
     the path, at the turntable angle that suits it best, or of both angles, by dynamic programming on the whole grid in
-    one configuration of the arm, never worse; the file says how far it can be from the best. Writes `posture.json`.
+    one configuration of the arm, never worse; the file says how far it can be from the best. All of it keeps the cell's
+    margins: to joint limits, to the wrist's singularity, in the Jacobian's condition, in clearance, and what the stated
+    uncertainty of tool and part may ask of the joints besides. Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around.
@@ -99,13 +113,14 @@ def posture(
         InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
             kernels hold for; the force is of another path.
     """
-    arm, k = fast_arm(cell.chain), stiffness.nm_per_rad
+    kept = within_margins(cell)
+    arm, k = fast_arm(kept.chain), stiffness.nm_per_rad
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
     at = sample(points, sampled_points)
-    examiner, some = Examiner(cell, arm, points), points.only(at)
-    choice, over = search(examiner, traversal(arm, cell, k, some, rotations, tables), whole_map=whole_map)
+    examiner, some = Examiner(kept, arm, points), points.only(at)
+    choice, over = search(examiner, traversal(arm, kept, k, some, rotations, tables), whole_map=whole_map)
     chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
         limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0),
@@ -116,7 +131,7 @@ def posture(
     found = Found(
         postures=made, points=points, choice=choice, map=over, mode=mode,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)), cases=_cases(examiner, k, choice, over),
-        bound_mm=lowest(arm, cell, k, some, rotations, tables).min(axis=1),
+        bound_mm=lowest(arm, kept, k, some, rotations, tables).min(axis=1),
         law_bound_mm=None if bound_mm is None else bound_mm / len(points.loaded),
         law_gap=None if bound_mm is None else max(chosen.cost_mm / bound_mm - 1, 0.0),
     )  # fmt: skip
@@ -136,13 +151,19 @@ def grid(limits_deg: Range, step_deg: float) -> Float:
 
 
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
-    """Turntable angles within the cell's limits; one angle, 0, where there is no turntable."""
+    """Turntable angles within the cell's limits by the margin; one angle, 0, where there is no turntable."""
     if cell.turntable is None:
         return np.zeros(1)
     low, high = cell.turntable.limits / DEG
     if limits_deg is not None:
         low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
-    return grid((low, high), step_deg)
+    angles = grid((low, high), step_deg)
+    inside = (cell.turntable.limits[0] + cell.margins.limit, cell.turntable.limits[1] - cell.margins.limit)
+    kept = angles[(angles >= inside[0] - 1e-9) & (angles <= inside[1] + 1e-9)]
+    if not len(kept):
+        why = f"expected turntable angles {cell.margins.limit / DEG:g} deg from its limits, found none"
+        raise InputError("stiffness.posture", why)
+    return np.asarray(kept)
 
 
 def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:

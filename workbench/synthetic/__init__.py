@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.synthetic.recipe import Recipe
-from workbench.synthetic.recipe_file import parse_recipe, parse_sphere_recipe, read_any_recipe, read_recipe
+from workbench.synthetic.recipe_file import (
+    parse_recipe,
+    parse_sphere_recipe,
+    parse_swept_recipe,
+    read_any_recipe,
+    read_recipe,
+)
 from workbench.synthetic.simulate import simulate_file, simulate_recording, truth_path, write_simulation
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.sphere_conditions import random_sphere_recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
+from workbench.synthetic.swept import SweptRecipe, SweptTruth, simulate_swept
 from workbench.synthetic.truth import Truth, milled_truth, read_truth
 from workbench.synthetic.workpiece import Workpiece
 
@@ -18,11 +25,14 @@ __all__ = [
     "Recipe",
     "SphereRecipe",
     "SphereTruth",
+    "SweptRecipe",
+    "SweptTruth",
     "Truth",
     "Workpiece",
     "milled_truth",
     "parse_recipe",
     "parse_sphere_recipe",
+    "parse_swept_recipe",
     "random_recipe",
     "random_sphere_recipe",
     "read_any_recipe",
@@ -31,6 +41,7 @@ __all__ = [
     "simulate_file",
     "simulate_recording",
     "simulate_sphere",
+    "simulate_swept",
     "truth_path",
     "write_simulation",
 ]

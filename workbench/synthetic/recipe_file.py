@@ -12,6 +12,7 @@ from workbench.errors import InputError, nearest
 from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
+from workbench.synthetic.swept.recipe import SweptRecipe
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -21,11 +22,13 @@ def read_recipe(path: str | Path) -> Recipe:
     return parse_recipe(read_any_json(Path(path)), source=str(path))
 
 
-def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe:
-    """The recipe in the JSON file `path`, of a part or, by its `format`, of a calibration sphere."""
+def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | SweptRecipe:
+    """The recipe in the JSON file `path`: by its `format` of a part or a sphere, by its `simulator` a swept part."""
     document = read_any_json(Path(path))
     if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
         return parse_sphere_recipe(document, source=str(path))
+    if isinstance(document, Mapping) and "simulator" in document:
+        return parse_swept_recipe(document, source=str(path))
     return parse_recipe(document, source=str(path))
 
 
@@ -37,6 +40,11 @@ def parse_recipe(document: Any, source: str = "recipe") -> Recipe:
 def parse_sphere_recipe(document: Any, source: str = "recipe") -> SphereRecipe:
     """The recipe of a calibration recording that `document` describes; InputError as for `read_recipe`."""
     return _parse(SphereRecipe, document, source)
+
+
+def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
+    """The recipe of a swept part that `document` describes; InputError as for `read_recipe`."""
+    return _parse(SweptRecipe, document, source)
 
 
 def _parse(model: type[M], document: Any, source: str) -> M:

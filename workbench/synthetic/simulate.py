@@ -19,11 +19,13 @@ from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.synthetic.sphere import SphereTruth, write_sphere
 from workbench.synthetic.sphere_recipe import SphereRecipe
+from workbench.synthetic.swept import SweptRecipe, SweptTruth, simulate_swept
 from workbench.synthetic.truth import Truth, build_truth
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
+_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
 def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
@@ -62,7 +64,7 @@ def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
 
 def simulate_file(
     recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None
-) -> Truth | SphereTruth:
+) -> Truth | SphereTruth | SweptTruth:
     """Write the recording of the recipe at `recipe_path` to `out_path`, its truth to `<out_path>.truth.json`.
 
     Both files appear whole or not at all. `progress` is told frames done and frames in all.
@@ -75,8 +77,8 @@ def simulate_file(
 
 
 def write_simulation(
-    recipe: Recipe | SphereRecipe, out_path: str | Path, progress: Progress | None = None
-) -> Truth | SphereTruth:
+    recipe: Recipe | SphereRecipe | SweptRecipe, out_path: str | Path, progress: Progress | None = None
+) -> Truth | SphereTruth | SweptTruth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
     beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
@@ -84,9 +86,11 @@ def write_simulation(
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
-        truth: Truth | SphereTruth
+        truth: Truth | SphereTruth | SweptTruth
         if isinstance(recipe, SphereRecipe):
             truth = write_sphere(recipe, beside[0])
+        elif isinstance(recipe, SweptRecipe):
+            truth = _write_swept(recipe, beside[0], progress)
         else:
             truth = _write_recording(recipe, beside[0], progress)
         text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
@@ -112,6 +116,36 @@ def _pass_index(counts: Any) -> Int:
     return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
 
 
+def _write_swept(recipe: SweptRecipe, path: Path, progress: Progress | None) -> SweptTruth:
+    """The HDF5 file of a swept part, which is simulated in memory."""
+    import h5py
+
+    recording, truth = simulate_swept(recipe, progress)
+    grids = {"x": recording.x_mm, "z": recording.z_mm, "intensity": recording.intensity}
+    require_space(path, sum(grid.nbytes for grid in grids.values() if grid is not None))
+    with h5py.File(path, "w") as file:
+        _write_header(file, recipe.part_id)
+        chunk = (min(64, len(recording.x_mm)), recording.x_mm.shape[1])
+        for name, grid in grids.items():
+            if grid is not None:
+                file.create_dataset(f"profiles/{name}", data=grid, chunks=chunk, **_PACKED)
+        file["profiles/time"], file["robot/time"] = recording.time_s, recording.robot_time_s
+        file["robot/position"] = recording.robot_position_mm
+        file["robot/quaternion_wxyz"] = recording.robot_quaternion_wxyz
+        file["hand_eye/flange_from_profiler"] = recording.flange_from_profiler
+        if len(recipe.passes) > 1:
+            file["profiles/pass"] = recording.pass_index.astype(np.int32)
+            file["robot/pass"] = recording.robot_pass.astype(np.int32)
+    return truth
+
+
+def _write_header(file: Any, part_id: str | None) -> None:
+    file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
+    file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
+    if part_id is not None:
+        file.attrs["part_id"] = part_id
+
+
 def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> Truth:
     """The HDF5 file, block by block, so that metres of edge need little memory."""
     import h5py
@@ -121,13 +155,10 @@ def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> T
     seen: list[list[Float]] = []
     require_space(path, total * scanner.columns * (10 if scanner.intensity else 8))
     with h5py.File(path, "w") as file:
-        file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
-        file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
-        if recipe.part_id is not None:
-            file.attrs["part_id"] = recipe.part_id
+        _write_header(file, recipe.part_id)
         _write_poses(file, motions, recipe)
         shape = {"shape": (total, scanner.columns), "chunks": (min(64, total), scanner.columns)}
-        packed = {**shape, "compression": "gzip", "compression_opts": 4, "shuffle": True}
+        packed = {**shape, **_PACKED}
         x = file.create_dataset("profiles/x", dtype="f4", **packed)
         z = file.create_dataset("profiles/z", dtype="f4", **packed)
         grey = file.create_dataset("profiles/intensity", dtype="u2", **packed) if scanner.intensity else None

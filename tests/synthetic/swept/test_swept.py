@@ -1,0 +1,207 @@
+"""The second simulator: its mesh against the exact section, what its pixels, losses and truth are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Recording
+from workbench.errors import InputError
+from workbench.scan import fuse
+from workbench.synthetic import parse_swept_recipe, simulate_swept
+from workbench.synthetic.swept.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from workbench.synthetic.swept.truth import SweptTruth
+from workbench.units import Float
+
+SPINES: dict[str, dict[str, Any]] = {
+    "straight": {},
+    "drifting": {"root_mm": {"start": 1.2, "end": 2}, "bevel_deg": {"start": 38, "end": 42, "amplitude": 0.5}},
+    "twisted": {"twist_deg": {"start": 0, "end": 24}},
+    "disc": {"spine": {"shape": "arc", "radius_mm": 60, "length_mm": 120}},
+    "ring": {"spine": {"shape": "arc", "radius_mm": 45, "length_mm": 2 * math.pi * 45, "sense": "concave"}},
+    "wavy": {"spine": {"shape": "wavy", "height_amplitude_mm": 3}},
+    "helix": {"spine": {"shape": "arc", "rise_mm": 40, "radius_mm": 100}},
+    "saddle": {"spine": {"shape": "saddle", "radius_mm": 100, "shell_radius_mm": 250, "start_deg": 20}},
+    "waving": {"wave_mm": {"start": 0, "end": 0, "amplitude": 0.05, "wavelength_mm": 20}},
+}
+
+
+def simulated(part: dict[str, Any], **keys: Any) -> tuple[Recording, SweptTruth]:
+    """Without noise unless `keys` say so, frames 1 mm apart, 300 columns."""
+    length = part.get("spine", {}).get("length_mm", 120)
+    document = {
+        "simulator": "swept",
+        "part": part,
+        "passes": [{"way_mm": [2, length - 2], "aim_mm": [-3, 4]}],
+        "scanner": {"columns": 300, "pitch_mm": 0.1, "noise": {"sd_mm": 0, "speckle": 0}},
+        "robot": {"frame_pitch_mm": 1.0, "pose_rate_hz": 2000},
+    }
+    return simulate_swept(parse_swept_recipe(document | keys))
+
+
+def in_sections(recording: Recording, truth: SweptTruth) -> tuple[Float, Float, Float]:
+    """All returns: base points (k, 3), their height over the root face along n, and their place along m."""
+    cloud = fuse(recording)
+    frame, column = np.nonzero(cloud.keep)
+    points = np.stack([cloud.x_mm[frame, column], np.zeros(len(frame)), cloud.z_mm[frame, column]], axis=1)
+    poses = cloud.base_from_profiler[frame]
+    base = np.einsum("kij,kj->ki", poses[:, :3, :3], points.astype(float)) + poses[:, :3, 3]
+    off = base - truth.at(base, truth.position_mm)
+    return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
+
+
+@pytest.mark.parametrize("name", SPINES)
+def test_returns_lie_on_the_exact_section(name: str) -> None:
+    recording, truth = simulated(SPINES[name])
+    base, out, up = in_sections(recording, truth)
+    root, bevel = truth.root_mm_at(base), np.radians(truth.bevel_deg_at(base))
+    on_root = (up > 0.2) & (up < root - 0.2)
+    over_bevel = out * np.cos(bevel) + (up - root) * np.sin(bevel)
+    on_bevel = (up > root + 0.2) & (up < 7.5)
+    assert on_root.sum() > 500
+    assert on_bevel.sum() > 3000
+    assert np.abs(out[on_root]).max() < 5e-4
+    assert np.abs(over_bevel[on_bevel]).max() < 5e-4
+
+
+def test_axes_are_right_handed_and_the_tangent_is_that_of_the_edge() -> None:
+    for part in SPINES.values():
+        _, truth = simulated(part)
+        np.testing.assert_allclose(np.cross(truth.across, truth.normal), truth.tangent, atol=1e-9)
+        chord = np.diff(truth.position_mm, axis=0)
+        chord /= np.linalg.norm(chord, axis=1, keepdims=True)
+        assert np.einsum("ij,ij->i", chord, truth.tangent[:-1]).min() > math.cos(math.radians(0.3))
+
+
+def test_returns_end_where_the_virtual_edge_is() -> None:
+    """Half of a footprint is seen just where its middle is: columns end without a bias, over many phases."""
+    recipe = {"columns": 300, "pitch_mm": 0.1, "noise": {"sd_mm": 0, "speckle": 0}, "mixed_share": 0}
+    passes = [{"way_mm": [2, 118], "aim_mm": [-3, 4], "skew_mm": [-1.5, 1.5]}]
+    recording, truth = simulated({}, scanner=recipe, passes=passes, robot={"frame_pitch_mm": 0.2, "pose_rate_hz": 2000})
+    _, out, up = in_sections(recording, truth)
+    frame = np.nonzero(np.isfinite(recording.z_mm))[0]
+    low = np.full(len(recording.z_mm), np.inf)
+    on_root = (np.abs(out) < 0.08) & (up < 1.4)
+    np.minimum.at(low, frame[on_root], up[on_root])
+    step = 0.1 / math.cos(math.radians(40))
+    assert low.min() > -0.35 * step  # the mean place of a half filled footprint lies off its column's middle
+    assert abs(float(np.mean(low)) - step / 2) < 0.06 * step
+
+
+def test_a_rounding_takes_away_and_a_burr_adds_but_the_truth_stays() -> None:
+    sharp = simulated({})[1]
+    rounded, truth = simulated({"lower_radius_mm": 0.4})
+    _, out, up = in_sections(rounded, truth)
+    assert np.array_equal(truth.root_mm, sharp.root_mm)
+    np.testing.assert_allclose(truth.position_mm, sharp.position_mm, atol=1e-12)
+    bent = (up > 0.0) & (up < 0.3) & (np.abs(out) < 0.4)
+    assert -0.15 < out[bent].min() < -0.01  # what the columns of 0.1 mm see of it
+    burr = {"edge": "lower", "direction": "in_plane", "from_mm": 20, "to_mm": 60, "height_mm": 0.3, "ragged": 0.0}
+    recording, truth = simulated({"burrs": [burr]})
+    base, out, up = in_sections(recording, truth)
+    along = truth.arc_length_mm_at(base)
+    below = (np.abs(out) < 0.05) & (up < -0.15)
+    assert below.sum() > 20
+    assert along[below].min() > 19
+    assert along[below].max() < 61
+
+
+def test_a_bow_shifts_the_fitted_faces() -> None:
+    recording, truth = simulated({"bevel_bow_mm": 0.1, "root_bow_mm": 0.04})
+    base, out, up = in_sections(recording, truth)
+    root, bevel = truth.root_mm_at(base), np.radians(truth.bevel_deg_at(base))
+    over = out * np.cos(bevel) + (up - root) * np.sin(bevel)
+    on_bevel = (up > root + 0.05) & (up < 7.9)
+    line = np.polyfit(up[on_bevel] / np.cos(bevel[on_bevel]), over[on_bevel], 1)
+    assert abs(line[0]) < 6e-4  # rad
+    assert abs(over[on_bevel].mean()) < 4e-3  # of 0.067 mm
+    on_root = (up > 0.02) & (up < root - 0.05)
+    assert abs(out[on_root].mean()) < 2e-3
+
+
+def test_texture_has_the_size_and_the_correlation_asked_for() -> None:
+    smooth, truth = simulated({})
+    textured, _ = simulated({"texture": {"sd_mm": 0.005, "correlation_mm": 0.5}})
+    _, out, up = in_sections(textured, truth)
+    over = (out * math.cos(math.radians(40)) + (up - 1.5) * math.sin(math.radians(40)))[(up > 2) & (up < 7.5)]
+    assert 0.0045 < over.std() < 0.0055
+    difference = (textured.z_mm - smooth.z_mm)[:, 60:160].astype(float)
+    rho = [float(np.nanmean(difference[:, k:] * difference[:, : 100 - k]) / np.nanmean(difference**2)) for k in (1, 5)]
+    assert rho[0] > 0.85
+    assert 0.1 < rho[1] < 0.6
+
+
+def test_noise_of_neighbouring_columns_and_of_frames() -> None:
+    noise_asked = {"sd_mm": 0.02, "speckle": 0, "grazing_power": 0, "column_correlation": 0.8, "pattern_share": 0.4}
+    scanner = {"columns": 300, "pitch_mm": 0.1, "mixed_share": 0, "noise": noise_asked}
+    passes = [{"way_mm": [2, 118], "aim_mm": [-3, 4], "motion": "stop_and_go"}]
+    noisy, _ = simulated({}, scanner=scanner, passes=passes)
+    clean, _ = simulated({}, passes=passes)
+    everywhere = np.isfinite(noisy.z_mm - clean.z_mm).all(axis=0)
+    noise = (noisy.z_mm - clean.z_mm)[:, everywhere].astype(float)
+    assert everywhere.sum() > 60
+    assert noise.std() == pytest.approx(0.02, rel=0.15)
+    fresh = noise - noise.mean(axis=0)
+    assert np.mean(fresh[:, 1:] * fresh[:, :-1]) / np.mean(fresh**2) == pytest.approx(0.8, abs=0.03)
+    assert fresh.var() / 0.02**2 == pytest.approx(0.6, abs=0.05)
+
+
+def test_brightness_falls_with_the_part_of_the_pixel_that_sees_the_edge() -> None:
+    scanner = {"columns": 300, "pitch_mm": 0.1, "noise": {"sd_mm": 0, "speckle": 0}, "intensity": True}
+    recording, truth = simulated({}, scanner=scanner)
+    assert recording.intensity is not None
+    _, out, up = in_sections(recording, truth)
+    light = recording.intensity[np.isfinite(recording.z_mm)].astype(float)
+    on_root = (np.abs(out) < 0.1) & (up < 1.3)
+    full = np.median(light[on_root & (up > 0.3)])
+    share = light[on_root & (up < 0.1)] / full
+    assert share.min() >= 5 / 9 - 0.01
+    assert share.min() < 0.95
+
+
+def test_blocks_and_edges_are_lost_as_asked() -> None:
+    whole, _ = simulated({})
+    holed, _ = simulated({}, losses={"block_share": 0.2})
+    there = np.isfinite(whole.z_mm)
+    assert np.isnan(holed.z_mm[there]).mean() == pytest.approx(0.2, abs=0.06)
+    cut, _ = simulated({}, losses={"edge_columns": 3, "edge_from_mm": 30, "edge_to_mm": 60})
+    gone = there & np.isnan(cut.z_mm)
+    assert set(gone.sum(axis=1)) == {0, 3}
+    assert 28 <= (gone.sum(axis=1) == 3).sum() <= 32
+
+
+def test_a_way_that_turns_back_and_a_ring_are_seen_all_round() -> None:
+    passes = [{"way_mm": [2, 80, 50, 118], "aim_mm": [-3, 4]}]
+    recording, truth = simulated({}, passes=passes)
+    assert len(recording.time_s) == 177
+    assert truth.seen.mean() > 0.95
+    ring = SPINES["ring"]["spine"]["length_mm"]
+    _, truth = simulated(SPINES["ring"], passes=[{"way_mm": [-2, ring + 2], "aim_mm": [-3, 4]}])
+    assert truth.closed
+    assert truth.seen.all()
+
+
+def test_clamps_hide_the_edge() -> None:
+    _, truth = simulated({"clamps": [{"from_mm": 40, "to_mm": 60}]})
+    hidden = truth.arc_length_mm[~truth.seen]
+    inside = hidden[(hidden > 10) & (hidden < 110)]
+    assert inside.min() < 41
+    assert inside.max() > 58
+    assert inside.min() > 25
+
+
+@pytest.mark.parametrize("condition", [*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS])
+def test_conditions_draw_sound_recipes_again_and_again(condition: str) -> None:
+    first, again = random_swept_recipe(condition, 3), random_swept_recipe(condition, 3)
+    assert first == again
+    assert random_swept_recipe(condition, 4) != first
+
+
+def test_refusals_name_the_key() -> None:
+    with pytest.raises(InputError, match=r"part\.twist: .*did you mean 'twist_deg'"):
+        parse_swept_recipe({"simulator": "swept", "part": {"twist": 3}, "passes": [{"way_mm": [0, 1]}]})
+    with pytest.raises(InputError, match="rounding is wider"):
+        simulated({"lower_radius_mm": 3.0})

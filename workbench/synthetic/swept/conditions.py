@@ -1,0 +1,375 @@
+"""Random swept parts under named conditions, for statistics over many of them."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from workbench.errors import InputError, nearest
+from workbench.synthetic.swept.recipe import SweptRecipe
+from workbench.units import DEG
+
+Document: TypeAlias = dict[str, Any]
+Generator: TypeAlias = np.random.Generator
+Condition: TypeAlias = Callable[[Generator, Document], None]
+
+
+def random_swept_recipe(condition: str, seed: int) -> SweptRecipe:
+    """A recipe drawn at random under `condition`, a key of SWEPT_CONDITIONS or RAW_SWEPT_CONDITIONS.
+
+    Unless the condition says otherwise: a straight edge of 100 to 140 mm anywhere in the base, root 0.8 to 3 mm, bevel
+    30 to 50 deg, both drifting, 600 columns of 0.05 mm, frames 0.4 mm apart, range noise 0.012 mm, speckle, footprints
+    of half a column to one, mixed pixels, 0.3 % outliers, 0.5 % lost returns, poses with noise of up to 0.02 mm.
+    """
+    known = SWEPT_CONDITIONS | RAW_SWEPT_CONDITIONS
+    if condition not in known:
+        raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
+    rng = np.random.default_rng([seed, zlib.crc32(f"swept {condition}".encode())])
+    document = _document(rng, condition, seed, raw=condition in RAW_SWEPT_CONDITIONS)
+    known[condition](rng, document)
+    _look(rng, document)
+    return SweptRecipe.model_validate(document)
+
+
+def _document(rng: Generator, condition: str, seed: int, raw: bool) -> Document:
+    thickness = rng.uniform(5, 12)
+    part: Document = {
+        "kind": "raw" if raw else "milled",
+        "spine": {"length_mm": rng.uniform(100, 140)},
+        "thickness_mm": _course(rng, thickness, 0.1, 0.05),
+        "base_from_part": {
+            "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
+            "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-90, 90), rng.uniform(-180, 180)],
+        },
+    }
+    if not raw:
+        part["root_mm"] = _course(rng, rng.uniform(1.08, min(2.72, thickness - 3)), 0.25, 0.15)
+        part["bevel_deg"] = _course(rng, rng.uniform(31, 49), 1.0, 0.5)
+    standoff = rng.uniform(90, 250)
+    return {
+        "simulator": "swept",
+        "title": condition,
+        "seed": seed,
+        "part": part,
+        "scanner": {
+            "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
+            "x_rises": bool(rng.random() < 0.5),
+            "z_away": bool(rng.random() < 0.8),
+            "zero_range_mm": float(rng.choice([0.0, standoff])),
+            "standoff_mm": standoff,
+            "near_mm": standoff - 30,
+            "far_mm": standoff + 40,
+            "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
+            "footprint": rng.uniform(0.5, 1),
+            "mixed_share": rng.uniform(0.2, 0.8),
+            "noise": {"sd_mm": 0.012, "grazing_power": rng.uniform(0, 1), "speckle": rng.uniform(0.1, 0.3)},
+            "intensity": bool(rng.random() < 0.5),
+        },
+        "losses": {"single_share": 0.005, "outlier_share": 0.003, "outlier_reach_mm": rng.uniform(1, 8)},
+        "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
+        "way": {},  # what a condition asks of the passes
+    }
+
+
+def _course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
+    change = rng.uniform(-drift, drift)
+    return {
+        "start": mean - change / 2,
+        "end": mean + change / 2,
+        "amplitude": rng.uniform(0, wave),
+        "wavelength_mm": rng.uniform(60, 200),
+        "phase_deg": rng.uniform(0, 360),
+    }
+
+
+def _look(rng: Generator, document: Document) -> None:
+    """Passes along the whole edge that see it near the middle of the view, as `way` asks."""
+    asked, part = document.pop("way"), document["part"]
+    length = part["spine"]["length_mm"]
+    closed = asked.pop("closed", False)
+    low, high = (-2.0, length + 2.0) if closed else (rng.uniform(0.5, 4), length - rng.uniform(0.5, 4))
+    places = asked.pop("places", [0.0, 1.0])  # shares of the way from low to high
+    way = [low + share * (high - low) for share in places]
+    count = asked.pop("passes", 1)
+    straight = part["spine"].get("shape", "straight") == "straight"
+    skew = asked.pop("skew", rng.uniform(-1.5, 1.5))
+    passes = []
+    for number in range(count):
+        elevation = rng.uniform(25, 65)
+        there = [low + high - s for s in way] if rng.random() < 0.5 or number % 2 else way
+        lateral = 0.5 * _seen_width(part, elevation) + rng.uniform(-2, 2)
+        passes.append({
+            "way_mm": there,
+            "elevation_deg": elevation,
+            "oblique_deg": rng.uniform(-4, 4),
+            "lead_deg": rng.uniform(-6, 6),
+            "aim_mm": [-math.sin(elevation * DEG) * lateral, math.cos(elevation * DEG) * lateral],
+            "skew_mm": [-skew, skew],
+            "upside_down": bool(rng.random() < 0.5),
+            "follow": "line" if straight else "edge",
+            "motion": "stream",
+        } | asked)  # fmt: skip
+    document["passes"] = passes
+
+
+def _seen_width(part: Document, elevation_deg: float) -> float:
+    thickness = float(part["thickness_mm"]["start"])
+    back = 0.0
+    if part["kind"] == "milled":
+        back = (thickness - part["root_mm"]["start"]) * math.tan(part["bevel_deg"]["start"] * DEG)
+    return math.sin(elevation_deg * DEG) * back + math.cos(elevation_deg * DEG) * thickness
+
+
+def _log(rng: Generator, low: float, high: float) -> float:
+    return math.exp(rng.uniform(math.log(low), math.log(high)))
+
+
+def _sign(rng: Generator) -> float:
+    return float(rng.choice([-1, 1]))
+
+
+def plain(rng: Generator, document: Document) -> None:
+    """Nothing is different."""
+
+
+def texture(rng: Generator, document: Document) -> None:
+    """Texture of up to 10 micrometres, correlated over 0.1 to 0.8 mm."""
+    document["part"]["texture"] = {"sd_mm": rng.uniform(0, 0.01), "correlation_mm": _log(rng, 0.1, 0.8)}
+
+
+def rounded(rng: Generator, document: Document) -> None:
+    """Lower edge rounded by up to 0.5 mm, the other edges by up to half of that."""
+    radius = rng.uniform(0, 0.5)
+    document["part"].update(lower_radius_mm=radius, middle_radius_mm=radius * rng.uniform(0, 0.5),
+                            upper_radius_mm=radius * rng.uniform(0, 0.5))  # fmt: skip
+
+
+def lost_blocks(rng: Generator, document: Document) -> None:
+    """10 to 25 % of the returns lost in blocks."""
+    document["losses"].update(block_share=rng.uniform(0.1, 0.25), block_columns=[5, 40], block_frames=[3, 30])
+
+
+def lost_edge(rng: Generator, document: Document) -> None:
+    """The last one to eight columns of the root face lost over a fifth to a half of the edge."""
+    length = document["part"]["spine"]["length_mm"]
+    start, part = rng.uniform(0, 0.5) * length, rng.uniform(0.2, 0.5) * length
+    document["losses"].update(edge_columns=int(rng.integers(1, 9)), edge_from_mm=start, edge_to_mm=start + part)
+
+
+def burr_out(rng: Generator, document: Document) -> None:
+    """One to three burrs that stand out of the root face, or at its upper edge."""
+    _burrs(rng, document, "out_of_plane", 0.4)
+
+
+def burr_in(rng: Generator, document: Document) -> None:
+    """One to three burrs of up to 0.3 mm that prolong the root face at its lower edge."""
+    _burrs(rng, document, "in_plane", 0.3)
+
+
+def _burrs(rng: Generator, document: Document, direction: str, height: float) -> None:
+    length, burrs = document["part"]["spine"]["length_mm"], []
+    for _ in range(rng.integers(1, 4)):
+        start = rng.uniform(2, length - 25)
+        edge = "upper" if direction == "out_of_plane" and rng.random() < 0.3 else "lower"
+        burrs.append({"edge": edge, "direction": direction, "from_mm": start, "to_mm": start + rng.uniform(3, 20),
+                      "height_mm": rng.uniform(0.1, height), "width_mm": rng.uniform(0.1, 0.4),
+                      "ragged": rng.uniform(0.2, 0.8)})  # fmt: skip
+    document["part"]["burrs"] = burrs
+
+
+def twist(rng: Generator, document: Document) -> None:
+    """The section turns by up to 30 deg over 150 mm."""
+    turn = _sign(rng) * rng.uniform(0, 30) * document["part"]["spine"]["length_mm"] / 150
+    document["part"]["twist_deg"] = {"start": -turn / 2, "end": turn / 2}
+    document["way"]["follow"] = "section" if abs(turn) > 12 or rng.random() < 0.5 else "edge"
+
+
+def helix(rng: Generator, document: Document) -> None:
+    """On a helix, its section turning too."""
+    document["part"]["spine"].update(shape="arc", radius_mm=_log(rng, 100, 500), rise_mm=rng.uniform(-80, 80),
+                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+    twist(rng, document)
+    document["way"]["follow"] = "section"
+
+
+def saddle(rng: Generator, document: Document) -> None:
+    """A part of a nozzle's cut-out: nozzle 60 to 200 mm in a shell of 2 to 6 times that."""
+    radius = _log(rng, 60, 200)
+    document["part"]["spine"].update(shape="saddle", radius_mm=radius, shell_radius_mm=radius * _log(rng, 2, 6),
+                                     start_deg=rng.uniform(0, 360))  # fmt: skip
+
+
+def ring(rng: Generator, document: Document) -> None:
+    """350 to 360 deg of a disc or a hole, radius 30 to 60 mm."""
+    radius, full = rng.uniform(30, 60), bool(rng.random() < 0.4)
+    turn = 2 * math.pi if full else math.radians(rng.uniform(350, 359.5))
+    document["part"]["spine"].update(shape="arc", radius_mm=radius, length_mm=turn * radius,
+                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+    document["part"]["reach_mm"] = 0.6 * radius
+    for name in ("thickness_mm", "root_mm", "bevel_deg"):
+        if name in document["part"]:  # the same at the end of the turn as at its start
+            course = document["part"][name]
+            middle = (course["start"] + course["end"]) / 2
+            course.update(start=middle, end=middle, wavelength_mm=2 * math.pi * radius / rng.integers(1, 4))
+    document["way"]["closed"] = full
+
+
+def wavy_root(rng: Generator, document: Document) -> None:
+    """The root face waves by up to 0.05 mm over 15 to 60 mm, at a slope of up to 1 deg."""
+    wavelength = _log(rng, 15, 60)
+    amplitude = min(rng.uniform(0, 0.05), math.radians(1.0) * wavelength / (2 * math.pi))
+    document["part"]["wave_mm"] = {"start": 0, "end": 0, "amplitude": amplitude, "wavelength_mm": wavelength,
+                                   "phase_deg": rng.uniform(0, 360)}  # fmt: skip
+
+
+def bowed(rng: Generator, document: Document) -> None:
+    """Bevel bowed by up to 0.1 mm, root face by up to 0.05 mm, one of them or both."""
+    which = rng.integers(1, 4)
+    document["part"].update(bevel_bow_mm=_sign(rng) * rng.uniform(0, 0.1) if which & 1 else 0.0,
+                            root_bow_mm=_sign(rng) * rng.uniform(0, 0.05) if which & 2 else 0.0)  # fmt: skip
+
+
+def ghosts(rng: Generator, document: Document) -> None:
+    """Second returns 0.05 to 0.3 mm off on a part of a face, everywhere or along a part of the edge."""
+    length = document["part"]["spine"]["length_mm"]
+    start = rng.uniform(0, 0.4)
+    everywhere = rng.random() < 0.5
+    low = rng.uniform(0, 0.6)
+    document["part"]["ghosts"] = [{
+        "face": "root" if document["part"]["kind"] == "raw" or rng.random() < 0.2 else "bevel",
+        "from_mm": -10.0 if everywhere else start * length,
+        "to_mm": 1e4 if everywhere else (start + rng.uniform(0.1, 0.5)) * length,
+        "across": [low, low + rng.uniform(0.15, 0.4)],
+        "offset_mm": _sign(rng) * rng.uniform(0.05, 0.3),
+        "probability": 1.0 if rng.random() < 0.5 else rng.uniform(0.3, 1),
+    }]  # fmt: skip
+
+
+def correlated(rng: Generator, document: Document) -> None:
+    """Neighbouring columns share 0.8 of their noise of 0.012 to 0.036 mm."""
+    document["scanner"]["noise"].update(sd_mm=rng.uniform(0.012, 0.036), column_correlation=0.8)
+
+
+def fixed_pattern(rng: Generator, document: Document) -> None:
+    """The same, and a fifth to a half of its variance repeats in every frame."""
+    correlated(rng, document)
+    document["scanner"]["noise"]["pattern_share"] = rng.uniform(0.2, 0.5)
+
+
+def one_phase(rng: Generator, document: Document) -> None:
+    """The motion runs parallel to the edge within half a column in 20 mm; no brightness."""
+    columns = rng.uniform(-0.5, 0.5) * document["part"]["spine"]["length_mm"] / 20
+    document["way"].update(skew=columns * 0.05 / 2, oblique_deg=0.0, lead_deg=0.0)
+    document["robot"].update(pose_noise_mm=0.0, pose_noise_deg=0.0)
+    document["scanner"]["intensity"] = False
+
+
+def one_phase_bright(rng: Generator, document: Document) -> None:
+    """The same with brightness recorded."""
+    one_phase(rng, document)
+    document["scanner"]["intensity"] = True
+
+
+def sway(rng: Generator, document: Document) -> None:
+    """The scanner sways by up to 3 deg."""
+    document["way"].update(sway_deg=rng.uniform(-3, 3, 3).tolist(), sway_wavelength_mm=rng.uniform(30, 120))
+
+
+def time_offset(rng: Generator, document: Document) -> None:
+    """Frames stamped up to 5 ms off, at up to 3 deg of sway."""
+    sway(rng, document)
+    document["robot"]["time_offset_s"] = rng.uniform(-0.005, 0.005)
+
+
+def there_and_back(rng: Generator, document: Document) -> None:
+    """There and back in one pass, or the second half as a second pass."""
+    document["way"].update({"places": [0.0, 1.0, 0.0]} if rng.random() < 0.5 else {"passes": 2})
+
+
+def reversal(rng: Generator, document: Document) -> None:
+    """It turns back by 10 to 30 mm once within the pass."""
+    length = document["part"]["spine"]["length_mm"]
+    stop = rng.uniform(0.4, 0.8)
+    document["way"]["places"] = [0.0, stop, stop - rng.uniform(10, 30) / length, 1.0]
+
+
+def stop_and_go(rng: Generator, document: Document) -> None:
+    """A pose at each frame's own time."""
+    document["way"]["motion"] = "stop_and_go"
+
+
+def two_poses(rng: Generator, document: Document) -> None:
+    """The paper's case: the two ends of a straight motion, hand-eye and poses as good as robots are."""
+    document["way"].update(motion="two_poses", follow="line")
+    document["robot"] = {
+        "pose_noise_mm": rng.uniform(0, 0.05),
+        "pose_noise_deg": rng.uniform(0, 0.01),
+        "hand_eye_error_mm": rng.uniform(0, 0.1),
+        "hand_eye_error_deg": rng.uniform(0, 0.01),
+    }
+
+
+def drift(rng: Generator, document: Document) -> None:
+    """The robot drifts by up to 0.1 mm from end to end and errs by up to 0.05 mm smoothly."""
+    document["robot"].update(drift_mm=rng.uniform(0, 0.1), smooth_error_mm=rng.uniform(0, 0.05),
+                             smooth_error_wavelength_mm=rng.uniform(60, 250))  # fmt: skip
+
+
+def clamps(rng: Generator, document: Document) -> None:
+    """One to three clamps."""
+    length, found = document["part"]["spine"]["length_mm"], []
+    for _ in range(rng.integers(1, 4)):
+        start = rng.uniform(5, length - 30)
+        found.append({"from_mm": start, "to_mm": start + rng.uniform(8, 20), "height_mm": rng.uniform(3, 15)})
+    document["part"]["clamps"] = found
+
+
+def arc(rng: Generator, document: Document) -> None:
+    """Radius 100 to 3,000 mm, convex or concave."""
+    document["part"]["spine"].update(shape="arc", radius_mm=_log(rng, 100, 3000),
+                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+
+
+def space_wave(rng: Generator, document: Document) -> None:
+    """A wave in the plate's plane and out of it."""
+    document["part"]["spine"].update(shape="wavy", amplitude_mm=rng.uniform(0.5, 3),
+                                     height_amplitude_mm=rng.uniform(0, 2), wavelength_mm=rng.uniform(120, 300),
+                                     phase_deg=rng.uniform(0, 360))  # fmt: skip
+
+
+def rough(rng: Generator, document: Document) -> None:
+    """An end face rough by 0.3 mm (three standard deviations), correlated over 1 to 4 mm."""
+    document["part"]["roughness"] = {"sd_mm": 0.1, "correlation_mm": _log(rng, 1, 4)}
+
+
+def mixed(rng: Generator, document: Document) -> None:
+    """Two to four of the others at random, one of them often the shape."""
+    shapes = [arc, space_wave, twist, saddle]
+    faults = [texture, rounded, lost_blocks, lost_edge, burr_out, burr_in, wavy_root, bowed, ghosts, correlated,
+              fixed_pattern, sway, reversal, there_and_back, drift, clamps]  # fmt: skip
+    if document["part"]["kind"] == "raw":
+        faults = [c for c in faults if c not in (wavy_root,)] + [rough]
+    chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]
+    if rng.random() < 0.6:
+        chosen.insert(0, shapes[rng.integers(len(shapes))])
+    if rough in chosen and bowed in chosen:
+        chosen.remove(bowed)
+    document["title"] = "mixed: " + ", ".join(c.__name__ for c in chosen)
+    for condition in chosen:
+        condition(rng, document)
+
+
+_MILLED = (
+    plain, two_poses, arc, space_wave, texture, rounded, lost_blocks, lost_edge, burr_out, burr_in, twist, helix,
+    saddle, ring, wavy_root, bowed, ghosts, correlated, fixed_pattern, one_phase, one_phase_bright, sway, time_offset,
+    there_and_back, reversal, stop_and_go, drift, clamps, mixed,
+)  # fmt: skip
+_RAW = (
+    plain, arc, space_wave, twist, saddle, ring, rough, rounded, burr_out, burr_in, lost_blocks, texture, clamps, mixed,
+)  # fmt: skip
+SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_{c.__name__}": c for c in _MILLED}
+RAW_SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_raw_{c.__name__}": c for c in _RAW}

@@ -1,0 +1,254 @@
+"""What the second simulator makes a recording from. Every key is documented in `docs/simulation.md`.
+
+Lengths in mm, angles in degrees (`_deg`), times in s. Along the edge s is the arc length of the spine, the curve that
+the section is swept along; in the section a counts along the end face's normal n, b along m, from the spine.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from workbench.synthetic.recipe import Along, Course, NonNegative, Number, Placement, Positive, Share, Strict, Triple
+
+Small = Annotated[float, Field(ge=0, le=5)]
+Pair = tuple[Number, Number]
+_MOST_FRAMES = 200_000
+
+
+class Spine(Strict):
+    """The curve. `arc`: in the plate's plane, any part of a turn, with `rise_mm` a turn a helix; `saddle`: where a
+    nozzle of `radius_mm` cuts a shell of `shell_radius_mm`.
+    """
+
+    shape: Literal["straight", "arc", "wavy", "saddle"] = "straight"
+    length_mm: Annotated[float, Field(ge=5, le=5000)] = 120.0
+    radius_mm: Annotated[float, Field(ge=20, le=1e5)] = 300.0
+    sense: Literal["convex", "concave"] = "convex"
+    rise_mm: Number = 0.0
+    amplitude_mm: Annotated[float, Field(ge=0, le=20)] = 2.0
+    height_amplitude_mm: Annotated[float, Field(ge=0, le=20)] = 0.0
+    wavelength_mm: Annotated[float, Field(ge=30, le=1e4)] = 200.0
+    phase_deg: Number = 0.0
+    shell_radius_mm: Positive = 500.0
+    start_deg: Number = 0.0
+
+    @model_validator(mode="after")
+    def _sound(self) -> Spine:
+        if self.shape == "arc" and self.length_mm > 2 * math.pi * self.radius_mm * (1 + 1e-9) and self.rise_mm == 0:
+            raise ValueError("an arc is one turn at most: length_mm <= 2 pi radius_mm")
+        if self.shape == "saddle" and self.radius_mm > 0.8 * self.shell_radius_mm:
+            raise ValueError("radius_mm must be at most 0.8 shell_radius_mm on a saddle")
+        return self
+
+
+class EdgeBurr(Strict):
+    """Material along an edge: `in_plane` prolongs the root face beyond it, `out_of_plane` stands out of the face."""
+
+    edge: Literal["lower", "upper"] = "lower"
+    direction: Literal["in_plane", "out_of_plane"] = "out_of_plane"
+    from_mm: Number
+    to_mm: Number
+    height_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
+    width_mm: Annotated[float, Field(gt=0, le=2)] = 0.2
+    ragged: Annotated[float, Field(ge=0, le=1)] = 0.5
+
+
+class Ghost(Strict):
+    """Second returns: on a part of a face the range is off by `offset_mm`."""
+
+    face: Literal["root", "bevel"] = "bevel"
+    from_mm: Number = -1e4
+    to_mm: Number = 1e4
+    across: tuple[Annotated[float, Field(ge=0, le=1)], Annotated[float, Field(ge=0, le=1)]] = (0.0, 0.33)
+    offset_mm: Number = 0.08
+    probability: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+class Block(Strict):
+    """A clamp: a box round the edge from `from_mm` to `to_mm`."""
+
+    from_mm: Number
+    to_mm: Number
+    reach_in_mm: Positive = 30.0
+    reach_out_mm: Positive = 6.0
+    height_mm: Positive = 12.0
+
+
+class Texture(Strict):
+    """Micro-relief of all faces: standard deviation and correlation length of a Gaussian field."""
+
+    sd_mm: Annotated[float, Field(ge=0, le=0.05)] = 0.0
+    correlation_mm: Annotated[float, Field(ge=0.02, le=5)] = 0.3
+
+
+class Roughness(Strict):
+    """Relief of the end face or root face that is part of the mesh, as a thermal cut leaves it."""
+
+    sd_mm: Annotated[float, Field(ge=0, le=0.3)] = 0.0
+    correlation_mm: Annotated[float, Field(ge=1, le=50)] = 2.0
+
+
+class SweptPart(Strict):
+    """A section swept along the spine."""
+
+    kind: Literal["milled", "raw"] = "milled"
+    spine: Spine = Spine()
+    twist_deg: Along = Course(start=0.0, end=0.0)
+    thickness_mm: Along = Course(start=8.0, end=8.0)
+    root_mm: Along = Course(start=1.5, end=1.5)
+    bevel_deg: Along = Course(start=40.0, end=40.0)
+    lower_lean_deg: Along = Course(start=0.0, end=0.0)
+    upper_lean_deg: Along = Course(start=0.0, end=0.0)
+    wave_mm: Along = Course(start=0.0, end=0.0)
+    root_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
+    bevel_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
+    lower_radius_mm: Small = 0.0
+    middle_radius_mm: Small = 0.0
+    upper_radius_mm: Small = 0.0
+    texture: Texture = Texture()
+    roughness: Roughness = Roughness()
+    reach_mm: Positive = 40.0
+    burrs: tuple[EdgeBurr, ...] = ()
+    ghosts: tuple[Ghost, ...] = ()
+    clamps: tuple[Block, ...] = ()
+    base_from_part: Placement = Placement(position_mm=(1500.0, 0.0, 800.0))
+
+    @model_validator(mode="after")
+    def _sound(self) -> SweptPart:
+        if self.kind == "milled":
+            if self.root_mm.lowest <= 0 or self.root_mm.highest >= 0.95 * self.thickness_mm.lowest:
+                raise ValueError("root_mm must stay above 0 and below 0.95 thickness_mm along the edge")
+            if self.bevel_deg.lowest < 5 or self.bevel_deg.highest > 75:
+                raise ValueError("bevel_deg must stay between 5 and 75 along the edge")
+        lean = max(abs(x) for c in (self.lower_lean_deg, self.upper_lean_deg) for x in (c.lowest, c.highest))
+        if lean > 40:
+            raise ValueError("lower_lean_deg and upper_lean_deg must stay within 40 deg")
+        inner = self.spine.shape == "arc" and self.spine.sense == "convex"
+        if inner and self.reach_mm >= 0.9 * self.spine.radius_mm:
+            raise ValueError("reach_mm must stay below 0.9 radius_mm on a convex arc")
+        return self
+
+
+class SweptNoise(Strict):
+    """Noise of the ranges: `sd_mm` cos(incidence)^-`grazing_power`, at most `grazing_cap` times; neighbours share
+    `column_correlation`; `pattern_share` of the variance stays the same in every frame; `speckle` is the contrast.
+    """
+
+    sd_mm: NonNegative = 0.012
+    grazing_power: Annotated[float, Field(ge=0, le=4)] = 0.5
+    grazing_cap: Annotated[float, Field(ge=1, le=20)] = 3.0
+    column_correlation: Annotated[float, Field(ge=0, le=0.99)] = 0.0
+    pattern_share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    speckle: Annotated[float, Field(ge=0, le=1)] = 0.2
+
+
+class SweptScanner(Strict):
+    """Laser at the origin, camera `baseline_mm` off along y; the columns' lines in the laser plane meet `apex_mm`
+    behind the laser (null: they are parallel). `footprint`: width of the strip that a column sees, in columns.
+    """
+
+    columns: Annotated[int, Field(ge=16, le=4096)] = 600
+    pitch_mm: Positive = 0.05
+    apex_mm: Positive | None = 40.0
+    x_rises: bool = True
+    z_away: bool = True
+    zero_range_mm: Number = 0.0
+    standoff_mm: Positive = 150.0
+    near_mm: Positive = 100.0
+    far_mm: Positive = 200.0
+    baseline_mm: Number = 60.0
+    max_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = 84.0
+    footprint: Annotated[float, Field(ge=0, le=4)] = 1.0
+    least_fill: Annotated[float, Field(gt=0, le=1)] = 0.5
+    mixed_share: Annotated[float, Field(ge=0, le=1)] = 0.5
+    noise: SweptNoise = SweptNoise()
+    quantum_mm: NonNegative = 0.0
+    intensity: bool = False
+
+    @model_validator(mode="after")
+    def _sound(self) -> SweptScanner:
+        if not self.near_mm < self.standoff_mm < self.far_mm:
+            raise ValueError("near_mm < standoff_mm < far_mm must hold")
+        return self
+
+
+class Losses(Strict):
+    """Returns that are lost, or wrong."""
+
+    single_share: Share = 0.0
+    block_share: Share = 0.0
+    block_columns: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (5, 40)
+    block_frames: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (3, 30)
+    edge_columns: Annotated[int, Field(ge=0, le=50)] = 0
+    edge_from_mm: Number = -1e4
+    edge_to_mm: Number = 1e4
+    outlier_share: Share = 0.0
+    outlier_reach_mm: Positive = 5.0
+
+
+class Way(Strict):
+    """One pass: s at which it starts, turns back or ends, and how the scanner looks at the edge."""
+
+    way_mm: Annotated[tuple[Number, ...], Field(min_length=2, max_length=50)]
+    elevation_deg: Annotated[float, Field(gt=-90, lt=90)] = 40.0
+    oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
+    aim_mm: Pair = (-2.0, 4.0)
+    skew_mm: Pair = (0.0, 0.0)
+    sway_deg: Triple = (0.0, 0.0, 0.0)
+    sway_wavelength_mm: Positive = 60.0
+    upside_down: bool = False
+    motion: Literal["two_poses", "stream", "stop_and_go"] = "stream"
+    follow: Literal["line", "edge", "section"] = "edge"
+
+    @model_validator(mode="after")
+    def _sound(self) -> Way:
+        if any(a == b for a, b in zip(self.way_mm, self.way_mm[1:], strict=False)):
+            raise ValueError("way_mm: neighbouring places must differ")
+        if self.motion == "two_poses" and (self.follow != "line" or len(self.way_mm) > 2 or any(self.sway_deg)):
+            raise ValueError("a motion of two_poses is one straight line: follow 'line', two places, no sway")
+        return self
+
+
+class SweptRobot(Strict):
+    """The robot's motion as it is and as it is recorded."""
+
+    frame_rate_hz: Positive = 50.0
+    frame_pitch_mm: Positive = 0.4
+    pose_rate_hz: Positive = 100.0
+    flange_from_profiler: Placement = Placement(position_mm=(126.92, 9.44, 41.48), rpy_deg=(60.489, -3.813, -2.024))
+    hand_eye_error_mm: NonNegative = 0.0
+    hand_eye_error_deg: NonNegative = 0.0
+    pose_noise_mm: NonNegative = 0.0
+    pose_noise_deg: NonNegative = 0.0
+    drift_mm: NonNegative = 0.0
+    smooth_error_mm: NonNegative = 0.0
+    smooth_error_wavelength_mm: Positive = 100.0
+    vibration_mm: NonNegative = 0.0
+    time_offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
+
+
+class SweptRecipe(Strict):
+    """A synthetic recording in full. The same recipe gives the same numbers."""
+
+    simulator: Literal["swept"]
+    format: Literal["bevel-recipe"] = "bevel-recipe"
+    version: Literal[1] = 1
+    title: str = ""
+    part_id: str | None = None
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    part: SweptPart = SweptPart()
+    scanner: SweptScanner = SweptScanner()
+    losses: Losses = Losses()
+    robot: SweptRobot = SweptRobot()
+    passes: Annotated[tuple[Way, ...], Field(min_length=1, max_length=20)]
+
+    @model_validator(mode="after")
+    def _bounded(self) -> SweptRecipe:
+        way = sum(abs(b - a) for w in self.passes for a, b in zip(w.way_mm, w.way_mm[1:], strict=False))
+        if way / self.robot.frame_pitch_mm > _MOST_FRAMES:
+            raise ValueError(f"at most {_MOST_FRAMES} frames in all")
+        return self

@@ -1,0 +1,143 @@
+"""The section: a chain of straight or bowed faces with rounded corners, at every station of the spine.
+
+In the section plane a counts along n, b along m. Corners stand at: lower end of the plate behind the edge, lower edge
+(w, w tan(lower lean)), upper edge of the root face, upper edge of the bevel (raw: of the end face), upper end of the
+plate. w is the wave of the root face, which lets bevel and surfaces stay where they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.synthetic.swept.recipe import SweptPart
+from workbench.synthetic.swept.spine import along
+from workbench.units import DEG, Float, Int
+
+LOWER, ROOT, BEVEL, UPPER = range(4)  # faces of a mesh, in the order of the chain
+FACE_STEP_MM = 0.5  # greatest width of a strip of a face: with the mesh's step it bounds what triangles miss of a twist
+_ARC_POINTS = 9  # of a rounded corner: 8 facets of 0.5 mm and 90 deg leave 2.4 micrometres, on the rounding only
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """Corners and directions in the section plane at k stations."""
+
+    corner: Float  # (k, c, 2) of the chain, c = faces + 1
+    faces: tuple[int, ...]
+    bevel: Float  # (k,) rad; NaN on a raw edge
+    lower_lean: Float  # (k,) rad: of the lower surface, positive where the plate's inside hangs lower
+    upper_lean: Float  # (k,) rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """The section as a polyline at k stations, with j points."""
+
+    points: Float  # (k, j, 2)
+    face: Int  # (j - 1,) of the strip between neighbouring points
+    across: Float  # (k, j) share of its face, 0 at its lower end; of the rounding, the nearer end
+
+
+def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
+    """The sharp section at arc lengths s (k,)."""
+    thickness, wave = (along(c, s, length) for c in (part.thickness_mm, part.wave_mm))
+    low, high = (along(c, s, length) * DEG for c in (part.lower_lean_deg, part.upper_lean_deg))
+    reach = np.full(len(s), part.reach_mm)
+    # the surfaces run through (0, 0) and (0, thickness); behind the edge they lean by `low` and `high`
+    behind_low = np.stack([-reach * np.cos(low), -reach * np.sin(low)], axis=1)
+    behind_high = np.stack([0 - reach * np.cos(high), thickness + reach * np.sin(high)], axis=1)
+    lower = np.stack([wave, wave * np.tan(low)], axis=1)
+    if part.kind == "raw":
+        top = np.stack([wave, thickness - wave * np.tan(high)], axis=1)
+        bevel = np.full(len(s), np.nan)
+        return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel, low, high)
+    root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length) * DEG
+    middle = np.stack([wave, root - wave / np.tan(bevel)], axis=1)
+    # bevel (a, b) = (0, root) + k (-sin, cos) meets the upper surface b = thickness - a tan(high)
+    k = (thickness - root) / (np.cos(bevel) - np.sin(bevel) * np.tan(high))
+    top = np.stack([-k * np.sin(bevel), root + k * np.cos(bevel)], axis=1)
+    corner = np.stack([behind_low, lower, middle, top, behind_high], axis=1)
+    return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel, low, high)
+
+
+def chain_of(part: SweptPart, shape: Shape) -> Chain:
+    """The section's polyline: faces in strips, bowed, corners rounded by arcs."""
+    corner, faces = shape.corner, shape.faces
+    radii = [0.0, part.lower_radius_mm, *([part.middle_radius_mm] if BEVEL in faces else []), part.upper_radius_mm, 0.0]
+    bows = {ROOT: part.root_bow_mm, BEVEL: part.bevel_bow_mm}
+    side = corner[:, 1:] - corner[:, :-1]
+    width = np.linalg.norm(side, axis=2)
+    way = side / width[:, :, None]
+    trim = np.zeros((len(corner), len(radii)))
+    for i in range(1, len(radii) - 1):
+        turn = np.arccos(np.clip((way[:, i - 1] * way[:, i]).sum(axis=1), -1, 1))
+        trim[:, i] = radii[i] * np.tan(turn / 2)
+    points, across, labels = [], [], []
+    for i, face in enumerate(faces):
+        start, stop = trim[:, i] / width[:, i], 1 - trim[:, i + 1] / width[:, i]
+        if (start > stop).any():
+            raise ValueError("a rounding is wider than its face")
+        strips = _strips(face, float(width[:, i].max()), bows.get(face, 0.0), part.roughness.sd_mm)
+        share = start[:, None] + (stop - start)[:, None] * strips
+        outward = np.stack([way[:, i, 1], -way[:, i, 0]], axis=1)
+        bulge = 4 * bows.get(face, 0.0) * share * (1 - share)
+        points.append(corner[:, i, None] + share[..., None] * side[:, i, None] + bulge[..., None] * outward[:, None])
+        across.append(share)
+        labels += [face] * (len(strips) - 1)
+        if i + 1 < len(faces):
+            if radii[i + 1] > 0:
+                points.append(_arc(points[-1][:, -1], way[:, i], way[:, i + 1], radii[i + 1]))
+                middle = (_ARC_POINTS - 2) // 2
+                across.append(np.repeat([[1.0] * middle + [0.0] * (_ARC_POINTS - 2 - middle)], len(corner), axis=0))
+                labels += [face] * (_ARC_POINTS // 2) + [faces[i + 1]] * (_ARC_POINTS - 1 - _ARC_POINTS // 2)
+            else:  # the next face begins where this one ends: a strip of no width parts them
+                labels += [face]
+    return Chain(np.concatenate(points, axis=1), np.array(labels), np.concatenate(across, axis=1))
+
+
+def _strips(face: int, width: float, bow: float, roughness: float) -> Float:
+    """Shares of a face at which its strips part. Surfaces are seen for some mm beside the edge only."""
+    if face in (LOWER, UPPER):
+        # plane strips, but on a twisted part: narrow near the edge, wide behind it
+        near = np.array([0.0, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 15, 20, 30])
+        near = near[near < 0.8 * width] / width
+        return np.concatenate([near, [1.0]]) if face == UPPER else np.concatenate([[0.0], 1.0 - near[::-1]])
+    step = 0.25 if roughness > 0 else 0.1 if bow != 0 else FACE_STEP_MM
+    return np.linspace(0.0, 1.0, max(2, int(np.ceil(width / step)) + 1))
+
+
+def _arc(start: Float, way_in: Float, way_out: Float, radius: float) -> Float:
+    """Inner points (k, _ARC_POINTS - 2, 2) of the arc that leaves `start` along `way_in` and ends along `way_out`."""
+    turn = np.arctan2(way_in[:, 0] * way_out[:, 1] - way_in[:, 1] * way_out[:, 0], (way_in * way_out).sum(axis=1))
+    left = np.stack([-way_in[:, 1], way_in[:, 0]], axis=1)
+    angle = np.linspace(0, 1, _ARC_POINTS)[1:-1] * turn[:, None]
+    # the chain turns left (towards the plate) or, on a concave corner, right
+    sign = np.sign(turn)[:, None, None]
+    forward, sideways = np.sin(np.abs(angle))[..., None], (1 - np.cos(angle))[..., None]
+    return np.asarray(start[:, None] + radius * (forward * way_in[:, None] + sign * sideways * left[:, None]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualEdges:
+    """Sharp edges between the least-squares lines of the faces, in the section of k stations."""
+
+    lower: Float  # (k, 2) (a, b)
+    upper: Float  # (k, 2) raw: upper edge of the end face; milled: of the root face
+    root_mm: Float  # (k,) NaN on a raw edge
+    bevel: Float  # (k,) rad; NaN on a raw edge
+
+
+def virtual_edges(part: SweptPart, shape: Shape) -> VirtualEdges:
+    """Where the fitted faces meet. A bow b shifts the least-squares line of a face outwards by 2 b / 3, unturned."""
+    out = 2 * part.root_bow_mm / 3
+    corner = shape.corner
+    lower = np.stack([corner[:, 1, 0] + out, corner[:, 1, 1] + out * np.tan(shape.lower_lean)], axis=1)
+    if part.kind == "raw":
+        upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1] - out * np.tan(shape.upper_lean)], axis=1)
+        return VirtualEdges(lower, upper, shape.bevel, shape.bevel)
+    shift = 2 * part.bevel_bow_mm / 3
+    up = (shift - out * np.cos(shape.bevel)) / np.sin(shape.bevel)
+    upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1] + up], axis=1)
+    return VirtualEdges(lower, upper, upper[:, 1] - lower[:, 1], shape.bevel)

@@ -1,0 +1,168 @@
+"""The profiler: each column looks along a line of the laser plane; laser and camera must both see what lies there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.synthetic.swept.mesh import OTHER, Hits, Mesh, Relief
+from workbench.synthetic.swept.recipe import SweptPart, SweptScanner
+from workbench.synthetic.swept.section import BEVEL, ROOT
+from workbench.units import AnyArray, Bool, Float
+
+SUBRAYS = 9  # odd: half of a footprint is filled just where its middle is
+JUMP_MM = 0.15  # neighbours further apart may be two sides of an edge: their footprint is looked at ray by ray
+LEAST_COSINE = 0.2  # a texture's height is divided by the cosine of the incidence, but not below
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profiles:
+    """What n frames see before noise; columns (M,) each."""
+
+    range_mm: Float  # (n, M) from the laser; NaN: nothing
+    cosine: Float  # (n, M)
+    fill: Float  # (n, M) share of the footprint that the return comes from
+    face: AnyArray  # (n, M) uint8
+    s: Float  # (n, M)
+    share: Float  # (n, M) across the face
+
+
+def see(mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float, texture: list[Relief] | None,
+        rng: np.random.Generator) -> Profiles:  # fmt: skip
+    """The profiles of n frames with poses part_from_profiler (n, 4, 4)."""
+    frames, columns = len(pose), scanner.columns
+    index = np.repeat(np.arange(frames), columns)
+    column = np.tile(np.arange(columns, dtype=float), frames)
+    centre = _look(mesh, part, scanner, pose, index, column, texture, rng)
+    grid = {name: getattr(centre, name).reshape(frames, columns) for name in Profiles.__slots__}
+    if scanner.footprint > 0:
+        _pixels_at_edges(grid, mesh, part, scanner, pose, texture, rng)
+    return Profiles(**grid)
+
+
+def _look(mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float, index: AnyArray, column: Float,
+          texture: list[Relief] | None, rng: np.random.Generator) -> Profiles:  # fmt: skip
+    """Rays by frame `index` (k,) and fractional `column` (k,)."""
+    start, way = _lines(scanner, column)
+    rotation, translation = pose[:, :3, :3], pose[:, :3, 3]
+    start, way = _turned(rotation, start, index) + translation[index], _turned(rotation, way, index)
+    hits = mesh.cast(start, way)
+    found = np.isfinite(hits.reach) & (hits.reach <= scanner.far_mm - scanner.near_mm)
+    found &= hits.cosine > np.cos(np.radians(scanner.max_incidence_deg))
+    point = start[found] + hits.reach[found, None] * way[found]
+    laser = translation + rotation @ _eyes(scanner)
+    camera = translation + rotation @ _camera(scanner)
+    which = index[found]
+    lit = mesh.open_way(point, laser[which])
+    lit[lit] = mesh.open_way(point[lit], camera[which[lit]])
+    found[found] = lit
+    reach = np.where(found, hits.reach + scanner.near_mm, np.nan)
+    if texture is not None:
+        reach -= _relief(hits, texture) / np.maximum(hits.cosine, LEAST_COSINE)
+    reach += _ghosts(part, hits, rng)
+    return Profiles(reach, hits.cosine, found.astype(float), np.where(found, hits.face, OTHER).astype(np.uint8), hits.s,
+                    hits.share)  # fmt: skip
+
+
+def column_places(scanner: SweptScanner, column: Float, range_mm: Float) -> Float:
+    """x (mm) of what lies at a range on the line of a (fractional) column."""
+    at_standoff = (column - (scanner.columns - 1) / 2) * scanner.pitch_mm * (1.0 if scanner.x_rises else -1.0)
+    if scanner.apex_mm is None:
+        return np.asarray(at_standoff + 0.0 * range_mm)
+    return np.asarray(at_standoff * (range_mm + scanner.apex_mm) / (scanner.standoff_mm + scanner.apex_mm))
+
+
+def _lines(scanner: SweptScanner, column: Float) -> tuple[Float, Float]:
+    """Starts (k, 3) at the near range and ways (k, 3) per mm of range, profiler frame."""
+    sign = 1.0 if scanner.z_away else -1.0
+    near, far = (column_places(scanner, column, np.asarray(r)) for r in (scanner.near_mm, scanner.near_mm + 1.0))
+    zero = np.zeros_like(column)
+    start = np.stack([near, zero, sign * (scanner.near_mm - scanner.zero_range_mm) + zero], axis=1)
+    return start, np.stack([far - near, zero, sign + zero], axis=1)
+
+
+def _eyes(scanner: SweptScanner) -> Float:
+    """The laser (3,), profiler frame."""
+    return np.array([0.0, 0.0, -(1.0 if scanner.z_away else -1.0) * scanner.zero_range_mm])
+
+
+def _camera(scanner: SweptScanner) -> Float:
+    offset = np.array([0.0, scanner.baseline_mm, 0.0])
+    return np.asarray(_eyes(scanner) + offset)
+
+
+def _turned(rotation: Float, vector: Float, index: AnyArray) -> Float:
+    return np.asarray(np.matmul(rotation[index], vector[:, :, None])[..., 0])
+
+
+def _relief(hits: Hits, texture: list[Relief]) -> Float:
+    height = np.zeros(len(hits.s))
+    for face, relief in enumerate(texture):
+        on = hits.face == face
+        height[on] = relief.at(hits.s[on], hits.across_mm[on])
+    return height
+
+
+def _ghosts(part: SweptPart, hits: Hits, rng: np.random.Generator) -> Float:
+    off = np.zeros(len(hits.s))
+    for ghost in part.ghosts:
+        face = ROOT if ghost.face == "root" else BEVEL
+        on = (hits.face == face) & (hits.s >= ghost.from_mm) & (hits.s <= ghost.to_mm)
+        on &= (hits.share >= ghost.across[0]) & (hits.share <= ghost.across[1])
+        if ghost.probability < 1:
+            on &= rng.random(len(on)) < ghost.probability
+        off[on] += ghost.offset_mm
+    return off
+
+
+def _pixels_at_edges(grid: dict[str, AnyArray], mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float,
+                     texture: list[Relief] | None, rng: np.random.Generator) -> None:  # fmt: skip
+    """Columns that may see an edge, in place: several rays over the footprint, their fill, mean, or mixture."""
+    frame, column = np.nonzero(_at_edges(grid["range_mm"]))
+    if not len(frame):
+        return
+    offsets = ((np.arange(SUBRAYS) + 0.5) / SUBRAYS - 0.5) * scanner.footprint
+    rays = _look(
+        mesh, part, scanner, pose, np.repeat(frame, SUBRAYS), (column[:, None] + offsets).ravel(), texture, rng
+    )
+    ranges = rays.range_mm.reshape(-1, SUBRAYS)
+    order = np.argsort(ranges, axis=1)  # NaN last
+    ranges = np.take_along_axis(ranges, order, axis=1)
+    seen = np.isfinite(ranges).sum(axis=1)
+    gaps = np.where(np.isfinite(np.diff(ranges, axis=1)), np.diff(ranges, axis=1), 0.0)
+    cut = gaps.argmax(axis=1) + 1  # the nearer side has so many rays
+    two = gaps.max(axis=1) > JUMP_MM
+    near = np.where(two, cut, seen)
+    keep_far = two & (seen - near > near)
+    mixed = two & (rng.random(len(seen)) < scanner.mixed_share)
+    first = np.where(keep_far & ~mixed, near, 0)
+    last = np.where(two & ~mixed & ~keep_far, near, seen)
+    place = np.arange(SUBRAYS)
+    chosen = (place >= first[:, None]) & (place < last[:, None])
+    count = chosen.sum(axis=1)
+    fill = count / SUBRAYS
+    good = (fill >= scanner.least_fill) & (count > 0)
+
+    def mean(values: AnyArray) -> Float:
+        ordered = np.take_along_axis(values.reshape(-1, SUBRAYS), order, axis=1)
+        return np.asarray(np.where(chosen, ordered, 0.0).sum(axis=1) / np.maximum(count, 1))
+
+    first_chosen = np.take_along_axis(order, np.minimum(first, SUBRAYS - 1)[:, None], axis=1)[:, 0]
+    face = rays.face.reshape(-1, SUBRAYS)[np.arange(len(seen)), first_chosen]
+    grid["range_mm"][frame, column] = np.where(good, mean(np.nan_to_num(rays.range_mm)), np.nan)
+    grid["cosine"][frame, column] = mean(rays.cosine)
+    grid["fill"][frame, column] = np.where(good, fill, 0.0)
+    grid["face"][frame, column] = np.where(good & ~mixed, face, OTHER)
+    grid["s"][frame, column], grid["share"][frame, column] = mean(rays.s), mean(rays.share)
+
+
+def _at_edges(ranges: Float) -> Bool:
+    """Columns beside a jump or beside the end of returns."""
+    step = np.diff(ranges, axis=1)
+    there = np.isfinite(ranges)
+    jump = (there[:, 1:] != there[:, :-1]) | (np.abs(np.nan_to_num(step)) > JUMP_MM)
+    at = np.zeros(ranges.shape, dtype=bool)
+    at[:, 1:] |= jump
+    at[:, :-1] |= jump
+    return at

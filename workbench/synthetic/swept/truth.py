@@ -1,0 +1,166 @@
+"""What a swept part is, exactly: virtual lower edge, section axes, root size and bevel angle along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial import cKDTree
+
+from workbench.synthetic.swept.mesh import Relief
+from workbench.synthetic.swept.motion import placed
+from workbench.synthetic.swept.recipe import SweptRecipe
+from workbench.synthetic.swept.section import shape_of, virtual_edges
+from workbench.synthetic.swept.spine import Curve, along
+from workbench.units import DEG, Bool, Float
+
+STATION_MM = 0.25
+LOCAL_MM = 10.0  # the end face of a rough part is its least-squares plane over this much to both sides
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweptTruth:
+    """The part as built, at stations along the virtual lower edge; arrays have one row a station."""
+
+    recipe: SweptRecipe
+    closed: bool
+    arc_length_mm: Float  # (n,) along the lower edge, from the part's start
+    position_mm: Float  # (n, 3) lower edge in the base
+    upper_position_mm: Float  # (n, 3) upper edge of the root face, or of the end face of a raw part
+    tangent: Float  # (n, 3) t = m x n
+    normal: Float  # (n, 3) outward normal of the root face or end face
+    across: Float  # (n, 3)
+    root_mm: Float  # (n,) NaN on a raw part
+    bevel_deg: Float  # (n,) NaN on a raw part
+    thickness_mm: Float  # (n,)
+    spine_mm: Float  # (n,) s of the stations
+    seen: Bool  # (n,)
+
+    def at(self, position_mm: Float, values: Float) -> Float:
+        """`values` (n, ...) of the stations, in the sections of base points (..., 3): linear between stations."""
+        first, share = self._place(position_mm)
+        return self._between(values, first, share)
+
+    def root_mm_at(self, position_mm: Float) -> Float:
+        """Root size (...,) in the sections of base points (..., 3)."""
+        return self.at(position_mm, self.root_mm)
+
+    def bevel_deg_at(self, position_mm: Float) -> Float:
+        """Bevel angle (...,) in the sections of base points (..., 3)."""
+        return self.at(position_mm, self.bevel_deg)
+
+    def arc_length_mm_at(self, position_mm: Float) -> Float:
+        """Arc length (...,) of the sections of base points (..., 3), from the part's start."""
+        return self.at(position_mm, self.arc_length_mm)
+
+    def seen_at(self, position_mm: Float) -> Bool:
+        """Whether the stations on both sides of each base point (..., 3) were seen."""
+        first, share = self._place(position_mm)
+        inside = (share > -1.0) & (share < 2.0)
+        return np.asarray(self.seen[first] & self.seen[first + 1] & inside)
+
+    def _place(self, position_mm: Float) -> tuple[Any, Float]:
+        """Station before and share of the way to the next, of the sections of base points."""
+        points = np.asarray(position_mm, dtype=float)
+        index = np.clip(cKDTree(self.position_mm).query(points)[1], 0, len(self.position_mm) - 1)
+        off = np.einsum("...i,...i->...", points - self.position_mm[index], self.tangent[index])
+        first = np.clip(np.where(off < 0, index - 1, index), 0, len(self.position_mm) - 2)
+
+        def height(at: Any) -> Float:
+            return np.asarray(np.einsum("...i,...i->...", points - self.position_mm[at], self.tangent[at]))
+
+        before, after = height(first), height(first + 1)
+        return first, before / np.where(before == after, 1.0, before - after)
+
+    def _between(self, values: Float, first: Any, share: Float) -> Float:
+        share = share.reshape(share.shape + (1,) * (values.ndim - 1))
+        return np.asarray(values[first] + share * (values[first + 1] - values[first]))
+
+    def document(self) -> dict[str, Any]:
+        """The content of a truth file: strict JSON, null for what is not."""
+        names = ("arc_length_mm", "position_mm", "upper_position_mm", "tangent", "normal", "across", "root_mm",
+                 "bevel_deg", "thickness_mm")  # fmt: skip
+        return {
+            "format": "bevel-truth",
+            "version": 1,
+            "frame": "base",
+            "simulator": "swept",
+            "seed": self.recipe.seed,
+            "kind": self.recipe.part.kind,
+            "closed": self.closed,
+            **{name: _rounded(getattr(self, name)) for name in names},
+            "seen": self.seen.tolist(),
+            "base_from_part": placed(self.recipe.part.base_from_part).tolist(),
+            "flange_from_profiler": placed(self.recipe.robot.flange_from_profiler).tolist(),
+            "recipe": self.recipe.model_dump(mode="json"),
+        }
+
+
+def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: list[Float]) -> SweptTruth:
+    """The truth; `seen_s`: of each pass, where along the spine its frames saw the edge."""
+    part = recipe.part
+    s = np.linspace(0.0, curve.length, round(curve.length / STATION_MM) + 1)
+    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
+    edges = virtual_edges(part, shape_of(part, s, curve.length))
+    thickness = along(part.thickness_mm, s, curve.length)
+    lower, upper = edges.lower.copy(), edges.upper.copy()
+    lean = np.zeros(len(s))
+    if relief is not None:
+        lean = _fitted_relief(relief, s, lower, upper)
+    position = frames.position + lower[:, :1] * frames.n + lower[:, 1:] * frames.m
+    top = frames.position + upper[:, :1] * frames.n + upper[:, 1:] * frames.m
+    up = np.cos(lean)[:, None] * frames.m + np.sin(lean)[:, None] * frames.n
+    # the tangent is the lower edge's own, on a wavy root face or an edge that stands off the spine
+    slope = np.gradient(position, s, axis=0, edge_order=2)
+    if relief is not None:
+        slope = frames.t
+    t = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    n = np.cross(t, up)
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    m = np.cross(n, t)
+    outward = np.cos(edges.bevel)[:, None] * frames.n + np.sin(edges.bevel)[:, None] * frames.m
+    bevel = np.arctan2((outward * m).sum(axis=1), (outward * n).sum(axis=1))
+    base = placed(part.base_from_part)
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    return SweptTruth(
+        recipe=recipe, closed=curve.closed, arc_length_mm=np.concatenate([[0.0], np.cumsum(step)]),
+        position_mm=position @ base[:3, :3].T + base[:3, 3], upper_position_mm=top @ base[:3, :3].T + base[:3, 3],
+        tangent=t @ base[:3, :3].T, normal=n @ base[:3, :3].T, across=m @ base[:3, :3].T,
+        root_mm=edges.root_mm, bevel_deg=bevel / DEG, thickness_mm=thickness, spine_mm=s,
+        seen=_seen(s, seen_s, recipe, curve),
+    )  # fmt: skip
+
+
+def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Float:
+    """Shift `lower` and `upper` to the face's local least-squares plane, in place; its lean (n,) in rad."""
+    share = np.linspace(0.0, 1.0, 64)
+    b = lower[:, 1:] + share * (upper[:, 1:] - lower[:, 1:])
+    height = relief.at(s[:, None], b)
+    width = b[:, -1] - b[:, 0]
+    wide = round(2 * LOCAL_MM / STATION_MM) + 1
+    mean = uniform_filter1d(height.mean(axis=1), wide, mode="nearest")
+    v = share - 0.5
+    slope = uniform_filter1d(height @ v / (v @ v), wide, mode="nearest")  # per width
+    lower[:, 0] += mean - slope / 2
+    upper[:, 0] += mean + slope / 2
+    return np.asarray(np.arctan2(slope, width))
+
+
+def _seen(s: Float, seen_s: list[Float], recipe: SweptRecipe, curve: Curve) -> Bool:
+    """Stations within three quarters of the frame pitch of a frame that sees the edge."""
+    seen = np.zeros(len(s), dtype=bool)
+    for at in seen_s:
+        if curve.closed:
+            at = np.concatenate([at, at + curve.length, at - curve.length])
+        at = np.concatenate([[-np.inf], np.sort(at), [np.inf]])
+        after = np.searchsorted(at, s)
+        seen |= np.minimum(s - at[after - 1], at[after] - s) <= 0.75 * recipe.robot.frame_pitch_mm + 1e-9
+    return seen
+
+
+def _rounded(values: Float) -> list[Any]:
+    if values.ndim == 2:
+        return [[round(float(x), 9) for x in row] for row in values]
+    return [None if np.isnan(x) else round(float(x), 9) for x in values]

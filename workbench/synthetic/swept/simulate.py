@@ -96,11 +96,16 @@ def _recording(recipe: SweptRecipe, motions: list[Motion], x: Float32, z: Float3
         return np.repeat(np.arange(len(counts)), counts)
 
     return Recording(
-        source="synthetic", x_mm=x, z_mm=z, time_s=np.concatenate([m.time_s for m in motions]),
+        source="synthetic",
+        time_s=np.concatenate([m.time_s for m in motions]),
+        x_mm=x,
+        z_mm=z,
         pass_index=passes([len(m.time_s) for m in motions]),
         robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
         robot_position_mm=np.concatenate([m.position_mm for m in motions]),
         robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=passes([len(m.pose_time_s) for m in motions]), flange_from_profiler=recorded_hand_eye(recipe),
-        intensity=light if recipe.scanner.intensity else None, part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
-    )  # fmt: skip
+        robot_pass=passes([len(m.pose_time_s) for m in motions]),
+        flange_from_profiler=recorded_hand_eye(recipe),
+        intensity=light if recipe.scanner.intensity else None,
+        part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
+    )

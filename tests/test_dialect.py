@@ -15,7 +15,6 @@ class Letters:
     """A language of letters."""
 
     job: ProgramJob
-    suffix: str = ".txt"
 
     def head(self):
         return [f"( {remark} )" for remark in self.job.remarks]
@@ -34,6 +33,9 @@ class Letters:
 
     def foot(self):
         return ["END"]
+
+    def documents(self, text):
+        return {f"{self.job.name}.txt": text}
 
 
 def job(part_id: str = "plate") -> ProgramJob:
@@ -54,8 +56,7 @@ def gate_of(dialect: Dialect, passed: bool) -> PathGate:
 
 def test_a_program_is_head_moves_and_foot() -> None:
     dialect: Dialect = Letters(job("a\nL 99"))
-    document = write_program(dialect, gate_of(dialect, True))
-    assert document is not None
+    (document,) = write_program(dialect, gate_of(dialect, True))
     assert document.name == "Other.txt"
     lines = document.content.decode().splitlines()
     assert lines[-7:] == ["R 0", "( layer 1 )", "L 1", "C 1.5 2", "( through the air )", "L 3", "END"]
@@ -64,7 +65,7 @@ def test_a_program_is_head_moves_and_foot() -> None:
 
 def test_a_rejected_path_gives_no_program() -> None:
     dialect = Letters(job())
-    assert write_program(dialect, gate_of(dialect, False)) is None
+    assert write_program(dialect, gate_of(dialect, False)) == ()
 
 
 @pytest.mark.parametrize("text", ["a\nb", "a\r\u2028b", "!;%&$\\\"'`{}[]<>", "ü" * 200, "\x00\x1b[31m"])

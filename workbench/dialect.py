@@ -1,7 +1,7 @@
 """Programs for robot controllers: what a dialect must be able to write, and the one way from moves to a program.
 
-RAPID and KRL are dialects; a plug-in adds another by the same door (`workbench.api`): a small class with these methods
-and a stage that calls `write_program`.
+`program.write` has dialects of four makers; a plug-in adds another by the same door (`workbench.api`): a small class
+with these methods and a stage that calls `write_program`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -68,7 +68,7 @@ class ProgramJob:
     def work_object(self) -> tuple[Float, Float]:
         """Position (3,) in mm and quaternion (4,) of the frame of the moves in the robot's base."""
         pose = self.moves.toolpath.base_from_workobject
-        if pose is None or self.moves.start_joints_deg is not None:  # postures hold in the base
+        if pose is None or self.moves.postures is not None:  # postures hold in the base
             pose = np.eye(4)
         return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])
 
@@ -99,11 +99,6 @@ class Dialect(Protocol):
         """What is to be written."""
         ...
 
-    @property
-    def suffix(self) -> str:
-        """Of the program's file, with its dot."""
-        ...
-
     def head(self) -> Iterable[str]:
         """All before the first move: declarations, tool, work object."""
         ...
@@ -128,9 +123,13 @@ class Dialect(Protocol):
         """All after the last move."""
         ...
 
+    def documents(self, text: str) -> Mapping[str, str]:
+        """File names and texts of the program whose lines are `text`: mostly one."""
+        ...
 
-def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> Document | None:
-    """The dialect's job as a file; None where the path did not pass its checks: then no robot may run it.
+
+def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> tuple[Document, ...]:
+    """The dialect's job as files; none where the path did not pass its checks: then no robot may run it.
 
     Args:
         dialect: the job in its language.
@@ -143,13 +142,13 @@ def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | Non
     """
     name, moves = dialect.job.name, dialect.job.moves
     if not released(name, moves.toolpath, gate, cell, moves):
-        return None
+        return ()
     columns = (moves.position_mm, moves.quaternion_wxyz, moves.feed_mm_s, moves.via_position_mm[moves.circular])
     if not len(moves.layer) or not all(np.isfinite(column).all() for column in columns) or moves.feed_mm_s.min() <= 0:
         raise InputError(name, "expected moves with finite targets and feeds above 0")
     said = (dialect.remark(line) for line in reservations(gate)) if gate else ()
     text = "\n".join([*dialect.head(), *said, *_moves(dialect), *dialect.foot()]) + "\n"
-    return Document(name + dialect.suffix, text.encode("ascii"))
+    return tuple(Document(file, content.encode("ascii")) for file, content in dialect.documents(text).items())
 
 
 def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCell | None,
@@ -165,7 +164,7 @@ def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCe
                          "last stage that changes it)")  # fmt: skip
     if not gate.passed:
         return False
-    if (cell is not None or gate.reached) and (not gate.reached or (moves and moves.start_joints_deg is None)):
+    if (cell is not None or gate.reached) and (not gate.reached or (moves and moves.postures is None)):
         raise InputError(name, "the pipeline knows the robot's cell: expected moves that rest on postures "
                          "(stiffness.posture before path.simplify)")  # fmt: skip
     if moves and (off := deviation_mm(moves)) > gate.tolerance_mm + 1e-9:

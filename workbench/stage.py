@@ -185,7 +185,7 @@ def _made(hint: Any) -> Iterator[type]:
     if get_origin(hint) in (tuple, Union, types.UnionType):
         for part in get_args(hint):
             yield from _made(part)
-    elif hint is not type(None):
+    elif hint is not type(None) and hint is not Ellipsis:
         yield hint
 
 

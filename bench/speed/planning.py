@@ -17,7 +17,7 @@ from bench.speed.timing import REPEATS, in_turn, print_on_one_core
 from workbench.artefacts import Cloud, Edge, PathGate, Toolpath
 from workbench.path import check, feed, layers, simplify
 from workbench.path.remaining import remaining_stock, stock_distances
-from workbench.program import rapid
+from workbench.program import write
 from workbench.units import Float
 
 LENGTH_MM, PEER_LENGTH_MM = 5000.0, 250.0
@@ -32,7 +32,7 @@ def plan(edge: Edge, cloud: Cloud, laps: dict[str, list[float]]) -> Toolpath:
     toolpath = _lap(laps, "path.feed", lambda: feed(toolpath, cloud, edge))
     moves = _lap(laps, "path.simplify", lambda: simplify(toolpath))
     gate = PathGate(True, "timed by itself", toolpath=toolpath, tolerance_mm=0.05)
-    _lap(laps, "program.rapid", lambda: rapid(moves, gate))
+    _lap(laps, "program.write", lambda: write(moves, gate))
     laps.setdefault("all", []).append(time.process_time() - start)
     _lap(laps, "path.check", lambda: check(toolpath, edge, cloud))
     return toolpath

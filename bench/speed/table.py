@@ -39,7 +39,7 @@ depth; VTK draws squares of 2 pixels without light. Both sides draw on the proce
 
 Planning is timed on a raw edge and a cloud made by formula (`bench/speed/raw_edges.py`): 5 m long, 12 mm thick, an arc
 of 10 m, 50 million points; 0.7 mm a layer make ten layers. From edge and cloud to the program: `path.layers`,
-`path.feed`, `path.simplify`, `program.rapid`, in a process on one core. d_min is the distance from the cutter's axis to
+`path.feed`, `path.simplify`, `program.write`, in a process on one core. d_min is the distance from the cutter's axis to
 all that still stands, for every point of every layer, the index over the cloud included. The others sample the axis
 every mm and ask for the nearest point of what is left of the cloud (`bench/speed/distances.py`), the tree built anew
 for each layer, on 250 mm of the same edge and the same core; their time for 5 m is taken as linear in the number of

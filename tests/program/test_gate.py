@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,13 @@ from workbench.artefacts import Gate, Moves, PathGate, RobotCell, Toolpath
 from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
 from workbench.pipeline.results import result_files
-from workbench.program import csv, krl, rapid
+from workbench.program import csv, write
 from workbench.program.rapid_parser import parse_rapid
 
 from .conftest import passed, rejected
 from .paths import Shape, mill_path, run_move
 
-WRITERS: list[Callable[..., Any]] = [rapid, krl]
+WRITERS: list[Callable[..., Any]] = [write, partial(write, controller="kuka")]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_where_the_robot_is_known_moves_need_postures(write: Callable[..., Any],
     with pytest.raises(InputError, match="postures"):
         csv(path, passed(path), cell)
     assert csv(path, replace(passed(path), reached=True), cell) is not None
-    assert write(moves, rejected(path), cell) is None
+    assert write(moves, rejected(path), cell) == ()
 
 
 @pytest.mark.parametrize(
@@ -59,17 +60,16 @@ def test_moves_may_not_leave_the_path_farther_than_it_was_checked_for(
     path: Toolpath, loose: dict[str, float], off: str
 ) -> None:
     with pytest.raises(InputError, match=rf"leave the path by up to {off}\d* mm, and it was checked for 0.05 mm"):
-        rapid(simplify(path, **loose), passed(path))
+        write(simplify(path, **loose), passed(path))
 
 
-@pytest.mark.parametrize("write", WRITERS)
-def test_what_was_not_checked_stands_in_the_program(write: Callable[..., Any], path: Toolpath) -> None:
+def test_what_was_not_checked_stands_in_the_program(path: Toolpath) -> None:
     gate = replace(passed(path), loosened=("the rule\nENDPROC is\r; 2 mm " * 6,), unchecked=("the plate!",))
-    lines = write(simplify(path), gate).content.decode().splitlines()
-    sign = "!" if write is rapid else ";"
+    (document,) = write(simplify(path), gate)
+    lines = document.content.decode().splitlines()
     said = [line.strip() for line in lines if "CHECK LOOSENED" in line or "Not checked" in line]
-    assert said[0].startswith(f"{sign} CHECK LOOSENED: the rule?ENDPROC is??")
-    assert f"{sign} Not checked: the plate?" in said
+    assert said[0].startswith("! CHECK LOOSENED: the rule?ENDPROC is??")
+    assert "! Not checked: the plate?" in said
     assert any("reach, joint limits and collisions" in line for line in said)
     assert not any(line.strip().startswith("ENDPROC is") for line in lines)
     assert max(map(len, lines)) < 250
@@ -200,7 +200,7 @@ def test_a_greater_penetration_loosens_the_check(path: Toolpath) -> None:
 
 
 def test_the_moves_of_a_checked_path_are_released(moves: Moves) -> None:
-    assert rapid(moves, passed(moves.toolpath)) is not None
+    assert len(write(moves, passed(moves.toolpath))) == 1
 
 
 def parabola(corner: Any, before: Any, after: Any, zone_mm: float) -> Any:
@@ -213,7 +213,7 @@ def parabola(corner: Any, before: Any, after: Any, zone_mm: float) -> Any:
 
 def test_blending_does_not_leave_the_path_farther_than_it_was_checked_for(path: Toolpath) -> None:
     """Wide zones would cut corners; sharp ones are driven to their point, and all others stay near it."""
-    document = rapid(simplify(path, arcs=False), passed(path), zone_mm=5)
+    (document,) = write(simplify(path, arcs=False), passed(path), zone_mm=5)
     moves = parse_rapid(document.content.decode()).moves
     at = np.array([move.target.position_mm for move in moves])
     blended = [i for i in range(1, len(moves) - 1) if moves[i].zone_mm > 0]

@@ -56,7 +56,7 @@ def stages(case: dict[str, Any]) -> list[dict[str, Any]]:
         {"stage": "robot.cell", "cell": "cell.json"}, {"stage": "stiffness.read"}, {"stage": "stiffness.force"},
         {"stage": "stiffness.posture", "step_deg": 10, "sampled_points": 12, "whole_map": False,
          "turntable_deg": [-90, 90]},
-        {"stage": "path.simplify"}, {"stage": "program.rapid"},
+        {"stage": "path.simplify"}, {"stage": "program.write"},
     ]  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def test_a_rejected_path_gives_no_program_by_way_of_its_file(tmp_path, capsys):
     pipeline, out = plan(tmp_path, sink_mm=0.3, layer=-1), tmp_path / "plan"
     assert main(["run", str(pipeline), "--out", str(out)]) == 1
     again = [{"stage": "path.read", "toolpath": "plan/toolpath.json"}, {"stage": "path.check_file"},
-             {"stage": "path.simplify"}, {"stage": "program.rapid"}, {"stage": "program.csv"}]  # fmt: skip
+             {"stage": "path.simplify"}, {"stage": "program.write"}, {"stage": "program.csv"}]  # fmt: skip
     (tmp_path / "again.json").write_text(json.dumps({"version": 1, "stages": again}))
     capsys.readouterr()
     assert main(["run", str(tmp_path / "again.json"), "--out", str(tmp_path / "programs")]) == 1
@@ -141,16 +141,16 @@ def test_a_rejected_path_gives_no_program_by_way_of_its_file(tmp_path, capsys):
 
 def test_what_changes_a_path_after_its_check_takes_the_release_with_it(tmp_path, capsys):
     sink = {"stage": "fault.sink", "layer": 0, "by_mm": 0.0, "id": "later"}
-    pipeline = plan(tmp_path, sink, {"stage": "path.simplify"}, {"stage": "program.rapid"})
+    pipeline = plan(tmp_path, sink, {"stage": "path.simplify"}, {"stage": "program.write"})
     assert main(["run", str(pipeline), "--out", str(tmp_path / "new")]) == 2
     assert "the gate is not this path's" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize(("entries", "words"), [
-    ([{"stage": "path.simplify"}, {"stage": "program.rapid"}], "needs a PathGate"),
-    ([{"stage": "path.simplify"}, {"stage": "program.rapid", "from": {"gate": "inspect.gate"}}], "makes no PathGate"),
-    ([{"stage": "path.simplify"}, {"stage": "program.rapid", "gate": True}], "no such parameter"),
+    ([{"stage": "path.simplify"}, {"stage": "program.write"}], "needs a PathGate"),
+    ([{"stage": "path.simplify"}, {"stage": "program.write", "from": {"gate": "inspect.gate"}}], "makes no PathGate"),
+    ([{"stage": "path.simplify"}, {"stage": "program.write", "gate": True}], "no such parameter"),
 ])  # fmt: skip
 def test_other_gates_are_refused_before_anything_runs(entries, words, tmp_path, capsys):
     """That a part was inspected says nothing about a path."""

@@ -1,4 +1,4 @@
-"""`program.rapid`: read back, the program is the path; and nothing out of a file can become a part of it."""
+"""`program.write` for ABB: read back, the program is the path; and nothing out of a file can become a part of it."""
 
 import re
 from dataclasses import replace
@@ -14,7 +14,7 @@ from workbench.artefacts import Moves, Part
 from workbench.dialect import ProgramJob, write_program
 from workbench.errors import InputError, PipelineError
 from workbench.path import simplify
-from workbench.program import rapid
+from workbench.program import write
 from workbench.program.parameters import tool
 from workbench.program.rapid import Rapid
 from workbench.program.rapid_parser import parse_rapid
@@ -25,8 +25,7 @@ from .paths import Shape, all_points, deviations, mill_path
 
 
 def text(moves: Moves, **parameters: Any) -> str:
-    document = rapid(moves, passed(moves.toolpath), **parameters)
-    assert document is not None
+    (document,) = write(moves, passed(moves.toolpath), **parameters)
     return document.content.decode("ascii")
 
 
@@ -73,7 +72,7 @@ def test_tool_and_work_object(moves: Moves) -> None:
     placed = replace(moves, toolpath=replace(moves.toolpath, base_from_workobject=pose))
     program = parse_rapid(
         text(placed, tool_position_mm=[10, 20, 350], tool_quaternion_wxyz=q.tolist(), tool_mass_kg=18.5,
-             tool_centre_of_gravity_mm=[1, 2, 3], tool_name="tSpindle", work_object_name="woPlate", module="Left",
+             tool_centre_of_gravity_mm=[1, 2, 3], tool_name="tSpindle", work_object_name="woPlate", name="Left",
              procedure="Go")
     )  # fmt: skip
     data, frame = program.tools["tSpindle"], program.work_objects["woPlate"].user_frame
@@ -88,7 +87,7 @@ def test_tool_and_work_object(moves: Moves) -> None:
     assert {(move.tool, move.work_object) for move in program.moves} == {("tSpindle", "woPlate")}
     assert (program.module, list(program.procedures)) == ("Left", ["Go"])
     with pytest.raises(PipelineError, match="expected a quaternion w x y z of unit length, this one has 2"):
-        rapid(moves, passed(moves.toolpath), tool_quaternion_wxyz=[2, 0, 0, 0])
+        write(moves, passed(moves.toolpath), tool_quaternion_wxyz=[2, 0, 0, 0])
 
 
 def test_every_target_is_reached_at_the_ends_and_blended_between(moves: Moves) -> None:
@@ -106,8 +105,7 @@ def test_external_axes_are_unused_or_the_turntables(moves: Moves) -> None:
     spindle = tool((0, 0, 400), (1, 0, 0, 0), 15, (0, 0, 150))
     turning = np.linspace(-90, 90, len(moves.layer))
     job = ProgramJob("Turned", moves, spindle, 0.3, turntable_deg=turning)
-    document = write_program(Rapid(job, "Go", "tSpindle", "woPlate"), passed(moves.toolpath))
-    assert document is not None
+    (document,) = write_program(Rapid(job, "Go", "tSpindle", "woPlate"), passed(moves.toolpath))
     program = parse_rapid(document.content.decode())
     assert [move.target.external_axes[0] for move in program.moves] == pytest.approx(turning, abs=1e-4)
     for k in np.flatnonzero(moves.circular):
@@ -116,7 +114,7 @@ def test_external_axes_are_unused_or_the_turntables(moves: Moves) -> None:
 
 
 def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves) -> None:
-    assert rapid(moves, rejected(moves.toolpath)) is None
+    assert write(moves, rejected(moves.toolpath)) == ()
 
 
 @pytest.mark.parametrize(
@@ -124,15 +122,15 @@ def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves) -> N
     ["", "1a", "a b", "a-b", "ä", "a\n", "a" * 33, "MODULE", "endproc", "MoveL", "robtarget", "tool0", "V100", "z10",
      "fine", "p1", "Via22", "feed3", "ZonePath", "a;", 'a"', "a!"],
 )  # fmt: skip
-@pytest.mark.parametrize("key", ["module", "procedure", "tool_name", "work_object_name"])
+@pytest.mark.parametrize("key", ["name", "procedure", "tool_name", "work_object_name"])
 def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, key: str, name: str) -> None:
-    with pytest.raises(PipelineError, match=rf"program\.rapid\.{key}: expected a "):
-        rapid(moves, passed(moves.toolpath), **{key: name})
+    with pytest.raises(PipelineError, match=rf"program\.write\.{key}: expected a "):
+        write(moves, passed(moves.toolpath), **{key: name})
 
 
 def test_names_differ(moves: Moves) -> None:
     with pytest.raises(InputError, match="expected four different names"):
-        rapid(moves, passed(moves.toolpath), tool_name="mill", work_object_name="MILL")
+        write(moves, passed(moves.toolpath), tool_name="mill", work_object_name="MILL")
 
 
 ATTACKS = [
@@ -166,8 +164,8 @@ def test_moves_that_no_controller_could_take_are_refused(moves: Moves) -> None:
     hole[3, 1] = np.nan
     for broken in (replace(moves, position_mm=hole), replace(moves, feed_mm_s=0 * moves.feed_mm_s)):
         with pytest.raises(InputError, match="expected moves with finite targets and feeds above 0"):
-            rapid(broken, passed(broken.toolpath))
-        assert rapid(broken, rejected(broken.toolpath)) is None
+            write(broken, passed(broken.toolpath))
+        assert write(broken, rejected(broken.toolpath)) == ()
 
 
 def test_the_text_is_what_abb_writes(moves: Moves) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from workbench.artefacts import Moves
 from workbench.errors import InputError
 from workbench.path import simplify
-from workbench.program import rapid
+from workbench.program import write
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import JointTarget
 
@@ -120,8 +120,7 @@ def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
 
 @pytest.fixture(scope="module")
 def text(moves: Moves) -> str:
-    document = rapid(moves, passed(moves.toolpath))
-    assert document is not None
+    (document,) = write(moves, passed(moves.toolpath))
     return document.content.decode()
 
 
@@ -172,8 +171,7 @@ def test_any_text_is_refused_in_one_line(text: str) -> None:
 
 def test_fifty_thousand_targets_are_read_in_seconds() -> None:
     moves = simplify(mill_path(Shape(length_mm=5000, layers=10)), chord_tolerance_mm=0, angle_tolerance_deg=0)
-    document = rapid(moves, passed(moves.toolpath))
-    assert document is not None
+    (document,) = write(moves, passed(moves.toolpath))
     begin = time.process_time()
     program = parse_rapid(document.content.decode())
     assert len(program.moves) > 50_000

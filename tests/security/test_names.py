@@ -26,8 +26,7 @@ PLAN = (
     {"stage": "path.feed"},
     {"stage": "path.check"},
     {"stage": "path.simplify"},
-    {"stage": "program.rapid"},
-    {"stage": "program.krl"},
+    {"stage": "program.write"},
     {"stage": "program.csv"},
 )
 TABLES = ({"stage": "export.inspection", "format": "csv"}, {"stage": "report.csv"})
@@ -173,7 +172,7 @@ def test_names_of_inputs_that_are_none(stranger, key, pipeline_file, command, tm
 
 @pytest.mark.parametrize("name", ["a\nMODULE b", "x!y", "BevelPath;", "PROC", "../x", "a" * 40, "", "é"])
 def test_names_in_a_program_are_the_languages(name, pipeline_file, command, part_file):
-    for key in ("module", "procedure", "tool_name", "work_object_name"):
-        stages = [{**one, key: name} if one["stage"] == "program.rapid" else one for one in PLAN]
+    for key in ("name", "procedure", "tool_name", "work_object_name"):
+        stages = [{**one, key: name} if one["stage"] == "program.write" else one for one in PLAN]
         outcome = command("validate", pipeline_file(*stages, recording=str(part_file("raw"))))
         assert_refused(outcome, f"stages[8].{key}")

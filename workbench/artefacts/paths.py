@@ -12,7 +12,7 @@ from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.geometry.times import step_lengths_mm, travel_time_s
-from workbench.units import Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,6 +156,22 @@ class Moves:
     points_before: int  # of that path
     chord_tolerance_mm: float
     angle_tolerance_deg: float
-    turntable_deg: Float | None = None  # (k,) at each target; None: no turntable is driven
-    start_joints_deg: Float | None = None  # (6,) the posture of the first target; None: the controller chooses
-    flange_from_point: Float | None = None  # (4, 4) the tool frame that the postures rest on; None: any
+    postures: Postures | None = None  # how the robot stands along that path; None: the controller chooses
+    point: Int | None = None  # (k,) which of the postures' points each target is
+
+    @property
+    def joints_deg(self) -> Float | None:
+        """The controller's joint angles (k, 6) at each target."""
+        return None if self.postures is None else self.postures.joints[self.point] / DEG
+
+    @property
+    def turntable_deg(self) -> Float | None:
+        """Angles (k,) of the turntable at each target; None: none is driven."""
+        if self.postures is None or not self.postures.has_turntable:
+            return None
+        return self.postures.turntable[self.point] / DEG
+
+    @property
+    def flange_from_point(self) -> Float | None:
+        """The tool frame (4, 4) that the postures rest on; None: any."""
+        return None if self.postures is None else self.postures.flange_from_point

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -79,7 +79,8 @@ def simplify(
     Raises:
         InputError: a path of fewer than two different poses; postures of another path.
     """
-    points, before = _different(_points(toolpath) if postures is None else _postured(toolpath, postures))
+    every = _points(toolpath) if postures is None else _postured(toolpath, postures)
+    points, kept = _different(every)
     if chord_tolerance_mm == 0 and angle_tolerance_deg == 0:
         targets, circular = np.arange(len(points.layer)), np.zeros(len(points.layer), bool)
         via, via_turn = np.full((len(targets), 3), np.nan), np.full((len(targets), 4), np.nan)
@@ -95,20 +96,10 @@ def simplify(
     return Moves(
         position_mm=points.position_mm[targets], quaternion_wxyz=points.quaternion_wxyz[targets], circular=circular,
         via_position_mm=via, via_quaternion_wxyz=via_turn, feed_mm_s=slowest, cutting=points.cutting[targets],
-        layer=points.layer[targets], toolpath=toolpath, points_before=before, chord_tolerance_mm=chord_tolerance_mm,
-        angle_tolerance_deg=angle_tolerance_deg, **_postures(postures, points.turntable[targets]),
+        layer=points.layer[targets], toolpath=toolpath, points_before=len(every.layer),
+        chord_tolerance_mm=chord_tolerance_mm, angle_tolerance_deg=angle_tolerance_deg, postures=postures,
+        point=None if postures is None else kept[targets],
     )  # fmt: skip
-
-
-def _postures(postures: Postures | None, turntable: Float) -> dict[str, Any]:
-    """What the moves say of the robot's posture."""
-    if postures is None:
-        return {}
-    return {
-        "turntable_deg": turntable / DEG if postures.has_turntable else None,
-        "start_joints_deg": postures.joints[0] / DEG,
-        "flange_from_point": postures.flange_from_point,
-    }
 
 
 def _labels(points: Points) -> Int:
@@ -132,15 +123,15 @@ def _points(toolpath: Toolpath) -> Points:
     return Points(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _different(points: Points) -> tuple[Points, int]:
-    """Points without those that repeat the pose before them, and how many there were with them."""
+def _different(points: Points) -> tuple[Points, Int]:
+    """Points without those that repeat the pose before them, and which are left."""
     step = np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)
     q = points.quaternion_wxyz
     turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
     new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (np.diff(points.turntable) != 0))
     if new.sum() < 2:
         raise InputError("toolpath", f"expected at least two different poses, found {new.sum()}")
-    return Points(*(column[new] for column in points)), len(new)
+    return Points(*(column[new] for column in points)), np.flatnonzero(new)
 
 
 def _part(part: Layer | Travel) -> Points:

@@ -1,7 +1,6 @@
 """Stages that write programs for robot controllers: `program.*`."""
 
 from workbench.program.csv import csv
-from workbench.program.krl import krl
-from workbench.program.rapid import rapid
+from workbench.program.write import write
 
-__all__ = ["csv", "krl", "rapid"]
+__all__ = ["csv", "write"]

@@ -1,84 +1,31 @@
-"""`program.krl`: the path as a KRL program for KUKA controllers."""
+"""KRL, KUKA's language: the path as `.src` (moves) and `.dat` (targets).
+
+(KUKA System Software, Operating and Programming Instructions for System Integrators.) Targets are E6POS in $BASE: X,
+Y, Z in mm, and R = Rz(A) Ry(B) Rx(C) with A, B, C in deg; STATUS (S) and TURN (T) of the robot's posture; E1, the
+turntable, in deg. The program begins with PTP to the first posture (E6AXIS), as KRL asks. Feeds are $VEL.CP in m/s.
+Circular moves turn the tool in the frame of the base ($ORI_TYPE = #VAR, $CIRC_TYPE = #BASE), as `path.simplify`
+assumes. With C_DIS the next move blends in $APO.CDIS mm before the target. STATUS: bit 0, the wrist's centre is
+behind axis 1; bit 1, the elbow is up; bit 2, A5 is negative. TURN: bit i, axis i + 1 is negative.
+"""
 
 from __future__ import annotations
 
 import functools
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Moves, PathGate, RobotCell
-from workbench.dialect import ProgramJob, rounded_feeds, write_program
-from workbench.errors import InputError
+from workbench.artefacts import ProgramMoves
+from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.program.parameters import (
-    TOOL_CENTRE_OF_GRAVITY_MM,
-    TOOL_POSITION_MM,
-    UPRIGHT,
-    ToolCentreOfGravity,
-    ToolMass,
-    ToolPosition,
-    ToolQuaternion,
-    Zone,
-    tool,
-)
-from workbench.stage import stage
-from workbench.units import DEG, Float
+from workbench.program.krl_reader import read_krl
+from workbench.robot.cell import Cell
+from workbench.robot.sides import arm_sides
+from workbench.units import DEG, Float, Int
 
-_WORDS = """and bas bool brake case char circ circ_rel confirm const continue decl def defdat deffct default do else end
-enddat endfct endfor endif endloop endswitch endwhile enum exit ext extfct false for frame global goto halt if
-import int interrupt is lin lin_rel loop not or ptp ptp_rel public pulse real repeat resume return sec signal spline
-struc switch then to trigger true until wait when while xor"""
-RESERVED = frozenset(_WORDS.split())
-
-
-def free_name(name: str) -> str:
-    """`name`, if a KRL program may have it; else ValueError."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,23}", name) or name.lower() in RESERVED:
-        raise ValueError("expected a letter, then letters, digits and _, at most 24 in all, no word of KRL")
-    return name
-
-
-@stage("program.krl")
-def krl(
-    moves: Moves,
-    gate: PathGate,
-    cell: RobotCell | None = None,
-    *,
-    name: Annotated[str, AfterValidator(free_name), Field(description="of the program and its file")] = "BevelPath",
-    tool_position_mm: ToolPosition = TOOL_POSITION_MM,
-    tool_quaternion_wxyz: ToolQuaternion = UPRIGHT,
-    tool_mass_kg: ToolMass = 15.0,
-    tool_centre_of_gravity_mm: ToolCentreOfGravity = TOOL_CENTRE_OF_GRAVITY_MM,
-    zone_mm: Zone = 0.3,
-) -> Document | None:
-    """Write the moves as a KRL program (KUKA System Software, Operating and programming instructions).
-
-    Targets are frames in $BASE: X, Y, Z in mm, and R = Rz(A) Ry(B) Rx(C) with A, B, C in deg. Feeds become $VEL.CP in
-    m/s, 3 significant digits. Circular moves turn the tool in the frame of the base ($CIRC_TYPE = #BASE), as
-    `path.simplify` assumes. The program begins where the robot stands and goes straight to the first target. ASCII;
-    names out of recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
-
-    Args:
-        moves: the path as straight and circular moves.
-        gate: of this path's own checks.
-        cell: the robot cell, where the pipeline has one: then the moves must rest on postures.
-        name: of the program and its file.
-
-    Raises:
-        InputError: the moves rest on postures; the gate is another path's; a cell, but no postures; moves that leave
-            the path farther than its check allows for.
-    """
-    if moves.start_joints_deg is not None:
-        raise InputError("program.krl", "expected moves without postures: only program.rapid writes a turntable and a "
-                         "first posture")  # fmt: skip
-    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm)
-    job = ProgramJob(name, moves, spindle, zone_mm, rounding_mm=gate.tolerance_mm if gate else 0.0)
-    return write_program(Krl(job), gate, cell)
+PTP_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
+REST = ",".join(f"E{i} 0.0" for i in range(2, 7))  # external axes that are not there
 
 
 @dataclass
@@ -86,17 +33,7 @@ class Krl:
     """The dialect of KUKA's controllers."""
 
     job: ProgramJob
-    suffix: str = ".src"
-
-    @functools.cached_property
-    def frames(self) -> list[str]:
-        """Of the targets."""
-        return frames(self.job.moves.position_mm, self.job.moves.quaternion_wxyz)
-
-    @functools.cached_property
-    def vias(self) -> list[str]:
-        """Of the middles of arcs."""
-        return frames(self.job.moves.via_position_mm, self.job.moves.via_quaternion_wxyz)
+    cell: Cell
 
     @functools.cached_property
     def feeds(self) -> list[float]:
@@ -110,29 +47,35 @@ class Krl:
         return self.job.blends
 
     def head(self) -> Iterator[str]:
-        """MillingTool, load, base and how to move."""
-        job = self.job
-        x, y, z = job.tool.centre_of_gravity_mm
+        """Remarks, tool, load, base and how to move."""
+        job, controller = self.job, self.cell.controller
         yield from ("&ACCESS RVP", f"DEF {job.name} ( )")
         yield from (f"  ; {remark}" for remark in job.remarks)
         yield "  BAS (#INITMOV,0)"
-        yield f"  $TOOL={frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz)}"
-        centre = f"CM {{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 0.0}}"
-        yield f"  $LOAD={{M {job.tool.mass_kg:g},{centre},J {{X 0.0,Y 0.0,Z 0.0}}}}"
-        yield f"  $BASE={frame(*job.work_object)}"
+        yield f"  BAS (#VEL_PTP,{PTP_PERCENT})"
+        if controller and controller.tool_number is not None:
+            yield f"  $TOOL=TOOL_DATA[{controller.tool_number}]"
+            yield f"  $LOAD=LOAD_DATA[{controller.tool_number}]"
+        else:
+            x, y, z = job.tool.centre_of_gravity_mm
+            yield f"  $TOOL={frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz)}"
+            centre = f"CM {{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 0.0}}"
+            yield f"  $LOAD={{M {job.tool.mass_kg:g},{centre},J {{X 0.0,Y 0.0,Z 0.0}}}}"
+        stored = controller.frame_number if controller else None
+        yield f"  $BASE={frame(*job.work_object)}" if stored is None else f"  $BASE=BASE_DATA[{stored}]"
         yield from ("  $IPO_MODE=#BASE", "  $ORI_TYPE=#VAR", "  $CIRC_TYPE=#BASE", f"  $APO.CDIS={job.zone_mm:g}")
 
     def start(self) -> Iterable[str]:
-        """A program must begin with PTP: to where the robot stands."""
-        return ["  PTP $AXIS_ACT", f"  $VEL.CP={self.feeds[0] / 1000:.9g}", f"  LIN {self.frames[0]}"]
+        """By the axes to the first posture."""
+        return ["  PTP XSTART"]
 
     def straight(self, i: int) -> Iterable[str]:
         """LIN."""
-        return [*self._feed(i), f"  LIN {self.frames[i]}{self._blend(i)}"]
+        return [*self._feed(i), f"  LIN XP{i + 1}{self._blend(i)}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """CIRC."""
-        return [*self._feed(i), f"  CIRC {self.vias[i]},{self.frames[i]}{self._blend(i)}"]
+        return [*self._feed(i), f"  CIRC XV{i + 1},XP{i + 1}{self._blend(i)}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
@@ -142,11 +85,52 @@ class Krl:
         """The end."""
         return ["END"]
 
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """Turn it back."""
+        return read_krl(files)
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """STATUS and TURN of a posture (6,), rad."""
+        return tuple(status_and_turn(cell, joints[None])[0].tolist())
+
+    def documents(self, text: str) -> dict[str, str]:
+        """The moves, and the data list with their targets."""
+        name = self.job.name
+        return {f"{name}.src": text, f"{name}.dat": "\n".join([*self._data(), ""])}
+
     def _feed(self, i: int) -> list[str]:
-        return [f"  $VEL.CP={self.feeds[i] / 1000:.9g}"] if self.feeds[i] != self.feeds[i - 1] else []
+        changed = i == 1 or self.feeds[i] != self.feeds[i - 1]
+        return [f"  $VEL.CP={self.feeds[i] / 1000:.9g}"] if changed else []
 
     def _blend(self, i: int) -> str:
         return " C_DIS" if self.blends[i] else ""
+
+    def _data(self) -> Iterator[str]:
+        """The data list: first posture, targets, middles of arcs."""
+        moves = self.job.moves
+        assert moves.joints_deg is not None
+        joints = moves.joints_deg
+        turned = self.job.turntable_deg
+        turned = np.zeros(len(joints)) if turned is None else turned
+        external = [f"E1 {angle + 0.0:.4f},{REST}" for angle in np.round(turned, 4).tolist()]
+        yield from ("&ACCESS RVP", f"DEFDAT {self.job.name}")
+        axes = ",".join(f"A{i} {angle:.4f}" for i, angle in enumerate((np.round(joints[0], 4) + 0.0).tolist(), 1))
+        yield f"  DECL E6AXIS XSTART={{{axes},{external[0]}}}"
+        targets = frames(moves.position_mm, moves.quaternion_wxyz)
+        said = status_and_turn(self.cell, joints * DEG).tolist()
+        for i in range(1, len(targets)):
+            yield f"  DECL E6POS XP{i + 1}={{{targets[i][1:-1]},S {said[i][0]},T {said[i][1]},{external[i]}}}"
+        arcs = np.flatnonzero(moves.circular).tolist()
+        vias = frames(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
+        yield from (f"  DECL POS XV{i + 1}={via}" for i, via in zip(arcs, vias, strict=True))
+        yield "ENDDAT"
+
+
+def status_and_turn(cell: Cell, joints: Float) -> Int:
+    """STATUS and TURN (n, 2) at joint angles (n, 6), rad."""
+    behind, below, flipped = arm_sides(cell.chain, joints).T
+    status = behind + 2 * ~below + 4 * flipped
+    return np.column_stack([status, (joints < 0) @ (1 << np.arange(6))])
 
 
 def euler_deg(quaternion_wxyz: Float) -> Float:

@@ -1,84 +1,26 @@
-"""`program.rapid`: the path as a RAPID module for ABB controllers."""
+"""RAPID, ABB's language: the path as a module (ABB, RAPID Instructions, Functions and Data types).
+
+Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
+quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
+Feeds have 3 significant digits, one speeddata each. Where the moves rest on postures the program begins with MoveAbsJ
+to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Axis
+configurations are not monitored: from its first posture on, the robot keeps its configuration; circular moves turn
+the tool in the frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
+"""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Moves, PathGate, RobotCell
-from workbench.dialect import ProgramJob, rounded_feeds, write_program
-from workbench.errors import InputError
-from workbench.program.parameters import (
-    TOOL_CENTRE_OF_GRAVITY_MM,
-    TOOL_POSITION_MM,
-    UPRIGHT,
-    ToolCentreOfGravity,
-    ToolMass,
-    ToolPosition,
-    ToolQuaternion,
-    Zone,
-    tool,
-)
-from workbench.program.rapid_words import free_name
-from workbench.stage import stage
+from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.units import Float, Int
 
-Name = Annotated[str, AfterValidator(free_name)]
 UNUSED = "9E+09"  # an external axis that is not there
 TURN_DEG_S = 50  # where the orientation alone moves
-
-
-@stage("program.rapid")
-def rapid(
-    moves: Moves,
-    gate: PathGate,
-    cell: RobotCell | None = None,
-    *,
-    module: Annotated[Name, Field(description="of the module and its file")] = "BevelPath",
-    procedure: Annotated[Name, Field(description="of the procedure that mills")] = "MillBevel",
-    tool_name: Annotated[Name, Field(description="of the tool data")] = "tMill",
-    work_object_name: Annotated[Name, Field(description="of the work object")] = "woEdge",
-    tool_position_mm: ToolPosition = TOOL_POSITION_MM,
-    tool_quaternion_wxyz: ToolQuaternion = UPRIGHT,
-    tool_mass_kg: ToolMass = 15.0,
-    tool_centre_of_gravity_mm: ToolCentreOfGravity = TOOL_CENTRE_OF_GRAVITY_MM,
-    zone_mm: Zone = 0.3,
-) -> Document | None:
-    """Write the moves as a RAPID module (ABB, RAPID Instructions, Functions and Data types).
-
-    Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
-    quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
-    Feeds have 3 significant digits, one speeddata each. The tool centre point lies on the cutter's flank, a radius off
-    its axis. Where the moves rest on postures (`stiffness.posture`) the program begins with MoveAbsJ to the first one,
-    the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Axis configurations
-    are not monitored: from its first posture on, the robot keeps its configuration; circular moves turn the tool in the
-    frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes. The file is ASCII; names out of
-    recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
-
-    Args:
-        moves: the path as straight and circular moves.
-        gate: of this path's own checks.
-        cell: the robot cell, where the pipeline has one: then the moves must rest on postures.
-        module: name of the module and its file.
-        procedure: name of the procedure.
-        tool_name: name of the tool data.
-        work_object_name: name of the work object.
-
-    Raises:
-        InputError: two of the names are the same; the gate is another path's; a cell, but no postures; moves that
-            leave the path farther than its check allows for.
-    """
-    names = [module, procedure, tool_name, work_object_name]
-    if len({name.lower() for name in names}) < len(names):
-        raise InputError("program.rapid", f"expected four different names, got {', '.join(names)}")
-    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm, moves)
-    job = ProgramJob(module, moves, spindle, zone_mm, moves.turntable_deg, gate.tolerance_mm if gate else 0.0)
-    return write_program(Rapid(job, procedure, tool_name, work_object_name), gate, cell)
 
 
 @dataclass
@@ -89,7 +31,6 @@ class Rapid:
     procedure: str
     tool_name: str
     work_object_name: str
-    suffix: str = ".mod"
 
     @functools.cached_property
     def feeds(self) -> tuple[Float, Int]:
@@ -129,15 +70,15 @@ class Rapid:
 
     def start(self) -> Iterable[str]:
         """From wherever the robot stands, to the first target, in its posture where one is given."""
-        if self.job.moves.start_joints_deg is not None:
+        if self.job.moves.postures is not None:
             return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}", f"    MoveL p1,{self.ends[0]}"]
         return [f"    MoveJ p1,{self.ends[0]}"]
 
     def _start_posture(self) -> Iterator[str]:
         """Joint angles of the first target."""
-        joints, turntable = self.job.moves.start_joints_deg, self.job.turntable_deg
+        joints, turntable = self.job.moves.joints_deg, self.job.turntable_deg
         if joints is not None:
-            axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints, 4) + 0.0).tolist())
+            axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints[0], 4) + 0.0).tolist())
             first = UNUSED if turntable is None else f"{_tidy(turntable[:1], 4)[0]:.4f}"
             others = ",".join([UNUSED] * 5)
             yield f"  CONST jointtarget jStart:=[[{axes}],[{first},{others}]];"
@@ -157,6 +98,10 @@ class Rapid:
     def foot(self) -> Iterable[str]:
         """Settings as the controller starts with them."""
         return ["    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+
+    def documents(self, text: str) -> dict[str, str]:
+        """One module."""
+        return {f"{self.job.name}.mod": text}
 
 
 def _halfway(job: ProgramJob) -> Float | None:

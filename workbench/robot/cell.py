@@ -46,6 +46,17 @@ class LoadingSetup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Controller:
+    """The robot's controller, as far as a program must know it."""
+
+    dialect: str  # abb, kuka, fanuc, ur or trajectory
+    tool_number: int | None  # of the tool measured on it (KUKA, FANUC); None: the program says the tool
+    frame_number: int | None  # of the frame measured on it (KUKA's base, FANUC's user frame), which is the base's
+    level_joint_3: bool  # whether joint 3 counts against the ground (most of FANUC's)
+    corner_region: bool  # whether FANUC's termination CR (mm) is installed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Cell(RobotCell):
     """A robot cell as its file describes it; `shapes` are the robot's links first, then all that stands around."""
 
@@ -59,6 +70,7 @@ class Cell(RobotCell):
     may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
     margin_mm: float  # clearance below which a posture counts as colliding
     warnings: tuple[str, ...] = ()
+    controller: Controller | None = None  # None: the file does not say
     margins: Margins = field(default_factory=Margins)
     accelerations: Float | None = None  # (6,) rad/s^2, largest of the joints; None: not stated
     controller_tools: Mapping[str, Float] = field(

@@ -197,6 +197,24 @@ class LoadingPart(_Part):
     target_noise_mm: float = Field(default=0.015, gt=0, description="of a tracked point, each axis")
 
 
+class ControllerPart(_Part):
+    """The robot's controller."""
+
+    dialect: Literal["abb", "kuka", "fanuc", "ur", "trajectory"] = Field(
+        description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, or a table of joint angles over time"
+    )
+    tool_number: Annotated[int, Field(ge=1, le=32)] | None = Field(
+        default=None, description="of the tool measured on it (KUKA's TOOL_DATA, FANUC's UTOOL); null: none"
+    )
+    frame_number: Annotated[int, Field(ge=0, le=32)] | None = Field(
+        default=None, description="of the base frame stored on it (KUKA's BASE_DATA, FANUC's UFRAME); null: none"
+    )
+    level_joint_3: bool | None = Field(
+        default=None, description="joint 3 counts against the ground, not the upper arm; null: as FANUC's do"
+    )
+    corner_region: bool = Field(default=False, description="FANUC: the termination CR in mm is installed")
+
+
 class CellPart(_Part):
     """The whole file."""
 
@@ -205,6 +223,7 @@ class CellPart(_Part):
     title: str = ""
     robot: RobotPart
     tool: ToolPart
+    controller: ControllerPart | None = Field(default=None, description="needed by programs; null: ABB's")
     turntable: TurntablePart | None = None
     workpiece: WorkpiecePart = WorkpiecePart()
     fixtures: list[FixturePart] = []

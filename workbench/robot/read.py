@@ -11,9 +11,10 @@ from pydantic import Field
 
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.parameters import check_parameters
-from workbench.robot.cell import Cell, LoadingSetup, Turntable, spindle_warning
+from workbench.robot.cell import Cell, Controller, LoadingSetup, Turntable, spindle_warning
 from workbench.robot.cell_file import (
     CellPart,
+    ControllerPart,
     EnvelopePart,
     LoadingPart,
     Pose,
@@ -73,6 +74,7 @@ def read_cell(path: Path) -> Cell:
         may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
         margins=_margins(part), accelerations=_accelerations(part.robot), controller_tools=tools,
         controller_frames=frames, unchecked=tuple(_not_said(part, shapes)),
+        controller=_controller(part.controller),
     )  # fmt: skip
 
 
@@ -137,6 +139,13 @@ def _inverse_warning(chain: Chain) -> str | None:
     except InputError as error:
         return f"no inverse kinematics: {error}"
     return None
+
+
+def _controller(part: ControllerPart | None) -> Controller | None:
+    if part is None:
+        return None
+    level = part.dialect == "fanuc" if part.level_joint_3 is None else part.level_joint_3
+    return Controller(part.dialect, part.tool_number, part.frame_number, level, part.corner_region)
 
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:

@@ -34,7 +34,7 @@ def spherical_wrist(chain: Chain) -> SphericalWrist:
     for i, j in ((3, 4), (4, 5)):
         if _sine(h[i], h[j]) < PARALLEL:
             raise _unsolved(chain, f"axes {i + 1} and {j + 1} are parallel")
-    centre, miss = _meeting_point(h[3:], chain.points_mm[3:])
+    centre, miss = meeting_point(h[3:], chain.points_mm[3:])
     if miss > MEETING_MM:
         raise _unsolved(chain, f"its wrist is not spherical (axes 4, 5 and 6 miss each other by {miss:.3g} mm)")
     if not moves_everywhere(chain, centre):
@@ -50,7 +50,7 @@ def _sine(a: Float, b: Float) -> float:
     return float(np.linalg.norm(np.cross(a, b)))
 
 
-def _meeting_point(axes: Float, points: Float) -> tuple[Float, float]:
+def meeting_point(axes: Float, points: Float) -> tuple[Float, float]:
     """The point nearest to three lines, and its largest distance from one of them."""
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     point = np.linalg.solve(across.sum(axis=0), np.einsum("kij,kj->i", across, points))

@@ -14,7 +14,7 @@ from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
 from workbench.plugins.stiffness.elastic import balance
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
-from workbench.program import krl, rapid
+from workbench.program import write
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import RapidProgram, RobTarget
 from workbench.robot import Cell, forward_kinematics, turntable_pose
@@ -51,8 +51,7 @@ def made(request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: Milli
 
 @pytest.fixture(scope="module")
 def program(made: Postures, path: Toolpath) -> RapidProgram:
-    document = rapid(simplify(path, made), free(path))
-    assert document is not None
+    (document,) = write(simplify(path, made), free(path))
     return parse_rapid(document.content.decode())
 
 
@@ -116,11 +115,6 @@ def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell
     seconds = way / made.feed_mm_s[here][1:]
     assert moved.sum() > 30
     assert np.allclose(seconds, planned / layer.feed_mm_s[1:], rtol=1e-6)
-
-
-def test_krl_refuses_postures(made: Postures, path: Toolpath) -> None:
-    with pytest.raises(InputError, match="without postures"):
-        krl(simplify(path, made), free(path))
 
 
 def test_postures_of_another_path_are_refused(made: Postures, path: Toolpath, cell: Cell, acts: MillingForce,

@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from workbench.api import Cutter, EdgeProfile, Inspection, Layer, Moves, PathGate, Requirements, Section, Toolpath
+from workbench.api import (
+    Cutter,
+    EdgeProfile,
+    Inspection,
+    Layer,
+    Moves,
+    PathGate,
+    Postures,
+    Requirements,
+    Section,
+    Toolpath,
+)
 
 ROOT_U_MM, BEVEL_U_DEG = 0.01, 0.05
 
@@ -51,3 +62,13 @@ def moves():
 @pytest.fixture
 def passed(moves):
     return PathGate(True, "ok", toolpath=moves.toolpath, tolerance_mm=1.0)
+
+
+@pytest.fixture
+def postures(moves):
+    """Of two points."""
+    none = np.zeros(2)
+    return Postures(
+        moves.toolpath, none, none, none, np.zeros((2, 3)), np.zeros((2, 4)), none, none, none, np.zeros((2, 6)),
+        np.zeros((2, 3)), none, np.eye(4), False,
+    )  # fmt: skip

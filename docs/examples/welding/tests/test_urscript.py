@@ -21,7 +21,7 @@ def pose(numbers):
 
 
 def program(moves, gate, **parameters):
-    document = urscript(moves, gate, **parameters)
+    (document,) = urscript(moves, gate, **parameters)
     assert document.name == "BevelPath.script"
     return document.content.decode("ascii").splitlines()
 
@@ -66,12 +66,12 @@ def test_tool_and_remarks(moves, passed):
 
 
 def test_no_program_of_a_rejected_path_and_none_with_a_bad_name(moves, passed):
-    assert urscript(moves, replace(passed, passed=False)) is None
+    assert urscript(moves, replace(passed, passed=False)) == ()
     for name in ("end", "a b", "1a", "x():\nmovej"):
         with pytest.raises(PipelineError, match="no word of URScript"):
             urscript(moves, passed, name=name)
 
 
-def test_postures_are_refused(moves, passed):
+def test_postures_are_refused(moves, passed, postures):
     with pytest.raises(InputError, match="without postures"):
-        urscript(replace(moves, start_joints_deg=np.zeros(6)), passed)
+        urscript(replace(moves, postures=postures), passed)

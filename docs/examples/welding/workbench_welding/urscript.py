@@ -51,7 +51,7 @@ def urscript(
     tool_centre_of_gravity_mm: Annotated[Vector, Field(description="in the flange")] = (0.0, 0.0, 150.0),
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=10_000, description="of the tool")] = 500.0,
     zone_mm: Annotated[float, Field(ge=0, le=50, description="blend radius; 0: every target is reached")] = 0.3,
-) -> Document | None:
+) -> tuple[Document, ...]:
     """Write the moves as a URScript program (Universal Robots, The URScript Programming Language: movel, movec).
 
     Poses are p[x, y, z, rx, ry, rz] in m and rad, in the work object; feeds in m/s. Circular moves have mode 0: the
@@ -61,8 +61,8 @@ def urscript(
     Raises:
         InputError: the moves rest on postures, which this dialect does not write; or the gate does not hold for them.
     """
-    if moves.start_joints_deg is not None or moves.turntable_deg is not None:
-        raise InputError("program.urscript", "expected moves without postures: program.rapid writes those")
+    if moves.postures is not None:
+        raise InputError("program.urscript", "expected moves without postures: program.write takes those")
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     spindle = MillingTool(np.array(tool_position_mm), upright, tool_mass_kg, np.array(tool_centre_of_gravity_mm))
     return write_program(UrScript(ProgramJob(name, moves, spindle, zone_mm), acceleration_mm_s2 / 1000), gate, cell)
@@ -74,7 +74,6 @@ class UrScript:
 
     job: ProgramJob
     acceleration_m_s2: float
-    suffix: str = ".script"
 
     @functools.cached_property
     def targets(self) -> list[str]:
@@ -116,6 +115,10 @@ class UrScript:
     def foot(self) -> Iterable[str]:
         """The end of the function, and its call."""
         return ["end", f"{self.job.name}()"]
+
+    def documents(self, text: str) -> dict[str, str]:
+        """One script."""
+        return {f"{self.job.name}.script": text}
 
     def _how(self, i: int) -> str:
         ends = i in (0, len(self.targets) - 1)

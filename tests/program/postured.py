@@ -1,0 +1,84 @@
+"""Paths that a robot can follow: moves with postures, by the inverse kinematics and nothing of the optimiser."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.artefacts import Layer, Moves, Postures, Toolpath
+from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
+from workbench.path import simplify
+from workbench.path.simplify import _points
+from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, within_limits
+from workbench.robot.cell import Turntable
+
+from .paths import Shape, mill_path
+
+URDFS = Path(__file__).parents[1] / "robot" / "urdf"
+DATA = Path(__file__).parents[2] / "data" / "robot"
+ROBOTS = {  # base frame, and a posture from which the arm can go some way, deg
+    "irb6700": ("base_link", (10, 20, 10, 30, 50, -20)),
+    "kr210": ("base_link", (15, -70, 95, -40, 60, 35)),
+    "m20ia": ("base", (-20, 25, -15, 50, -70, 40)),
+}
+CUTTER = [[0, 0, 1, 260], [0, -1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]
+
+
+def cell_of(robot: str, folder: Path, **controller: object) -> Cell:
+    """A cell with one of the robots, a spindle at its side and a turntable."""
+    urdf = DATA / "irb6700_150_320.urdf" if robot == "irb6700" else URDFS / f"{robot}.urdf"
+    tree = {
+        "format": "robot-cell", "version": 1, "tool": {"flange_from_cutter": CUTTER},
+        "robot": {"urdf": str(urdf), "base_frame": ROBOTS[robot][0]}, "controller": controller or None,
+        "turntable": {"base_from_turntable": {"position_mm": [1500, 0, 300]}},
+    }  # fmt: skip
+    file = folder / f"{robot}.json"
+    file.write_text(json.dumps(tree))
+    return read_cell(file)
+
+
+def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves:
+    """A path laid into the robot's reach, with the posture of each of its points; `turned`: by the turntable, rad."""
+    middle = np.array(ROBOTS[robot][1]) * np.pi / 180
+    path = mill_path(shape)
+    flange_from_point = np.array(CUTTER, float)
+    flange_from_point[:3, 3] += 5 * flange_from_point[:3, 0] - 10 * flange_from_point[:3, 2]
+    points = _points(path)
+    frames = np.tile(np.eye(4), (len(points.layer), 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = rotation_from_quaternion(points.quaternion_wxyz), points.position_mm
+    there = forward_kinematics(cell.chain, middle) @ flange_from_point
+    move = there @ inverse(frames[len(frames) // 2])
+    path = moved(path, move)
+    branches = inverse_kinematics(cell.chain, move @ frames @ inverse(flange_from_point))
+    joints, last = np.empty((len(frames), 6)), middle
+    for i in [*range(len(frames) // 2, len(frames)), *range(len(frames) // 2 - 1, -1, -1)]:
+        last = middle if i == len(frames) // 2 - 1 else last
+        near = within_limits(cell.chain, branches[i], last)
+        last = joints[i] = near[np.nanargmin(np.linalg.norm(near - last, axis=1))]
+    assert np.isfinite(joints).all()
+    targets = forward_kinematics(cell.chain, joints) @ flange_from_point
+    table = turned * np.linspace(0, 1, len(frames))
+    made = Postures(
+        toolpath=path, layer=points.layer, cutting=points.cutting, measured=points.measured,
+        position_mm=targets[:, :3, 3], quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
+        feed_mm_s=points.feed_mm_s, cutter_rotation=np.zeros(len(frames)), turntable=table, joints=joints,
+        displacement_mm=np.zeros((len(frames), 3)), clearance_mm=np.zeros(len(frames)),
+        flange_from_point=flange_from_point, has_turntable=isinstance(cell.turntable, Turntable),
+    )  # fmt: skip
+    return simplify(path, made)
+
+
+def moved(path: Toolpath, move: np.ndarray) -> Toolpath:
+    """The path elsewhere."""
+
+    def part(one):
+        place = one.position_mm @ move[:3, :3].T + move[:3, 3]
+        turn = Rotation.from_matrix(move[:3, :3]) * Rotation.from_quat(one.quaternion_wxyz, scalar_first=True)
+        return replace(one, position_mm=place, quaternion_wxyz=turn.as_quat(scalar_first=True))
+
+    layers: tuple[Layer, ...] = tuple(part(layer) for layer in path.layers)
+    return replace(path, layers=layers, travels=tuple(part(one) for one in path.travels))

@@ -1,0 +1,267 @@
+"""Every dialect's program, read back by its own reader, is the path; what is changed in it is seen or refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from workbench.artefacts import Moves, ProgramMoves
+from workbench.dialect import ProgramJob
+from workbench.errors import InputError
+from workbench.geometry.poses import pose_from, rotation_from_quaternion
+from workbench.program import write
+from workbench.program.fanuc import Fanuc
+from workbench.program.krl import Krl
+from workbench.program.parameters import tool
+from workbench.program.trajectory import Trajectory
+from workbench.program.urscript import UrScript
+from workbench.robot import Cell, forward_kinematics
+
+from .conftest import passed, rejected
+from .paths import Shape
+from .postured import ROBOTS, cell_of, postured
+
+CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory", "irb6700"), ("kuka", "irb6700")]
+DIALECTS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "trajectory": Trajectory}
+SPINDLE = ((0, 0, 400), (1, 0, 0, 0), 15.0, (1, 2, 150))
+BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(20, 40))
+
+
+@pytest.fixture(scope="session")
+def cells(tmp_path_factory) -> dict[str, Cell]:
+    folder = tmp_path_factory.mktemp("cells")
+    return {robot: cell_of(robot, folder) for robot in ROBOTS}
+
+
+@pytest.fixture(scope="session")
+def made(cells) -> dict[str, Moves]:
+    return {robot: postured(cells[robot], robot, BEND) for robot in ROBOTS}
+
+
+def job_of(moves: Moves, zone_mm: float = 0.3) -> ProgramJob:
+    return ProgramJob("BevelPath", moves, tool(*SPINDLE, moves), zone_mm, moves.turntable_deg, 0.05)
+
+
+def files(moves: Moves, cell: Cell, controller: str, **parameters: Any) -> dict[str, str]:
+    gate = replace(passed(moves.toolpath), reached=True)
+    parameters = {"tool_centre_of_gravity_mm": SPINDLE[3], **parameters}
+    documents = write(moves, gate, cell, controller=controller, **parameters)
+    return {one.name: one.content.decode("ascii") for one in documents}
+
+
+def back(moves: Moves, cell: Cell, controller: str, written: dict[str, str]) -> ProgramMoves:
+    return DIALECTS[controller](job_of(moves), cell).read(written)
+
+
+def off(pose: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple[float, float]:
+    turn = Rotation.from_matrix(pose[:3, :3]) * Rotation.from_quat(quaternion, scalar_first=True).inv()
+    return float(np.abs(pose[:3, 3] - position).max()), float(np.degrees(turn.magnitude()))
+
+
+@pytest.mark.parametrize(("controller", "robot"), CASES)
+def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: str) -> None:
+    moves, cell = made[robot], cells[robot]
+    program = back(moves, cell, controller, files(moves, cell, controller))
+    first, *others = program.moves
+    assert program.dialect == controller
+    assert first.kind == "J"
+    assert np.degrees(np.abs(first.joints - moves.postures.joints[0])).max() < 0.0006
+    if controller == "trajectory":
+        return
+    assert len(others) == len(moves.layer) - 1
+    for i, move in enumerate(others, 1):
+        far, turned = off(move.pose, moves.position_mm[i], moves.quaternion_wxyz[i])
+        assert far < 0.001
+        assert turned < 0.002
+        assert (move.kind == "C") == moves.circular[i]
+        if move.kind == "C":
+            assert np.abs(move.via[:3, 3] - moves.via_position_mm[i]).max() < 0.001
+        assert 0.9 * moves.feed_mm_s[i] < move.feed_mm_s < 1.006 * moves.feed_mm_s[i]
+        assert move.turntable == pytest.approx(0.0, abs=1e-9)
+    assert others[-1].zone_mm == 0
+    assert {move.line for move in others} == set(sorted(move.line for move in others))
+    assert [move.line for move in program.moves] == sorted({move.line for move in program.moves})
+    if controller in ("kuka", "ur"):
+        assert any(move.zone_mm > 0 for move in others)
+    declared = program.tools[first.tool]
+    if declared.flange_from_tool is not None:
+        spindle = tool(*SPINDLE, moves)
+        wanted = pose_from(rotation_from_quaternion(spindle.quaternion_wxyz), spindle.tool_centre_point_mm(5.0))
+        assert np.abs(declared.flange_from_tool - wanted).max() < 1e-3
+        assert declared.mass_kg == 15
+        assert declared.centre_of_gravity_mm == pytest.approx(SPINDLE[3])
+
+
+@pytest.mark.parametrize(("controller", "robot"), CASES)
+def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: str, robot: str) -> None:
+    """By forward kinematics, with the tool that the program says: nothing of the writer's own poses."""
+    moves, cell = made[robot], cells[robot]
+    program = back(moves, cell, controller, files(moves, cell, controller))
+    if controller in ("fanuc", "trajectory"):
+        tool_pose = moves.flange_from_point
+    else:
+        tool_pose = program.tools[program.moves[0].tool].flange_from_tool
+    start = (forward_kinematics(cell.chain, program.moves[0].joints) @ tool_pose)[:3, 3]
+    assert np.abs(start - moves.position_mm[0]).max() < 0.05
+    if controller == "trajectory":
+        at = forward_kinematics(cell.chain, np.array([m.joints for m in program.moves])) @ tool_pose
+        wanted = moves.postures.position_mm
+        assert max(np.linalg.norm(wanted - p, axis=1).min() for p in at[:, :3, 3]) < 1e-3
+        times = np.array([m.time_s for m in program.moves])
+        way = np.linalg.norm(np.diff(at[:, :3, 3], axis=0), axis=1)
+        assert (way / np.diff(times) < 20.001).all()
+        assert times[-1] == pytest.approx(moves.toolpath.time_s, rel=0.01)
+        return
+    for i, move in enumerate(program.moves[1:], 1):
+        stands = forward_kinematics(cell.chain, moves.postures.joints[moves.point[i]]) @ tool_pose
+        assert np.abs(stands[:3, 3] - move.pose[:3, 3]).max() < 0.001
+
+
+@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] in ("kuka", "fanuc")])
+def test_configurations_are_those_of_the_postures(made, cells, controller: str, robot: str) -> None:
+    moves, cell = made[robot], cells[robot]
+    dialect = DIALECTS[controller](job_of(moves), cell)
+    program = dialect.read(files(moves, cell, controller))
+    for i, move in enumerate(program.moves[1:], 1):
+        assert move.configuration == dialect.configuration(moves.postures.joints[moves.point[i]], cell)
+
+
+def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
+    """Home of a KUKA is S 2; A5 below zero sets bit 2; T has the signs (real data lists have S 2,T 35 and S 6,T 27)."""
+    cell = cells["kr210"]
+    dialect = Krl(job_of(postured(cell, "kr210", Shape(length_mm=10))), cell)
+    home = np.radians([0, -90, 90, 0, 10, 0])
+    assert dialect.configuration(home, cell) == (2, 2)
+    assert dialect.configuration(np.radians([-5, -90, 90, 5, 10, -5]), cell) == (2, 35)
+    assert dialect.configuration(np.radians([-5, -90, 90, -5, -10, 5]), cell) == (6, 27)
+    assert dialect.configuration(np.radians([0, -90, -90, 0, 10, 0]), cell)[0] & 2 == 0  # elbow down
+    assert dialect.configuration(np.radians([0, -130, 40, 0, 10, 0]), cell)[0] & 1 == 1  # over the back
+
+
+def test_fanuc_says_the_configuration_and_the_level_joint(cells) -> None:
+    cell = cells["m20ia"]
+    dialect = Fanuc(job_of(postured(cell, "m20ia", Shape(length_mm=10))), cell)
+    assert dialect.configuration(np.radians([0, 0, 0, 0, -90, 0]), cell) == (0, 0, 0, 0, 0, 0)  # N U T, 0, 0, 0
+    assert dialect.configuration(np.radians([0, 0, 0, 0, 90, 200]), cell) == (1, 0, 0, 0, 0, 1)
+    assert dialect.configuration(np.radians([0, 20, -150, 0, -90, -200]), cell)[1] == 1
+    moves = postured(cell, "m20ia", Shape(length_mm=10))
+    text = files(moves, cell, "fanuc")["BEVELPATH.ls"]
+    joints = np.degrees(moves.postures.joints[0])
+    assert f"J3= {joints[2] - joints[1]:.3f} deg" in text  # against the ground: the forearm's slope
+
+
+@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(
+    case=st.sampled_from(CASES), bend=st.sampled_from([0.0, 1 / 150, -1 / 400]), length=st.integers(20, 70),
+    zone=st.sampled_from([0.0, 0.3, 2.0]), turned=st.sampled_from([0.0, 0.4]), layers=st.integers(1, 2),
+)  # fmt: skip
+def test_any_path_comes_back(cells, case, bend, length, zone, turned, layers) -> None:
+    controller, robot = case
+    cell = cells[robot]
+    moves = postured(cell, robot, Shape(bend=bend, length_mm=length, layers=layers), turned)
+    if controller == "ur" and turned:
+        with pytest.raises(InputError, match="expected a turntable that stands: along this path it turns by 22"):
+            files(moves, cell, controller, zone_mm=zone)
+        return
+    program = back(moves, cell, controller, files(moves, cell, controller, zone_mm=zone))
+    table = moves.postures.turntable[moves.point]
+    if controller == "trajectory":
+        assert [m.turntable for m in program.moves][-1] == pytest.approx(turned, abs=1e-6)
+        return
+    for i, move in enumerate(program.moves[1:], 1):
+        assert np.abs(move.pose[:3, 3] - moves.position_mm[i]).max() < 0.001
+        assert move.turntable == pytest.approx(table[i], abs=1e-5)
+        assert move.zone_mm in (0.0, zone) or (controller == "ur" and move.zone_mm < zone)
+
+
+def test_numbers_of_the_controllers_own_tool_and_frame(tmp_path: Path) -> None:
+    for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia")):
+        cell = cell_of(robot, tmp_path, dialect=controller, tool_number=3, frame_number=2, corner_region=True)
+        moves = postured(cell, robot, Shape(length_mm=30))
+        gate = replace(passed(moves.toolpath), reached=True)
+        written = {d.name: d.content.decode() for d in write(moves, gate, cell, zone_mm=2.5)}  # the cell's controller
+        program = DIALECTS[controller](job_of(moves), cell).read(written)
+        names = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}[controller]
+        assert (program.moves[0].tool, program.moves[0].work_object) == names
+        assert program.tools[names[0]].flange_from_tool is None
+        assert program.work_objects[names[1]] is None
+        assert any(move.zone_mm == (2.5 if controller == "kuka" else 2.0) for move in program.moves)
+
+
+def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells, moves: Moves) -> None:
+    assert write(moves, passed(moves.toolpath), controller="kuka") == ()
+    one = made["kr210"]
+    assert write(one, rejected(one.toolpath), cells["kr210"], controller="kuka") == ()
+
+
+def test_a_cell_that_names_no_controller_gets_rapid_and_the_program_says_so(made, cells) -> None:
+    one = made["irb6700"]
+    (document,) = write(one, replace(passed(one.toolpath), reached=True), cells["irb6700"])
+    assert document.name == "BevelPath.mod"
+    assert b"Not checked: the make of the controller" in document.content
+
+
+EDITS = {
+    "kuka": [("LIN XP3", "LIN XP999"), ("  LIN XP3", "  SLIN XP3"), ("$VEL.CP=0.02", "$VEL.CP=fast"),
+             ("  PTP XSTART", "  LIN XP2"), ("$BASE={", "$BASE=WORLD;{"), ("END\n", ""), (",E2 0.0", ",E2 1.0"),
+             ("$ORI_TYPE=#VAR", "$ORI_TYPE=#CONSTANT"), ("DECL E6POS XP3", "DECL E6POS XP2"), ("ENDDAT", "")],
+    "fanuc": [("  10:", "  11:"), ("FINE", "CNT100"), ("L P[3]", "L P[900]"), ("UTOOL_NUM=1", "UTOOL_NUM=2"),
+              ("LINE_COUNT = ", "LINE_COUNT = 1"), ("CONFIG : 'N", "CONFIG : 'X"), ("mm/sec", "cm/min"), ("/END", ""),
+              ("DEFAULT_GROUP = 1,1", "DEFAULT_GROUP = 1,*"), ("20% FINE", "200% FINE"), ("W = ", "V = ")],
+    "ur": [("movel(p[", "movep(p["), ("mode=0", "mode=1"), ("v=0.35", "v=35"), ("set_tcp", "set_tool"),
+           ("movej([", "movej(p["), ("\nend\n", "\nmovel()\nend\n"), ("blocking=True", "blocking=False"),
+           ("a=0.5, v=0.02", "a=0.5, v=-0.02")],
+    "trajectory": [("time_s,", "time,"), ("\n0.0,", "\n1.0,"), (",0\n", ",x\n")],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("controller", "robot"), CASES[:4])
+def test_what_is_no_such_program_is_refused_with_its_line(made, cells, controller: str, robot: str) -> None:
+    moves, cell = made[robot], cells[robot]
+    written = files(moves, cell, controller)
+    back(moves, cell, controller, written)
+    for old, new in EDITS[controller]:
+        changed = {name: text.replace(old, new, 1) for name, text in written.items()}
+        assert changed != written, old
+        with pytest.raises(InputError):
+            back(moves, cell, controller, changed)
+    with pytest.raises(InputError):
+        back(moves, cell, controller, {})
+
+
+def test_blends_never_overlap_on_a_ur(made, cells) -> None:
+    """A controller would leave a move out: the reader refuses such a script, the writer makes none."""
+    moves, cell = made["irb6700"], cells["irb6700"]
+    written = files(moves, cell, "ur", zone_mm=50)
+    back(moves, cell, "ur", written)
+    wide = {name: text.replace("r=0.000", "r=0.050") for name, text in written.items()}
+    with pytest.raises(InputError, match="blends that do not overlap"):
+        back(moves, cell, "ur", wide)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(data=st.data(), case=st.sampled_from(CASES[:4]))
+def test_damaged_programs_end_in_one_line(made, cells, data: Any, case: tuple[str, str]) -> None:
+    """Any cut or changed character: the program as it was meant, or a refusal; never another exception."""
+    controller, robot = case
+    moves, cell = made[robot], cells[robot]
+    written = files(moves, cell, controller)
+    name = data.draw(st.sampled_from(sorted(written)))
+    at = data.draw(st.integers(0, len(written[name]) - 1))
+    piece = data.draw(st.text(alphabet=st.characters(codec="ascii"), max_size=3))
+    gone = data.draw(st.integers(0, 4))
+    changed = {**written, name: written[name][:at] + piece + written[name][at + gone :]}
+    try:
+        back(moves, cell, controller, changed)
+    except InputError as error:
+        said = str(error)
+    else:
+        said = ""
+    assert "\n" not in said

@@ -1,0 +1,209 @@
+"""TP, FANUC's language, as an ASCII file (`.ls`).
+
+(FANUC Robot series R-30iB, Operator's Manual: motion instructions, position data.) Targets are X, Y, Z in mm and R =
+Rz(R) Ry(P) Rx(W) with W, P, R in deg, in a user frame, for a tool; both are the controller's own, by number, since a
+program cannot say their values. The configuration string has F or N (wrist flipped or not), D or U (elbow down or
+up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond +-180 deg. The program begins with J to
+the first posture, whose J3 counts against the ground (`level_joint_3`). The turntable is motion group 2. Speeds are
+mm/sec in tenths, rounded down. A target is FINE, or CR with the zone in whole mm where the controller has that
+option: CNT rounds a corner by what no program says, so it is not used. The world frame's origin is where axis 1 meets
+the height of axis 2: `base_frame` of the cell must be that.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import ProgramMoves
+from workbench.dialect import ProgramJob
+from workbench.program.fanuc_reader import read_fanuc
+from workbench.program.krl import euler_deg
+from workbench.robot.cell import Cell
+from workbench.robot.sides import arm_sides, level_joint_3
+from workbench.units import DEG, Float
+
+JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
+ATTRIBUTES = """OWNER = MNEDITOR;
+PROG_SIZE = 0;
+FILE_NAME = ;
+VERSION = 0;
+LINE_COUNT = {lines};
+MEMORY_SIZE = 0;
+PROTECT = READ_WRITE;
+TCD:  STACK_SIZE = 0,
+      TASK_PRIORITY = 50,
+      TIME_SLICE = 0,
+      BUSY_LAMP_OFF = 0,
+      ABORT_REQUEST = 0,
+      PAUSE_REQUEST = 0;
+DEFAULT_GROUP = {groups};
+CONTROL_CODE = 00000000 00000000;"""
+
+
+@dataclass
+class Fanuc:
+    """The dialect of FANUC's controllers."""
+
+    job: ProgramJob
+    cell: Cell
+
+    @functools.cached_property
+    def ends(self) -> list[str]:
+        """All that stands behind the target of each move: speed and termination."""
+        controller = self.cell.controller
+        region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
+        feeds = np.maximum(np.floor(self.job.moves.feed_mm_s * 10 + 1e-9), 1) / 10
+        ends = [f"CR{region}" if blends and region else "FINE" for blends in self.job.blends]
+        return [f"{feed:.1f}mm/sec {end}" for feed, end in zip(feeds.tolist(), ends, strict=True)]
+
+    @functools.cached_property
+    def frame(self) -> tuple[int, int]:
+        """Numbers of the user frame and of the tool."""
+        controller = self.cell.controller
+        numbers = (controller.frame_number, controller.tool_number) if controller else (None, None)
+        return numbers[0] or 0, numbers[1] or 1
+
+    def head(self) -> Iterator[str]:
+        """Remarks, what frame and tool must be, and their numbers."""
+        job, (frame, tool) = self.job, self.frame
+        yield from (self.remark(remark) for remark in job.remarks)
+        places = (
+            (f"UFRAME[{frame}]", *job.work_object),
+            (f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz),
+        )
+        for name, position, quaternion in places:
+            x, y, z, w, p, r = place(position[None], quaternion[None])[0]
+            yield self.remark(f"{name} must be X {x:.3f} Y {y:.3f} Z {z:.3f}")
+            yield self.remark(f"W {w:.3f} P {p:.3f} R {r:.3f}")
+        yield from (f"UFRAME_NUM={frame}", f"UTOOL_NUM={tool}")
+
+    def start(self) -> Iterable[str]:
+        """By the joints to the first posture."""
+        return [f"J P[1] {JOINT_PERCENT}% FINE"]
+
+    def straight(self, i: int) -> Iterable[str]:
+        """L."""
+        return [f"L P[{self.numbers[i]}] {self.ends[i]}"]
+
+    def circular(self, i: int) -> Iterable[str]:
+        """C."""
+        return [f"C P[{self.numbers[i] - 1}]", f"P[{self.numbers[i]}] {self.ends[i]}"]
+
+    def remark(self, text: str) -> str:
+        """Up to the end of the line; FANUC takes 32 characters."""
+        return f"!{text}"
+
+    def foot(self) -> Iterable[str]:
+        """Nothing."""
+        return []
+
+    @functools.cached_property
+    def numbers(self) -> list[int]:
+        """Of each target's position; the middle of an arc has the one before."""
+        numbers: list[int] = np.cumsum(1 + self.job.moves.circular.astype(int)).tolist()
+        return numbers
+
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """Turn it back."""
+        return read_fanuc(files, self.cell.chain, self.level)
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """Flip, elbow down, back, and the turns of J1, J4, J6 of a posture (6,), rad."""
+        said = configuration(cell, joints[None])[0].replace(",", "").split()
+        return (*(int(a == b) for a, b in zip(said, "FDB", strict=False)), *map(int, said[3:]))
+
+    @property
+    def level(self) -> bool:
+        """Whether joint 3 counts against the ground."""
+        return self.cell.controller.level_joint_3 if self.cell.controller else True
+
+    def documents(self, text: str) -> dict[str, str]:
+        """Attributes, numbered lines, positions."""
+        lines = list(self._numbered(text.splitlines()))
+        groups = "1,*,*,*,*" if self.job.turntable_deg is None else "1,1,*,*,*"
+        count = sum(not line.startswith("    :") for line in lines)
+        name = self.job.name.upper()
+        attributes = ATTRIBUTES.format(lines=count, groups=groups)
+        content = [f"/PROG  {name}", "/ATTR", attributes, "/MN", *lines, "/POS", *self._positions(), "/END", ""]
+        return {f"{name}.ls": "\r\n".join(content).replace("\r\n", "\n").replace("\n", "\r\n")}
+
+    def _numbered(self, lines: list[str]) -> Iterator[str]:
+        """Lines with numbers; remarks in pieces, the second point of an arc without."""
+        number = 0
+        for line in lines:
+            if line.startswith("P["):
+                yield f"    :  {line}    ;"
+                continue
+            pieces = [line] if line[0] != "!" else [f"!{piece}" for piece in cut(line[1:], 32)]
+            for piece in pieces:
+                number += 1
+                motion = piece[:2] in ("J ", "L ", "C ")
+                end = "" if piece.startswith("C ") else "    ;"
+                yield f"{number:4d}:{'' if motion else '  '}{piece}{end}"
+
+    def _positions(self) -> Iterator[str]:
+        moves, turned = self.job.moves, self.job.turntable_deg
+        assert moves.joints_deg is not None
+        joints = moves.joints_deg * DEG
+        shown = level_joint_3(self.cell.chain, joints[:1]) if self.level else joints[:1]
+        configurations = configuration(self.cell, joints)
+        here = place(moves.position_mm, moves.quaternion_wxyz)
+        via = place(moves.via_position_mm, moves.via_quaternion_wxyz)
+        half = None if turned is None else np.append(turned[:1], (turned[1:] + turned[:-1]) / 2)
+        rows = [f"J{j}= {angle:.3f} deg" for j, angle in enumerate((np.round(shown[0] / DEG, 3) + 0.0).tolist(), 1)]
+        axes = [",\t".join(rows[:3]) + ",", ",\t".join(rows[3:])]
+        yield from self._position(1, "", axes, None if turned is None else turned[0])
+        for i, number in enumerate(self.numbers[1:], 1):
+            if moves.circular[i]:
+                between = None if half is None else half[i]
+                yield from self._position(number - 1, configurations[i], spelled(via[i]), between)
+            yield from self._position(
+                number, configurations[i], spelled(here[i]), None if turned is None else turned[i]
+            )
+
+    def _position(self, number: int, said: str, values: list[str], turned: float | None) -> Iterator[str]:
+        frame, tool = self.frame
+        yield from (f"P[{number}]{{", "   GP1:", f"\tUF : {frame}, UT : {tool},{said and f'  CONFIG : {said!r},'}")
+        yield from (f"\t{value}" for value in values)
+        if turned is not None:
+            yield from ("   GP2:", f"\tUF : {frame}, UT : {tool},", f"\tJ1= {round(float(turned), 3) + 0.0:.3f} deg")
+        yield "};"
+
+
+def configuration(cell: Cell, joints: Float) -> list[str]:
+    """FANUC's configuration strings of postures (n, 6), rad."""
+    sides = arm_sides(cell.chain, joints)
+    turns = np.floor(joints[:, [0, 3, 5]] / (2 * np.pi) + 0.5).astype(int)
+    letters = np.where(sides[:, ::-1], list("FDB"), list("NUT"))
+    rows = zip(letters.tolist(), turns.tolist(), strict=True)
+    return [f"{' '.join(said)}, {', '.join(map(str, times))}" for said, times in rows]
+
+
+def place(position_mm: Float, quaternion_wxyz: Float) -> Float:
+    """X, Y, Z, W, P, R (k, 6): mm and deg, 3 decimals."""
+    turned = euler_deg(quaternion_wxyz)[:, ::-1]
+    return np.asarray(np.round(np.concatenate([position_mm, turned], axis=1), 3) + 0.0)
+
+
+def spelled(values: Float) -> list[str]:
+    """A position's two lines."""
+    texts = [f"{name} = {value:.3f} {'mm' if name in 'XYZ' else 'deg'}"
+             for name, value in zip("XYZWPR", values.tolist(), strict=True)]  # fmt: skip
+    return [",\t".join(texts[:3]) + ",", ",\t".join(texts[3:])]
+
+
+def cut(text: str, longest: int) -> list[str]:
+    """A text in pieces, at blanks where there are some."""
+    pieces = [""]
+    for word in text.split(" "):
+        if pieces[-1] and len(pieces[-1]) + 1 + len(word) > longest:
+            pieces.append("")
+        pieces[-1] = f"{pieces[-1]} {word}" if pieces[-1] else word
+        while len(pieces[-1]) > longest:
+            pieces[-1:] = [pieces[-1][:longest], pieces[-1][longest:]]
+    return pieces

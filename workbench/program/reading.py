@@ -1,0 +1,88 @@
+"""What the readers of line-based languages share: lines, numbers, complaints that name the line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import NoReturn
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.geometry.poses import pose_from
+from workbench.units import DEG, Float
+
+NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+NAME = r"([A-Za-z][A-Za-z0-9_]*)"
+SHOWN = 50  # characters of a line that is refused
+
+
+class Lines:
+    """A text, line by line; `number` is the line that was taken last, from 1."""
+
+    def __init__(self, text: str, name: str, comment: str) -> None:
+        """Split `text`; `name` is the file's, for messages; lines that begin with `comment` become remarks."""
+        self.name, self.number = name, 0
+        self._lines = text.splitlines()
+        self.remarks: list[str] = []
+        self._comment = comment
+
+    @property
+    def more(self) -> bool:
+        """Whether a line is left that says something; comments and empty lines before it are stepped over."""
+        while self.number < len(self._lines):
+            line = self._lines[self.number].strip()
+            if line and not line.startswith(self._comment):
+                return True
+            if line:
+                self.remarks.append(line[len(self._comment) :].strip())
+            self.number += 1
+        return False
+
+    def peek(self) -> str:
+        """The next line that says something; '' at the end."""
+        return self._lines[self.number].strip() if self.more else ""
+
+    def take(self, pattern: str, expected: str) -> re.Match[str]:
+        """Step over the next line, which must match all of `pattern`."""
+        line = self.peek()
+        self.number += 1
+        found = re.fullmatch(pattern, line)
+        if found is None:
+            self.refuse(expected, line)
+        return found
+
+    def end(self) -> None:
+        """Refuse what is left."""
+        if self.more:
+            self.number += 1
+            self.refuse("the end of the file", self._lines[self.number - 1].strip())
+
+    def refuse(self, expected: str, found: str) -> NoReturn:
+        """Raise InputError for the line that was taken last."""
+        shown = repr(found[:SHOWN]) if found else "the end of the file"
+        raise InputError(self.name, f"line {self.number}: expected {expected}, found {shown}")
+
+
+def one_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:
+    """Name and text of the only file with an ending; InputError where there is none or several."""
+    found = [name for name in files if name.lower().endswith(suffix)]
+    if len(found) != 1:
+        raise InputError(", ".join(files) or "program", f"expected one file that ends in {suffix}, found {len(found)}")
+    return found[0], files[found[0]]
+
+
+def numbers(found: re.Match[str], first: int, last: int) -> list[float]:
+    """Groups `first` to `last` of a match, as numbers."""
+    return [float(found[i]) for i in range(first, last + 1)]
+
+
+def euler_pose(values: list[float]) -> Float:
+    """The pose (4, 4) of X, Y, Z in mm and A, B, C in deg: R = Rz(A) Ry(B) Rx(C)."""
+    (ca, cb, cc), (sa, sb, sc) = np.cos(np.array(values[3:]) * DEG), np.sin(np.array(values[3:]) * DEG)
+    turn = np.array([
+        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+        [-sb, cb * sc, cb * cc],
+    ])  # fmt: skip
+    return pose_from(turn, np.array(values[:3]))

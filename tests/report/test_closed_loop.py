@@ -44,7 +44,7 @@ def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
     first, text = inspection.sections[0], text_of(chapter)
     root = [s.root_mm for s in inspection.sections if s.root_mm is not None]
     bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
-    assert (chapter.title, chapter.verdict, chapter.part) == ("Closed loop", "pass", "B-17")
+    assert (chapter.title, chapter.verdict, chapter.part.part_id) == ("Closed loop", "pass", "B-17")
     assert chapter.summary == (
         f"root {min(root):.3f} to {max(root):.3f} mm for 1.5 mm asked, "
         f"bevel {min(bevel):.2f} to {max(bevel):.2f}° for 40°; nothing to rework"

@@ -9,9 +9,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from workbench.report import along, aside
+from workbench.report.certificate import decision_rule
 from workbench.report.deviations import deviations, laid_out
 from workbench.report.drawing import section_drawings
-from workbench.report.tables import decision_rule, set_aside
+from workbench.report.tables import set_aside
 
 
 @pytest.fixture

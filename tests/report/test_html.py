@@ -6,14 +6,20 @@ import json
 
 import pytest
 
-from workbench.artefacts import Chapter
+from workbench.artefacts import Chapter, Part
 from workbench.errors import InputError
 from workbench.report import html
 from workbench.report.tables import one_line_a_stage
 
-PASSED = Chapter("Inspection", "<h3>Sections</h3><p>nine</p>", "pass", "all 9 sections within tolerance", "B-17")
-PLANNED = Chapter("Plan", "<p>ten layers</p>", "", "10 layers in 12 min", "B-17", ("edge hidden from 3 to 9 mm",))
-FAILED = Chapter("Closed loop", "<p>too large</p>", "fail", "root 2.6 mm", "C-18", ("edge hidden from 3 to 9 mm",))
+PASSED = Chapter(
+    "Inspection", "<h3>Sections</h3><p>nine</p>", "pass", "all 9 sections within tolerance", Part(part_id="B-17")
+)
+PLANNED = Chapter(
+    "Plan", "<p>ten layers</p>", "", "10 layers in 12 min", Part(part_id="B-17"), ("edge hidden from 3 to 9 mm",)
+)
+FAILED = Chapter(
+    "Closed loop", "<p>too large</p>", "fail", "root 2.6 mm", Part(part_id="C-18"), ("edge hidden from 3 to 9 mm",)
+)
 
 
 def page_of(*chapters, provenance=None):
@@ -49,9 +55,11 @@ def test_parts_are_named_once_and_warnings_with_their_chapter(elements):
 
 
 def test_names_are_text(elements, hostile, provenance):
-    page = page_of(Chapter(hostile, "<p></p>", "pass", hostile, hostile, (hostile,)), provenance=provenance)
+    page = page_of(
+        Chapter(hostile, "<p></p>", "pass", hostile, Part(part_id=hostile), (hostile,)), provenance=provenance
+    )
     assert "<script" not in page
-    places = ("title", "kind", "h1", "chapter list", "its summary", "warning", "h2")
+    places = ("title", "kind", "h1", "identity", "chapter list", "its summary", "warning", "h2")
     assert elements(page).text.count('<script>alert("x")</script>') == len(places)
     assert "{{ 7*7 }}" in page
 
@@ -88,7 +96,9 @@ def test_provenance_stands_in_the_page(elements, provenance):
     assert "Seed 7" in text
     assert "numpy" not in text  # no version that the run did not state
     assert "not recorded" in elements(page_of(PASSED)).text
-    assert "Part without identification" in elements(page_of(Chapter("Plan", ""))).text
+    assert "Part without identification" in elements(page_of(Chapter("Plan", "", part=Part()))).text
+    assert "unknown" in elements(page_of(Chapter("Plan", "", part=Part()))).text
+    assert "--input part_id=" in elements(page_of(Chapter("Plan", "", part=Part()))).text
 
 
 def test_the_pipeline_is_shown_whole():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from workbench.artefacts.inspections import Verdict
+from workbench.artefacts.parts import Part
 from workbench.units import AnyArray, Float
 
 
@@ -68,9 +69,10 @@ class Chapter:
     html: str
     verdict: Verdict | Literal[""] = ""  # '': the chapter decides nothing
     summary: str = ""  # one line for the top of the page, plain text
-    part: str = ""  # the part that it is about, as its recording names it
+    part: Part | None = None  # that it is about
     warnings: tuple[str, ...] = ()
     scene: Scene | None = None
+    certificate: str = ""  # HTML of the first page, above the signature: one A4 side with the part's identity
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -34,7 +34,7 @@ def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, refere
     unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
     warnings = (*(registration.warnings if registration else ()), *((NO_FRAMES,) if unknown else ()))
     return Chapter("Deviation from the reference", "\n".join(pieces), summary=f"{summary.in_words}.",
-                   part=scan.part.part_id or "", warnings=warnings)  # fmt: skip
+                   part=scan.part, warnings=warnings)  # fmt: skip
 
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:

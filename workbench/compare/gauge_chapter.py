@@ -33,7 +33,7 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
         "averaged. Intervals are 95 % generalised confidence intervals. %GRR follows AIAG: six standard deviations "
         f"over the tolerance, standard deviation over the total; below {GOOD_PERCENT:g} % acceptable, above "
         f"{BAD_PERCENT:g} % not."))  # fmt: skip
-    return Chapter("Repeatability and reproducibility", "\n".join(pieces), part=", ".join(study.parts[:5]),
+    return Chapter("Repeatability and reproducibility", "\n".join(pieces),
                    summary="; ".join(_summary(one) for one in results),
                    warnings=(*study.warnings, *(words for one in results for words in one.warnings)))  # fmt: skip
 

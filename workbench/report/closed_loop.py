@@ -51,7 +51,7 @@ def closed_loop(
         html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),
         verdict=inspection.verdict,
         summary=closed_loop_summary(inspection, toolpath, rework),
-        part=toolpath.part.part_id or "",
+        part=toolpath.part,
         warnings=tuple(map(one_line, [*contradictions(inspection, toolpath), *(rework.warnings if rework else ())])),
         scene=loop_scene(inspection, toolpath, rows, cloud, edge, SCENE_POINTS),
     )

@@ -41,6 +41,7 @@ def inspection(
     # Matplotlib and jinja2 cost time to import: only where a report is made.
     from workbench.report.along import angle_chart, root_chart
     from workbench.report.aside import plan_view
+    from workbench.report.certificate import certificate_html
     from workbench.report.drawing import section_drawings
     from workbench.report.inspection_text import inspection_html
     from workbench.report.picture import pictures
@@ -64,7 +65,8 @@ def inspection(
         html=inspection_html(cloud, edge, inspection, drawn, aside),
         verdict=inspection.verdict,
         summary=one_line(inspection.reason),
-        part=inspection.part.part_id or "",
+        part=inspection.part,
         warnings=tuple(dict.fromkeys([*inspection.warnings, *edge.warnings])),
         scene=scene,
+        certificate=certificate_html(inspection),
     )

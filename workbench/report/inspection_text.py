@@ -8,9 +8,10 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection
 from workbench.report.aside import PlanView
+from workbench.report.certificate import MOST_ROWS
 from workbench.report.colours import FACES, REJECTED, VERDICTS
 from workbench.report.section_views import of_interest
-from workbench.report.tables import decision_rule, facts, plan_note, section_rows, set_aside, summary
+from workbench.report.tables import check_rows, facts, plan_note, section_rows, set_aside
 from workbench.report.template import data_address, render
 
 
@@ -21,11 +22,10 @@ def inspection_html(
     return render(
         "inspection.html.j2",
         facts=list(facts(cloud, edge)),
-        summary=summary(inspection),
-        decision_rule=decision_rule(inspection.guard_factor),
         pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
         of_interest=of_interest(inspection).index,
-        sections=section_rows(inspection),
+        sections=section_rows(inspection) if len(inspection.sections) > MOST_ROWS else [],
+        checks=check_rows(inspection.checks),
         set_aside=list(set_aside(cloud, edge)),
         plan_note=plan_note(aside),
         tilt={"whole edge": "once for the whole edge", "per section": "section by section"}.get(

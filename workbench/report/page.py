@@ -8,8 +8,9 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from workbench.artefacts import Chapter, Provenance, Verdict
+from workbench.artefacts import Chapter, Part, Provenance, Verdict
 from workbench.errors import one_line
+from workbench.report.identity import identity_html
 from workbench.report.pack import packed
 from workbench.report.tables import one_line_a_stage
 from workbench.report.template import render, source
@@ -20,6 +21,7 @@ SCENE_POINTS = 300_000  # on the page, all scenes together
 
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
     """The whole page."""
+    parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
     viewer = source("painter.js") + source("viewer.js") if any(chapter.scene for chapter in chapters) else Markup("")
     return render(
         "page.html.j2",
@@ -27,7 +29,10 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         viewer=viewer,
         policy=policy(viewer),
         scenes=_scenes(chapters),
-        part=one_line(", ".join(dict.fromkeys(chapter.part for chapter in chapters if chapter.part))),
+        heading=_heading(parts, provenance),
+        identity=Markup(identity_html(parts[0])) if parts else "",
+        simulated=any(part.simulated for part in parts),
+        certificate=next((Markup(chapter.certificate) for chapter in chapters if chapter.certificate), ""),
         title=provenance.title if provenance else "",
         verdict=overall(chapters),
         chapters=chapters,
@@ -36,6 +41,20 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         versions=sorted(provenance.versions.items()) if provenance else [],
         pipeline=one_line_a_stage(provenance.pipeline) if provenance else "",
     )
+
+
+def _parts(chapters: Sequence[Chapter]) -> list[Part]:
+    """The parts that the chapters are about; that of the certificate first."""
+    ranked = sorted(chapters, key=lambda chapter: not chapter.certificate)
+    return list(dict.fromkeys(chapter.part for chapter in ranked if chapter.part is not None))
+
+
+def _heading(parts: Sequence[Part], provenance: Provenance | None) -> str:
+    """The parts by name; where none has one, what was done."""
+    names = list(dict.fromkeys(part.part_id for part in parts if part.part_id))
+    if names or parts:
+        return one_line(", ".join(names)) or "Part without identification"
+    return provenance.title if provenance else "Report"
 
 
 def policy(script: str) -> str:

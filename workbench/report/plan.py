@@ -80,7 +80,7 @@ def plan(
         html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, drawn),
         verdict="" if gate is None else "pass" if gate.passed else "fail",
         summary=plan_summary(toolpath, run, gate),
-        part=toolpath.part.part_id or cloud.part.part_id or "",
+        part=toolpath.part,
         warnings=tuple(dict.fromkeys(map(one_line, [*edge.warnings, *toolpath.warnings]))),
         scene=scene,
     )

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Cloud, Edge, Inspection
+from workbench.artefacts import Check, Cloud, Edge, Inspection
 from workbench.errors import one_line
 from workbench.report.along import hidden_stretches
 from workbench.report.aside import PlanView
-from workbench.report.values import alike, decimals, measured, span
+from workbench.report.values import decimals, measured
 from workbench.units import Float
 
 
@@ -23,38 +22,9 @@ def facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:
     frames, columns = cloud.x_mm.shape
     passes = len(np.unique(cloud.pass_index))
     yield "Recording", one_line(PurePath(cloud.source).name) or "not named"
-    yield "Date of recording", "not stated in the recording"
     yield "Scan", f"{frames:,} frames × {columns:,} columns, {passes} pass{'es' if passes > 1 else ''}"
     yield "Points kept", f"{np.count_nonzero(cloud.keep):,}"
     yield "Edge", f"{np.ptp(edge.arc_length_mm):.1f} mm long, {100.0 * np.mean(edge.seen):.0f} % of it seen"
-    yield "Kind of edge", edge.kind
-
-
-def summary(inspection: Inspection) -> list[tuple[str, ...]]:
-    """A row a characteristic: name, nominal, limits, lowest and highest section, range over the whole edge."""
-    required, profile, sections = inspection.requirements, inspection.profile, inspection.sections
-    root_u, bevel_u = [s.root_u_mm for s in sections], [s.bevel_u_deg for s in sections]
-    root = [s.root_mm for s in sections if s.root_mm is not None]
-    bevel = [s.bevel_deg for s in sections if s.bevel_deg is not None]
-    rows = (
-        ("Root size", " mm", required.root_nominal_mm, required.root_tolerance_mm, root, root_u, profile.root_mm),
-        (
-            "Bevel angle",
-            "°",
-            required.bevel_nominal_deg,
-            required.bevel_tolerance_deg,
-            bevel,
-            bevel_u,
-            profile.bevel_deg,
-        ),
-    )
-    table = []
-    for name, unit, nominal, (lower, upper), values, u, along in rows:
-        places = decimals(u)
-        ends = [f"{end(values):.{places}f}{unit}" if values else "–" for end in (min, max)]
-        low, middle, high = alike(nominal + lower, nominal, nominal + upper)
-        table.append((name, f"{middle}{unit}", f"{low} to {high}{unit}", *ends, span(along, places, unit)))
-    return table
 
 
 def section_rows(inspection: Inspection) -> list[dict[str, Any]]:
@@ -69,21 +39,10 @@ def section_rows(inspection: Inspection) -> list[dict[str, Any]]:
             "bevel": measured(s.bevel_deg, s.bevel_u_deg, bevel),
             "verdict": s.verdict,
             "reason": s.reason,
+            "because": "" if s.verdict == "pass" else _because(s.reason),
         }
         for s in inspection.sections
     ]
-
-
-def decision_rule(guard_factor: float) -> str:
-    """The decision rule of ISO 14253-1 in words, with the risk that its guard band leaves."""
-    risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
-    return (
-        f"Decision rule (ISO 14253-1): with the guard band g = {guard_factor:g} u, u being the standard uncertainty, a "
-        "value passes if it lies inside its limits by at least g, fails if it lies outside by at least g, and is "
-        f"undecided otherwise. A value accepted or rejected exactly g from a limit is so wrongly with a probability of "
-        f"{risk:.2g} %. A section or the part fails if any characteristic fails, and passes if all pass. The verdict "
-        "rests on the sections; values along the whole edge are for information."
-    )
 
 
 def set_aside(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str, str]]:
@@ -107,6 +66,31 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
     for run in np.split(arc_length_mm, np.flatnonzero(np.diff(arc_length_mm) > 2.0) + 1):
         if len(run):
             yield f"{run[0]:.0f} mm" if len(run) == 1 else f"{run[0]:.0f} to {run[-1]:.0f} mm"
+
+
+def _because(reason: str) -> str:
+    """What of a section's reason speaks against it."""
+    against = [part for part in reason.split(", ") if "within tolerance" not in part]
+    return one_line(", ".join(against))
+
+
+def check_rows(checks: Iterable[Check]) -> list[tuple[str, ...]]:
+    """A row a check: name, value, limits, whether it passed, what was found or why the limit is where it is."""
+    return [
+        (check.name.replace("_", " "), _number(check.value), _limit(check.limit),
+         "passed" if check.passed else "failed", one_line(check.finding or check.reason))
+        for check in checks
+    ]  # fmt: skip
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
+def _limit(limit: float | tuple[float, float] | None) -> str:
+    if isinstance(limit, tuple):
+        return f"{limit[0]:.4g} to {limit[1]:.4g}"
+    return "–" if limit is None else f"at most {limit:.4g}"
 
 
 def plan_note(plan: PlanView) -> str:

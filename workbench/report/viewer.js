@@ -81,7 +81,7 @@ class Viewer {
       tick.onchange = () => { this.shown[k] = tick.checked; this.redraw(); };
     });
     element("span", controls, HELP, { className: "note" });
-    this.rows = this.data.marks.map((mark, k) => [...this.chapter.querySelectorAll("tr[data-mark]")].filter((row) => {
+    this.rows = this.data.marks.map((mark, k) => [...this.chapter.querySelectorAll("tr[data-mark]"), ...(this.chapter.classList.contains("certified") ? document.querySelectorAll(".certificate tr[data-mark]") : [])].filter((row) => {
       if (row.dataset.mark !== mark.key) return false;
       row.onclick = () => { this.choose(k); this.approach(k); this.stage.scrollIntoView({ block: "nearest" }); };
       row.onkeydown = (event) => { if (event.key === "Enter") row.onclick(); };

@@ -44,7 +44,7 @@ def report(
     ]
     return Chapter(
         title="Hand-eye calibration", html="\n".join(parts),
-        part=recording.part.part_id or f"Sphere of {recording.sphere_diameter_mm:g} mm",
+        part=recording.part,
         summary=f"Predicted error over the field of view {calibration.volume_u_mm:.3f} mm (1 u), from "
                 f"{int(calibration.used.sum())} of {len(calibration.used)} postures.",
         warnings=calibration.warnings,

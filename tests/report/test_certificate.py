@@ -1,0 +1,74 @@
+"""The first page: what the part is, what was found, how well, and what that means; it stands under a signature."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from workbench.artefacts import Part, Uncertainty, UncertaintySource
+from workbench.report import html
+from workbench.report.certificate import MOST_ROWS, budget, certificate_html, least_favourable, small
+from workbench.report.identity import dated, identity_html, identity_rows
+from workbench.report.page import page
+
+
+def test_what_is_unknown_is_said_and_how_to_set_it(elements):
+    text = elements(identity_html(Part(part_id="A-7", sensor="LPS 36", sensor_serial="12"))).text
+    assert "LPS 36, serial number 12" in text
+    assert "--input drawing=" in text
+    assert "--input sensor_serial=" not in text
+    assert dict((name, value) for name, value, _ in identity_rows(Part()))["Operator"] == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("day", "of", "text"),
+    [
+        ("2026-03-01", "2026-03-31T10:00", "2026-03-01, 30 days before"),
+        ("2024-03-31", "2026-03-31", "2024-03-31, 2.0 years before"),
+        ("2026-04-01", "2026-03-31", "2026-04-01, after the recording"),
+        ("2026-04-01", None, "2026-04-01"),
+        (None, "2026-03-31", ""),
+    ],
+)
+def test_a_calibration_has_its_age_at_the_recording(day, of, text):
+    assert dated(day, of) == text
+
+
+def test_the_budget_ends_in_the_largest_section(part):
+    sections = part(frames=60, columns=80).inspection.sections
+    u = max(s.root_u_mm for s in sections if s.root_u_mm is not None)
+    known = Uncertainty(
+        sources=(UncertaintySource("tilt", 0.6 * u, 0.0, "A"), UncertaintySource("ends", 0.8 * u, 0.0, "B"))
+    )
+    rows, totals = budget(known, sections)
+    assert [row[:2] for row in rows] == [("tilt", "A"), ("ends", "B")]
+    assert rows[0][3] == "–"
+    combined, expanded = (float(row[2]) for row in totals)
+    assert combined == pytest.approx(u, rel=0.06)  # two significant digits
+    assert expanded == pytest.approx(2 * u, rel=0.06)
+
+
+def test_small_numbers_keep_the_decimals_of_the_whole():
+    assert small(0.00051, 4) == "0.0005"
+    assert small(0.000004, 4) == "< 0.0001"
+    assert small(math.nan, 4) == small(0.0, 4) == "–"
+
+
+def test_many_sections_are_cut_to_the_least_favourable(part, elements):
+    made = part(frames=60, columns=80, sections=30, verdict="fail").inspection
+    shown = least_favourable(made)
+    assert len(shown) == MOST_ROWS
+    assert {s.index for s in made.sections if s.verdict == "fail"} <= shown
+    assert f"the {MOST_ROWS} least favourable of 30" in elements(certificate_html(made)).text
+
+
+def test_a_simulated_part_says_so_across_the_page(part, elements):
+    from workbench.artefacts import Chapter
+
+    made = part(frames=60, columns=80).inspection
+    chapter = Chapter("Inspection", "", "pass", part=Part(simulated=True), certificate=certificate_html(made))
+    assert "SIMULATED" in elements(page((chapter,), None)).text
+    real = dataclasses.replace(chapter, part=Part(simulated=False))
+    assert "SIMULATED" not in elements(html((real,)).content.decode()).text

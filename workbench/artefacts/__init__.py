@@ -25,7 +25,7 @@ from workbench.artefacts.inspections import (
     UncertaintySource,
     Verdict,
 )
-from workbench.artefacts.milling import Engagement, LayerEngagement, Rework, Stretch
+from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
 from workbench.artefacts.parts import NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
@@ -68,6 +68,7 @@ __all__ = [
     "Moves",
     "Part",
     "PartNames",
+    "PathCorrection",
     "PathDeflection",
     "PathGate",
     "PointSet",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.artefacts.paths import Toolpath
-from workbench.units import Float
+from workbench.artefacts.paths import PathDeflection, Toolpath
+from workbench.units import Bool, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,4 +44,47 @@ class Rework:
     too_much_material: tuple[Stretch, ...]
     too_little_material: tuple[Stretch, ...]
     reason: str
+    warnings: tuple[str, ...] = ()
+
+
+CANCELS = (
+    "hand-eye pose, tool setting, tool radius and work object: both cuts and both scans share them",
+    "the robot's error where it repeats along the same way, and its giving way under the same load",
+    "the robot's error from scan to scan: root size and angle are taken from the edge in one scan",
+)
+NOT_INCLUDED = (
+    "What the robot will not repeat in the finishing pass: it comes on top of the corrected cut.",
+    "A finishing pass that removes more or less than the first cut's last layer bends robot and cutter otherwise.",
+    "Wear of the cutter in the finishing pass itself.",
+    "A shift along the bevel face: it leaves no trace in the cut, and changes neither root size nor angle.",
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathCorrection:
+    """What a first cut tells of the pass that follows it, at k key points along the edge.
+
+    The cut is displaced where it lies outside its plan, along the bevel's outward normal b at the root end of the face;
+    a shift along the face leaves no trace and does no harm. The correction (VIM 2.53) is what the finishing pass is
+    moved by: against the displacement, or by 0 where that is not significant.
+    """
+
+    arc_length_mm: Float  # (k,) of the lower edge, as planned
+    cut: Bool  # (k,) the finishing pass cuts here
+    displacement_mm: Float  # (k,) of the cut, along b, as estimated
+    displacement_u_mm: Float  # (k,)
+    turn: Float  # (k,) of the cut face about the feed: above 0 the bevel angle came out larger, rad
+    turn_u: Float  # (k,) rad
+    shift_mm: Float  # (k,) correction along b
+    tilt: Float  # (k,) correction of the bevel angle, rad
+    stock_mm: Float  # (k,) what the finishing pass will remove, the least along the face
+    bevel: float  # rad
+    length_mm: float  # of the edge, as planned
+    allowance_mm: float
+    repeatability_mm: float  # of the robot along b, that no measurement can foretell
+    moved_mm: float  # by which the lower edge lies beside where the first scan saw it, along b
+    variation_mm: float  # standard deviation of what repeats and is no constant error of the tool
+    comes: PathDeflection  # how the tool comes beside the corrected path, by this measurement
+    reason: str  # what was corrected, or why nothing was
+    refused: str | None = None  # where and by how much the allowance does not allow it; None: it does
     warnings: tuple[str, ...] = ()

@@ -71,6 +71,9 @@ class Toolpath:
     warnings: tuple[str, ...] = ()
     evidence: tuple[Check, ...] = ()  # what was checked of the recording and the edge that it rests on
     claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
+    finish_allowance_mm: float = 0.0  # left on the bevel face for `finishing`, along its normal
+    before: tuple[Layer, ...] = ()  # milled earlier along this edge, heights above this path's finished face
+    finishing: Toolpath | None = None  # the pass that takes the allowance, once the cut was measured (path.correct)
 
     @property
     def in_order(self) -> tuple[Travel | Layer, ...]:
@@ -135,6 +138,7 @@ class PathDeflection:
     """By how much the tool is displaced at the points of a path's layers, in each point's own frame."""
 
     by_layer_mm: Mapping[int, Float]  # index of the layer -> (k, 3), in the order of its points
+    turn_by_layer: Mapping[int, Float] = field(default_factory=dict)  # -> (k,) about the frame's y, rad; absent: none
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge, PathDeflection, PathGate, Toolpath
+from workbench.artefacts import Cloud, Edge, PathCorrection, PathDeflection, PathGate, Toolpath
 from workbench.path.collisions import collisions
 from workbench.path.feed_checks import feed_faults
 from workbench.path.frame_checks import frame_faults
@@ -27,6 +27,7 @@ def check(
     edge: Edge,
     cloud: Cloud,
     predicted: PathDeflection | None = None,
+    correction: PathCorrection | None = None,
     *,
     v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000, description="no feed is greater; null: no limit")] = None,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="nor is the feed's change, per time")] = 50.0,
@@ -44,6 +45,10 @@ def check(
 
     Where a deflection is predicted (a path that `stiffness.compensate` moved against it), the loaded cutter must come
     where the plan asks; the path as commanded is held against clamps and part as well, with the deflection allowed for.
+    A path that `path.correct` corrected is held against its correction in the same way: the tool as it was measured to
+    come must come where the plan asks. What the robot gives way was in that measurement; a prediction does not count
+    besides. A refused correction refuses the path.
+
     A `penetration_mm` above 0.05 loosens the check: programs then say so, and the exit status is 1.
 
     Args:
@@ -51,13 +56,18 @@ def check(
         edge: the edge that it mills.
         cloud: the scan.
         predicted: how far the robot gives way along this path.
+        correction: by which this path was corrected.
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed.
         penetration_mm: how deep the cutter may touch what must remain.
 
     Raises:
-        InputError: the prediction is of another path.
+        InputError: the prediction, or the correction, is of another path.
     """
+    if correction is not None:
+        if correction.refused is not None:
+            return decision(toolpath, [correction.refused], penetration_mm, weakened(penetration_mm))
+        predicted = correction.comes
     comes = toolpath if predicted is None else loaded(toolpath, predicted)
     faults: Iterator[str] = chain(
         layer_faults(comes, edge), frame_faults(comes, edge), feed_faults(toolpath, v_fast_mm_s, acceleration_mm_s2),
@@ -65,7 +75,7 @@ def check(
     )  # fmt: skip
     if predicted is not None:
         given_way = greatest_mm(predicted)
-        much = [f"a deflection of {given_way:.2f} mm is predicted, more than {MOST_DEFLECTION_MM:g} mm"]
+        much = [f"the tool is expected {given_way:.2f} mm beside the path, more than {MOST_DEFLECTION_MM:g} mm"]
         faults = chain(much if given_way > MOST_DEFLECTION_MM else [], faults,
                        collisions(toolpath, edge, cloud, penetration_mm + given_way))  # fmt: skip
     return decision(toolpath, faults, penetration_mm, (*weakened(penetration_mm), *loosened_checks(toolpath)))

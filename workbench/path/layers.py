@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field
@@ -12,8 +13,8 @@ from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
-from workbench.path.refusals import refuse_cutter, refuse_partial_view, refuse_requirement
-from workbench.path.section import Bevel, bevel_of, layer_heights
+from workbench.path.refusals import refuse_allowance, refuse_cutter, refuse_partial_view, refuse_requirement
+from workbench.path.section import Bevel, bevel_of, layer_heights, raised
 from workbench.stage import stage
 from workbench.units import Bool
 
@@ -28,6 +29,9 @@ def layers(
     root_mm: Annotated[float, Field(gt=0, le=50, description="required root size")] = 1.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="required bevel angle")] = 40.0,
     depth_of_cut_mm: Annotated[float, Field(ge=0.05, le=20, description="height of a layer")] = 1.0,
+    finish_allowance_mm: Annotated[
+        float, Field(ge=0, le=5, description="left on the bevel face for a pass that `path.correct` corrects; 0: none")
+    ] = 0.0,
     cutter_diameter_mm: Annotated[float, Field(ge=1, le=100, description="of the cutter")] = 10.0,
     flutes: Annotated[int, Field(ge=1, le=20, description="count of the cutter's flutes")] = 4,
     flute_length_mm: Annotated[
@@ -53,12 +57,17 @@ def layers(
     frame stands in the middle of that face (docs/conventions.md). What was not measured is not cut: the cutter is
     lifted over it and over clamps. Before and after each layer it comes down and rises along the edge's tangent.
 
+    With a finish allowance the path ends that much above the finished bevel, at a larger root. Its last layer takes no
+    more than the allowance, as the finishing pass will: what the cutter and the robot do under that load is in the cut
+    that is measured (`path.correct`). The finishing pass is part of the path, but not of its layers.
+
     Args:
         edge: the measured raw edge.
         cloud: the scan, for clamps and all else that the cutter must not meet.
         root_mm: required root size.
         bevel_deg: required bevel angle.
         depth_of_cut_mm: height of a layer; the first takes what is left over.
+        finish_allowance_mm: left on the bevel face, along its normal; at most the depth of cut.
         cutter_diameter_mm: of the cylindrical end mill.
         flutes: count of its flutes.
         flute_length_mm: its cutting length, centred on the tool frame; null: just over the widest face.
@@ -79,18 +88,27 @@ def layers(
     course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
+    refuse_allowance(course, at, bevel, finish_allowance_mm, depth_of_cut_mm)
     cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
     refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)
     air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
     table = edge_course(edge, edge.arc_length_mm, 0.0)
-    plan = make_plan(edge, cloud, course, table, bevel, cutter, air, v_slow_mm_s)
-    cut = _cut_layers(plan, depth_of_cut_mm)
-    return Toolpath(
-        cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=root_mm, bevel_deg=bevel_deg,
-        depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part=cloud.part,
-        source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings,
-        evidence=edge.checks,
-    )  # fmt: skip
+
+    def path(to: Bevel, last_mm: float | None) -> Toolpath:
+        plan = make_plan(edge, cloud, course, table, to, cutter, air, v_slow_mm_s)
+        cut = _cut_layers(plan, depth_of_cut_mm, last_mm)
+        return Toolpath(
+            cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=to.root_mm, bevel_deg=bevel_deg,
+            depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part=cloud.part,
+            source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings, evidence=edge.checks,
+        )  # fmt: skip
+
+    if finish_allowance_mm == 0.0:
+        return path(bevel, None)
+    first = path(raised(bevel, finish_allowance_mm), finish_allowance_mm)
+    before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in first.layers)
+    finishing = replace(path(bevel, math.inf), before=before)
+    return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)
 
 
 def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
@@ -98,13 +116,13 @@ def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
     return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
 
 
-def _cut_layers(plan: Plan, depth_of_cut_mm: float) -> tuple[Layer, ...]:
-    """The layers that cut somewhere, in cutting order."""
+def _cut_layers(plan: Plan, depth_of_cut_mm: float, last_mm: float | None) -> tuple[Layer, ...]:
+    """The layers that cut somewhere, in cutting order; the last takes `last_mm`, if given."""
     reachable = make_layer(plan, 1, 0.0).cutting
     if not reachable.any():
         reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
         raise InputError("edge", f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length")
-    heights = layer_heights(plan.stock_mm[reachable], depth_of_cut_mm)
+    heights = layer_heights(plan.stock_mm[reachable], depth_of_cut_mm, last_mm)
     return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
 
 

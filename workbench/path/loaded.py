@@ -8,7 +8,9 @@ import numpy as np
 
 from workbench.artefacts import Layer, PathDeflection, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.tool_frames import same_sign
+from workbench.units import Float
 
 
 def loaded(toolpath: Toolpath, predicted: PathDeflection) -> Toolpath:
@@ -26,4 +28,12 @@ def _displaced(layer: Layer, predicted: PathDeflection) -> Layer:
     if moved is None or moved.shape != layer.position_mm.shape or not np.isfinite(moved).all():
         raise InputError("path.check", f"expected a deflection for each point of layer {layer.index} of this path")
     away = (rotation_from_quaternion(layer.quaternion_wxyz) @ moved[:, :, None])[:, :, 0]
-    return replace(layer, position_mm=layer.position_mm + away)
+    turn = predicted.turn_by_layer.get(layer.index)
+    quaternion = layer.quaternion_wxyz if turn is None else turned_about_feed(layer.quaternion_wxyz, turn)
+    return replace(layer, position_mm=layer.position_mm + away, quaternion_wxyz=quaternion)
+
+
+def turned_about_feed(quaternion_wxyz: Float, angle: Float) -> Float:
+    """Tool frames (k, 4) turned by angles (k,) rad about their own y."""
+    turn = rotation_from_vector(np.asarray(angle)[:, None] * np.array([0.0, 1.0, 0.0]))
+    return same_sign(quaternion_from_rotation(rotation_from_quaternion(quaternion_wxyz) @ turn))

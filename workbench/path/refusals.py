@@ -39,6 +39,19 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
 
 
+def refuse_allowance(course: Course, at: Bool, bevel: Bevel, allowance_mm: float, depth_of_cut_mm: float) -> None:
+    """An allowance that one pass cannot take, or that leaves nothing to the first cut, or too little to correct."""
+    if allowance_mm == 0.0:
+        return
+    if not 2.0 * LEAST_DEPTH_MM <= allowance_mm <= depth_of_cut_mm:
+        raise InputError("finish_allowance_mm", f"expected {2.0 * LEAST_DEPTH_MM:g} mm to the depth of cut "
+                         f"({depth_of_cut_mm:g} mm), found {allowance_mm:g} mm")  # fmt: skip
+    stock = float(bevel.height_mm(course.upper_mm)[at].max())
+    if stock - allowance_mm <= LEAST_DEPTH_MM:
+        raise InputError("finish_allowance_mm", f"{allowance_mm:g} mm leave the first cut nothing: the stock stands "
+                         f"{stock:.2f} mm above the finished bevel")  # fmt: skip
+
+
 def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_of_cut_mm: float) -> None:
     """A cutter that cannot make this bevel in such layers."""
     if depth_of_cut_mm > cutter.diameter_mm / 2.0:

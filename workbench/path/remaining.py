@@ -31,11 +31,13 @@ class Remaining:
 def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
     """What stands along a path. A point is gone once a layer cut below it, within the reach of the cutter's tip."""
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, standing(toolpath, cloud, edge))
-    return Remaining(stock, tuple(face_lines(toolpath, layer) for layer in toolpath.layers))
+    return Remaining(stock, tuple(face_lines(toolpath, layer) for layer in (*toolpath.before, *toolpath.layers)))
 
 
 def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`).
+
+    Layers count from the first of those that were milled before this path.
 
     `swept`: all that the cutter meets on its way, whether it is meant to cut there or not. It is round, so it takes
     some of what lies beside its places too; nothing below the finished face.
@@ -48,7 +50,7 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
     (cosine, sine), radius = bevel.normal, toolpath.cutter.diameter_mm / 2.0
     final, faces = toolpath.layers[-1], []
     course = lower_course(edge, final.arc_length_mm)
-    for layer in toolpath.layers:
+    for layer in (*toolpath.before, *toolpath.layers):
         if layer.arc_length_mm is not final.arc_length_mm:
             course = lower_course(edge, layer.arc_length_mm)
         height = bevel.height_mm(from_edge(toolpath, layer, course))
@@ -81,8 +83,8 @@ def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Tr
 
 def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
     """Every travel and layer in the order in which they run, and how many layers are done by then."""
-    layers = [isinstance(part, Layer) for part in toolpath.in_order]
-    return [(part, sum(layers[:k])) for k, part in enumerate(toolpath.in_order)]
+    layers, before = [isinstance(part, Layer) for part in toolpath.in_order], len(toolpath.before)
+    return [(part, before + sum(layers[:k])) for k, part in enumerate(toolpath.in_order)]
 
 
 def from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:

@@ -56,10 +56,22 @@ def bevel_of(root_mm: float, bevel_deg: float) -> Bevel:
     return Bevel(root_mm, bevel_deg * DEG)
 
 
-def layer_heights(stock_mm: Float, depth_of_cut_mm: float) -> Float:
+def raised(bevel: Bevel, by_mm: float) -> Bevel:
+    """The bevel whose face lies `by_mm` above, along the normal."""
+    return Bevel(bevel.root_mm + by_mm / math.sin(bevel.angle), bevel.angle)
+
+
+def layer_heights(stock_mm: Float, depth_of_cut_mm: float, last_mm: float | None = None) -> Float:
     """Heights of the layers above the finished face in cutting order, the last one 0; none above all of the stock.
 
-    The stock (k,) is what stands above the finished face. The first layer takes the rest, the others a full depth.
+    The stock (k,) is what stands above the finished face. The first layer takes the rest, the others a full depth, but
+    the last `last_mm`, where that is given.
     """
-    count = math.ceil((float(np.max(stock_mm)) - LEAST_DEPTH_MM) / depth_of_cut_mm)
-    return np.asarray(np.arange(max(count, 0) - 1, -1, -1) * depth_of_cut_mm, dtype=np.float64)
+    last = depth_of_cut_mm if last_mm is None else last_mm
+    above = float(np.max(stock_mm)) - LEAST_DEPTH_MM
+    if above <= 0.0:
+        return np.empty(0)
+    if above <= last:
+        return np.zeros(1)
+    full = np.arange(math.ceil((above - last) / depth_of_cut_mm) - 1, -1, -1) * depth_of_cut_mm
+    return np.append(last + full, 0.0)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from workbench.artefacts import Document, Engagement, Inspection, Layer, PathGate, Rework, Section, Toolpath
+from workbench.artefacts import Document, Engagement, Inspection, Layer, PathCorrection, PathGate, Rework, Section, Toolpath
+from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
+from workbench.units import DEG
 
 RUN_FILE = "run.json"
 
@@ -53,6 +56,8 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
         "cutter": dataclasses.asdict(path.cutter),
         "requirements": {"root_mm": path.root_mm, "bevel_deg": path.bevel_deg, "depth_of_cut_mm": path.depth_of_cut_mm},
         "edge_length_mm": path.edge_length_mm,
+        **({} if path.finishing is None else {"finish_allowance_mm": path.finish_allowance_mm,
+                                              "finishing": toolpath_document(path.finishing)}),
         "refused": list(path.refused),
         "warnings": list(path.warnings),
         "evidence": [dataclasses.asdict(check) for check in path.evidence],
@@ -100,6 +105,41 @@ def rework_document(rework: Rework) -> dict[str, Any]:
     }
 
 
+def correction_document(found: PathCorrection) -> dict[str, Any]:
+    """`correction.json`, version 1 (docs/pipelines.md): what the finishing pass is moved and turned by, mm and degrees.
+
+    A cut shows its displacement along the bevel's normal b only: the parts along n and along m are those of one shift.
+    """
+    columns = {
+        "arc_length_mm": found.arc_length_mm,
+        "along_n_mm": found.shift_mm * math.cos(found.bevel),
+        "along_n_u_mm": found.displacement_u_mm * math.cos(found.bevel),
+        "along_m_mm": found.shift_mm * math.sin(found.bevel),
+        "along_m_u_mm": found.displacement_u_mm * math.sin(found.bevel),
+        "tilt_deg": found.tilt / DEG,
+        "tilt_u_deg": found.turn_u / DEG,
+        "measured_displacement_mm": found.displacement_mm,
+        "measured_displacement_u_mm": found.displacement_u_mm,
+        "measured_tilt_deg": found.turn / DEG,
+        "stock_mm": found.stock_mm,
+        "cutting": found.cut,
+    }
+    over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
+    rows = zip(*((column[over] + 0).tolist() for column in columns.values()), strict=True)
+    return {
+        "format": "path-correction",
+        "version": 1,
+        "frame": "section",
+        "allowance_mm": found.allowance_mm,
+        "refused": found.refused,
+        "reason": found.reason,
+        "stations": [dict(zip(columns, row, strict=True)) for row in rows],
+        "edge_moved_mm": found.moved_mm,
+        "uncertainty": {"repeatability_mm": found.repeatability_mm, "variation_mm": found.variation_mm,
+                        "cancels": list(CANCELS), "not_included": list(NOT_INCLUDED)},
+    }  # fmt: skip
+
+
 # One line a type: artefacts that stand for a result of the contract. Others are seen by later stages only; a plug-in
 # that makes a file of its own returns a `Document`.
 WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
@@ -107,6 +147,7 @@ WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Toolpath: ("toolpath.json", toolpath_document),
     Engagement: ("engagement.json", engagement_document),
     Rework: ("rework.json", rework_document),
+    PathCorrection: ("correction.json", correction_document),
 }
 
 

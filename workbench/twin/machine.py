@@ -23,12 +23,13 @@ class Met(NamedTuple):
 class Machine:
     """Mills the layers and travels of one path, one after the other, out of `stock`."""
 
-    def __init__(self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, tip_mm: float) -> None:
+    def __init__(self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, worn_mm: float,
+                 tip_mm: float) -> None:  # fmt: skip
         self.stock, self._mechanics, self._tip_mm = stock, mechanics, tip_mm
         self._radius_mm = toolpath.cutter.diameter_mm / 2.0
         whole = sum(float(_cut_length(layer)[-1]) for layer in toolpath.layers)
         self._wear = wear_mm / whole if whole > 0.0 else 0.0  # loss of radius a mm cut
-        self._cut_mm, self._motions = 0.0, 0
+        self._worn_mm, self._cut_mm, self._motions = worn_mm, 0.0, 0
 
     def travel(self, travel: Travel) -> Met:
         """Go through the air."""
@@ -54,7 +55,7 @@ class Machine:
         return self._mechanics.poses(points.position_mm, points.quaternion_wxyz, layer, self._motions)
 
     def _worn(self, cut_mm: Float | float) -> Float:
-        return np.asarray(np.maximum(self._radius_mm - self._wear * cut_mm, 0.0))
+        return np.asarray(np.maximum(self._radius_mm - self._worn_mm - self._wear * cut_mm, 0.0))
 
     def _sweep(self, poses: Float, radius: Float) -> Met:
         fine, radius_mm = straight_moves(poses, radius)

@@ -29,7 +29,8 @@ class Mechanics:
     offset_mm: Float  # of the tool, in the base
     rotation: Float  # rotation vector (rad) in the base, by which the tool is turned about its frame's origin
     noise_mm: float  # standard deviation of the robot's smooth error, each axis
-    noise_length_mm: float  # its correlation length
+    repeating_mm: float  # of another, that is the same whenever the robot comes to the same place
+    noise_length_mm: float  # correlation length of both
     deflection_mm: Float  # of the tool, in its own frame
     deflections_mm: Mapping[int, Float]  # layer index -> (k, 3), on top of `deflection_mm`
     seed: tuple[int, ...]
@@ -44,23 +45,24 @@ class Mechanics:
         turned = rotation_from_vector(self.rotation) @ rotation
         bent = self.deflection_mm + self.deflections_mm.get(layer, np.zeros((len(position), 3)))
         travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
-        position = position + self.offset_mm + self._noise(travelled, draw) + np.einsum("kij,kj->ki", turned, bent)
-        return pose_from(turned, position)
+        new = _noise(travelled[:, None], self.noise_mm, self.noise_length_mm, [*self.seed, 0x7A, draw])
+        again = _noise(position, self.repeating_mm, self.noise_length_mm, [self.seed[0], 0x7B])
+        return pose_from(turned, position + self.offset_mm + new + again + np.einsum("kij,kj->ki", turned, bent))
 
-    def _noise(self, travelled_mm: Float, draw: int) -> Float:
-        """The robot's error (k, 3): a Gaussian process with a squared exponential covariance, as a sum of random waves.
 
-        A. Rahimi, B. Recht, Random features for large-scale kernel machines, NIPS 20 (2007).
-        """
-        if self.noise_mm == 0.0:
-            return np.zeros((len(travelled_mm), 3))
-        rng = np.random.default_rng([*self.seed, 0x7A, draw])
-        number, phase = (
-            rng.normal(0.0, 1.0 / self.noise_length_mm, (3, _WAVES)),
-            rng.uniform(0, 2 * math.pi, (3, _WAVES)),
-        )
-        waves = np.cos(travelled_mm[:, None, None] * number + phase)
-        return np.asarray(self.noise_mm * math.sqrt(2.0 / _WAVES) * waves.sum(axis=2))
+def _noise(at: Float, sigma_mm: float, length_mm: float, seed: list[int]) -> Float:
+    """A robot's error (k, 3) over `at` (k, d) mm, the way that it went (d = 1) or its place in the base (d = 3).
+
+    A Gaussian process with a squared exponential covariance, as a sum of random waves: A. Rahimi, B. Recht, Random
+    features for large-scale kernel machines, NIPS 20 (2007).
+    """
+    if sigma_mm == 0.0:
+        return np.zeros((len(at), 3))
+    rng = np.random.default_rng(seed)
+    number = rng.normal(0.0, 1.0 / length_mm, (at.shape[1], 3, _WAVES))
+    phase = rng.uniform(0, 2 * math.pi, (3, _WAVES))
+    waves = np.cos(np.tensordot(at, number, axes=1) + phase)
+    return np.asarray(sigma_mm * math.sqrt(2.0 / _WAVES) * waves.sum(axis=2))
 
 
 def straight_moves(base_from_tool: Float, values: Float) -> tuple[Float, Float]:

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Engagement, LayerEngagement, PathDeflection, Toolpath
+from workbench.artefacts import Engagement, LayerEngagement, PathCorrection, PathDeflection, Toolpath
 from workbench.errors import InputError
 from workbench.stage import InputFile, Seed, stage
 from workbench.synthetic.milling import Stock
@@ -31,6 +31,7 @@ def mill(
     workpiece: Workpiece,
     toolpath: Toolpath,
     bending: PathDeflection | None = None,
+    correction: PathCorrection | None = None,
     *,
     tip_mm: Annotated[
         float | None,
@@ -45,8 +46,11 @@ def mill(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=10, description="standard deviation of the robot's smooth error, each axis")
     ] = 0.0,
+    robot_repeating_mm: Annotated[
+        float, Field(ge=0, le=10, description="the same of an error that every run to the same place repeats")
+    ] = 0.0,
     robot_noise_length_mm: Annotated[
-        float, Field(ge=1, le=10000, description="correlation length of that error along the path")
+        float, Field(ge=1, le=10000, description="correlation length of both along the path")
     ] = 50.0,
     deflection_mm: Annotated[
         tuple[Length, Length, Length], Field(description="constant deflection of the tool, in its own frame")
@@ -56,6 +60,9 @@ def mill(
     ] = None,
     wear_mm: Annotated[
         float, Field(ge=0, le=10, description="loss of the cutter's radius by the end, growing with the length cut")
+    ] = 0.0,
+    worn_mm: Annotated[
+        float, Field(ge=0, le=10, description="what it has lost before, as at the end of an earlier path")
     ] = 0.0,
     seed: Seed = 0,
 ) -> tuple[Workpiece, Engagement]:
@@ -70,30 +77,35 @@ def mill(
         workpiece: the part as it is now.
         toolpath: the path.
         bending: how far the robot gives way at each of its points, as a stage upstream predicts it.
+        correction: by which the path was corrected; a refused one leaves the workpiece as it is, with a warning.
         tip_mm: how far the cutter reaches beyond a frame's origin, along z; null: half the length of its flutes.
         offset_mm: constant error of the tool's position in the base: hand-eye, tool or work object.
         rotation_deg: constant error of its orientation, a rotation vector in the base, about the frame's origin.
         robot_noise_mm: standard deviation of the robot's smooth error, each axis; each layer has its own.
-        robot_noise_length_mm: correlation length of that error along the path.
+        robot_repeating_mm: standard deviation of an error that depends on the place alone: every run repeats it.
+        robot_noise_length_mm: correlation length of both.
         deflection_mm: constant deflection of the tool in its own frame.
         deflections: a file of deflections in the tool's frame, point by point: layer, point, dx_mm, dy_mm, dz_mm.
-        wear_mm: what the cutter's radius has lost at the end of the path, growing with the length cut.
+        wear_mm: what the cutter's radius loses on this path, growing with the length cut.
+        worn_mm: what it has lost before.
         seed: of the robot's error.
 
     Raises:
         InputError: a path without layers, an unusable file of deflections, a bending of another path.
     """
     _refuse_empty(toolpath)
+    if correction is not None and correction.refused is not None:
+        return workpiece, Engagement((), (f"not milled: {correction.refused}",))
     mechanics = Mechanics(
         base_from_path=np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject,
         offset_mm=np.array(offset_mm), rotation=np.array(rotation_deg) * DEG, noise_mm=robot_noise_mm,
-        noise_length_mm=robot_noise_length_mm, deflection_mm=np.array(deflection_mm),
+        repeating_mm=robot_repeating_mm, noise_length_mm=robot_noise_length_mm, deflection_mm=np.array(deflection_mm),
         deflections_mm=_deflections(toolpath, deflections, bending),
         seed=(seed, 0 if workpiece.cut is None else workpiece.cut.times),
     )  # fmt: skip
     stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
     tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
-    engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, tip), toolpath)
+    engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, worn_mm, tip), toolpath)
     return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings)
 
 

@@ -1,0 +1,246 @@
+"""`path.correct`: the finishing pass, corrected by what the first cut was measured to be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial import cKDTree
+
+from workbench.artefacts import Inspection, Layer, PathCorrection, PathDeflection, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.path.displacement import Estimate, estimate
+from workbench.path.loaded import turned_about_feed
+from workbench.path.plan import KEY_POINT_MM, cut_stretches
+from workbench.path.poses import Poses, poses_of
+from workbench.path.section import LEAST_DEPTH_MM
+from workbench.stage import stage
+from workbench.units import DEG, Bool, Float
+
+LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's constant errors may have
+NEAR_MM = 10.0  # farther from the plan's lower edge an inspected place belongs to another edge
+LEAST_PLACES = 5  # that were cut and measured
+LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """The face as it was cut at n places of the plan: what of the profile lies where the path cuts."""
+
+    arc_length_mm: Float  # (n,) as planned
+    root_mm: Float  # (n,)
+    root_u_mm: Float  # (n,)
+    angle: Float  # (n,) rad
+    angle_u: Float  # (n,) rad
+    moved_mm: Float  # (n,) the lower edge beside the plan's, along b
+
+
+@stage("path.correct")
+def correct(
+    inspection: Inspection,
+    toolpath: Toolpath,
+    *,
+    repeatability_mm: Annotated[
+        float, Field(ge=0, le=2, description="standard deviation of what the robot does not repeat, along one axis")
+    ] = 0.03,
+    repeatability_deg: Annotated[float, Field(ge=0, le=2, description="the same of the tool's tilt")] = 0.01,
+    repeatability_length_mm: Annotated[
+        float, Field(ge=1, le=10000, description="correlation length of both along the path")
+    ] = 50.0,
+    most_moved_mm: Annotated[
+        float, Field(gt=0, le=10, description="by which the edge may lie beside where the first scan saw it")
+    ] = 0.3,
+) -> tuple[Toolpath, PathCorrection]:
+    """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
+
+    In each section the face as cut has a root size and an angle, the plan others: the face lies outside its plan by
+    (root - planned) sin(bevel) along its normal b, at its root end, and is turned by the difference of the angles. Both
+    scans and both cuts share hand-eye, tool setting, work object and base: what these displace is in the comparison,
+    and goes. Both sizes are taken from the edge in one scan, so that the robot's error from scan to scan is not in them.
+    What repeats is told apart from the robot's repeatability (`displacement.py`); the finishing pass is moved against
+    it along b and turned about the root end of the face, each only where it is significant (2 u along the edge).
+
+    Refused, in the result and so by `path.check`: a finishing pass that would find less than 0.05 mm + 2 u to remove
+    somewhere, or more than the depth of cut; a part that has moved between the scans; a cut that was hardly measured.
+
+    Args:
+        inspection: of the edge after the first cut.
+        toolpath: that it was milled along, with its finishing pass (`path.layers`: `finish_allowance_mm`).
+        repeatability_mm: what the robot does not repeat, along one axis (ISO 9283).
+        repeatability_deg: the same of the tool's tilt.
+        repeatability_length_mm: correlation length of both along the path.
+        most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
+
+    Raises:
+        InputError: a path without a finishing pass, an inspection of another edge.
+    """
+    if toolpath.finishing is None:
+        raise InputError("toolpath", "expected a path with a finishing pass (path.layers: finish_allowance_mm above 0)")
+    final, bevel = toolpath.layers[-1], toolpath.bevel_deg * DEG
+    cut = _cut(inspection, toolpath, final)
+    finish, finishing = toolpath.finishing.layers[-1], toolpath.finishing
+    at = np.clip(finish.arc_length_mm, 0.0, toolpath.edge_length_mm)
+    frames, frames_at = poses_of(toolpath, final), poses_of(finishing, finish)
+
+    def along(values: Float, u: Float, axes: Float, axes_at: Float, largest: float, unrepeated: float) -> Estimate:
+        here = np.stack([np.interp(cut.arc_length_mm, final.arc_length_mm, column) for column in axes.T], axis=1)
+        return estimate(cut.arc_length_mm, values, u, here, at, axes_at, largest, unrepeated, repeatability_length_mm)
+
+    moved = float(np.median(cut.moved_mm))
+    sine = math.sin(bevel)
+    shift = along((cut.root_mm - toolpath.root_mm) * sine, np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
+                  -frames.x, -frames_at.x, LARGEST_MM, repeatability_mm)  # fmt: skip
+    turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
+    by = np.where(shift.significant, -shift.value, 0.0)
+    tilt = np.where(turn.significant, -turn.value, 0.0)
+    path, comes = _corrected(finishing, finish, frames_at, by, tilt)
+    stock = _stock(toolpath.finish_allowance_mm, shift, turn, tilt, finish)
+    found = PathCorrection(
+        arc_length_mm=finish.arc_length_mm, cut=finish.cutting, displacement_mm=shift.value,
+        displacement_u_mm=shift.u, turn=turn.value, turn_u=turn.u, shift_mm=by, tilt=tilt, stock_mm=stock, bevel=bevel,
+        length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm, repeatability_mm=repeatability_mm, moved_mm=moved,
+        variation_mm=shift.variation, comes=comes, reason=_reason(shift, turn, by, tilt, finish.cutting),
+        warnings=finishing.warnings,
+    )  # fmt: skip
+    told = (_moved(cut, most_moved_mm), _hardly_measured(cut, finish), _beyond(found, shift, toolpath.depth_of_cut_mm))
+    refused = "; ".join(filter(None, told))
+    if not refused:
+        return path, found
+    nothing = np.zeros_like(by)
+    return finishing, replace(found, shift_mm=nothing, tilt=nothing, comes=_unmoved(finishing), refused=refused,
+                              reason="nothing corrected: refused")  # fmt: skip
+
+
+def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
+    """What the profile says of the face where the path's last layer cut it, a cutter's radius from its ends."""
+    poses, profile, bevel = poses_of(toolpath, final), inspection.profile, toolpath.bevel_deg * DEG
+    b, up = -poses.x, -poses.z
+    across = math.sin(bevel) * b + math.cos(bevel) * up
+    lower = poses.origin_mm - 0.5 * final.width_mm[:, None] * up - toolpath.root_mm * across
+    whole = _well_inside(final, toolpath.cutter.diameter_mm / 2.0)
+    known = np.isfinite(profile.position_mm).all(axis=1)
+    for value in (profile.root_mm, profile.root_u_mm, profile.bevel_deg, profile.bevel_u_deg):
+        known &= np.isfinite(value)
+    if not whole.any() or not known.any():
+        raise InputError("inspection", "nothing was measured where the path cut")
+    rows = np.flatnonzero(whole)
+    position = profile.position_mm[known]
+    away, nearest = cKDTree(lower[rows]).query(position)
+    at = rows[nearest]
+    off = position - lower[at]
+    along = (off * poses.y[at]).sum(axis=1)
+    here = (away <= NEAR_MM) & (np.abs(along) <= 0.75 * KEY_POINT_MM)
+    if here.sum() < LEAST_PLACES:
+        raise InputError("inspection", f"expected that of the edge that this path milled: {int(here.sum())} of its "
+                         f"{len(position)} places lie within {NEAR_MM:g} mm of where the path cut")  # fmt: skip
+    arc = (final.arc_length_mm[at] + along)[here]
+    if np.median(np.diff(arc)) < 0.0:
+        raise InputError("inspection", "the inspected edge runs against the planned one: is upper_side reversed?")
+    keep = np.flatnonzero(known)[here]
+    return Cut(arc, profile.root_mm[keep], profile.root_u_mm[keep], profile.bevel_deg[keep] * DEG,
+               profile.bevel_u_deg[keep] * DEG, (off * b[at]).sum(axis=1)[here])  # fmt: skip
+
+
+def _well_inside(layer: Layer, radius_mm: float) -> Bool:
+    """Points (k,) that are cut, farther than the cutter's radius from those over the edge that are not."""
+    s, cut = layer.arc_length_mm, np.flatnonzero(layer.cutting)
+    if not cut.size:
+        return layer.cutting
+    inside = np.arange(s.size) >= cut[0]
+    inside[cut[-1] :] = False
+    idle = s[inside & ~layer.cutting]
+    if not idle.size:
+        return layer.cutting
+    return np.asarray(layer.cutting & (cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
+
+
+def _corrected(finishing: Toolpath, finish: Layer, frames: Poses, by_mm: Float,
+               tilt: Float) -> tuple[Toolpath, PathDeflection]:  # fmt: skip
+    """The finishing pass moved along b by (k,) at the root end of its face and turned about it; how the tool comes."""
+    b = -frames.x
+    cut = finish.cutting
+    width = np.interp(finish.arc_length_mm, finish.arc_length_mm[cut], finish.width_mm[cut])
+    at_middle = by_mm - tilt * 0.5 * width  # a larger angle sinks the face with the way up
+    moved = at_middle[:, None] * b
+    quaternion = turned_about_feed(finish.quaternion_wxyz, -tilt)
+    work = finishing.base_from_workobject
+    moved = moved if work is None else moved @ work[:3, :3]
+    layer = replace(finish, position_mm=finish.position_mm + moved, quaternion_wxyz=quaternion)
+    back = (np.swapaxes(rotation_from_quaternion(quaternion), 1, 2) @ -moved[:, :, None])[:, :, 0]
+    path = replace(finishing, layers=(*finishing.layers[:-1], layer))
+    return path, PathDeflection({layer.index: back}, {layer.index: tilt})
+
+
+def _unmoved(path: Toolpath) -> PathDeflection:
+    return PathDeflection({layer.index: np.zeros_like(layer.position_mm) for layer in path.layers})
+
+
+def _stock(allowance_mm: float, shift: Estimate, turn: Estimate, tilt: Float, finish: Layer) -> Float:
+    """What the finishing pass will remove (k,), the least of both ends of its face.
+
+    Uncorrected, the pass is displaced as the cut was and removes the allowance; corrected, what the cut left too much.
+    """
+    low = allowance_mm + (shift.value if shift.significant else 0.0)
+    high = low - (turn.value if tilt.any() else 0.0) * finish.width_mm
+    return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
+
+
+def _moved(cut: Cut, most_mm: float) -> str:
+    """Whether the part lies where it lay when it was planned for."""
+    worst = int(np.argmax(np.abs(cut.moved_mm)))
+    typical = float(np.median(np.abs(cut.moved_mm)))
+    if typical <= most_mm:
+        return ""
+    return (f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, at arc length "
+            f"{cut.arc_length_mm[worst]:.1f} mm {abs(cut.moved_mm[worst]):.2f} mm (most_moved_mm {most_mm:g}): has the "
+            "part moved, or is this another one?")  # fmt: skip
+
+
+def _hardly_measured(cut: Cut, finish: Layer) -> str:
+    """Whether enough of what will be cut was measured."""
+    s = finish.arc_length_mm[finish.cutting]
+    gap = cKDTree(cut.arc_length_mm[:, None]).query(s[:, None])[0]
+    share = float(np.mean(gap <= 2.0 * KEY_POINT_MM))
+    if share >= LEAST_SHARE:
+        return ""
+    return (f"the first cut was measured on {100 * share:.0f} % of what the finishing pass cuts, expected "
+            f"{100 * LEAST_SHARE:.0f} % or more")  # fmt: skip
+
+
+def _beyond(found: PathCorrection, shift: Estimate, depth_of_cut_mm: float) -> str:
+    """Where the finishing pass would find too little to remove, or too much, and by how much."""
+    s, told = found.arc_length_mm, []
+    thin = found.cut & (found.stock_mm < LEAST_DEPTH_MM + 2.0 * shift.u)
+    thick = found.cut & (found.stock_mm > depth_of_cut_mm)
+    for mask, word, limit in (
+        (thin, "deeper", f"the allowance of {found.allowance_mm:g} mm leaves too little to correct it"),
+        (thick, "higher", f"more than the depth of cut of {depth_of_cut_mm:g} mm is left to take at once"),
+    ):
+        if mask.any():
+            a, b = cut_stretches(s, mask)[0]
+            worst = int(np.argmin(np.where(mask, found.stock_mm, np.inf)) if word == "deeper"
+                        else np.argmax(np.where(mask, found.stock_mm, -np.inf)))  # fmt: skip
+            off = abs(found.stock_mm[worst] - found.allowance_mm)
+            told.append(f"arc length {a:.1f} to {b:.1f} mm: the first cut lies up to {off:.2f} mm {word} than planned "
+                        f"(U = {2.0 * shift.u[worst]:.2f} mm, at {s[worst]:.1f} mm): {limit}")  # fmt: skip
+    return "; ".join(told)
+
+
+def _reason(shift: Estimate, turn: Estimate, by: Float, tilt: Float, cut: Bool) -> str:
+    """What is corrected, in words."""
+    said = []
+    for name, found, made, unit, scale, places in (
+        ("shift", shift, by, "mm", 1.0, 3),
+        ("tilt", turn, tilt, "deg", DEG, 3),
+    ):
+        if found.significant:
+            low, high = made[cut].min() / scale, made[cut].max() / scale
+            said.append(f"{name} corrected by {low:+.{places}f} to {high:+.{places}f} {unit}")
+        else:
+            most = float(np.abs(found.value[cut]).max()) / scale
+            said.append(f"{name} not corrected: {most:.{places}f} {unit} at the most is not significant")
+    return "; ".join(said)

@@ -5,7 +5,7 @@ MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
 
 help:
-	@echo "make demo       the closed loop: scan a raw edge, plan, mill in simulation, scan, inspect; out/demo/report.html"
+	@echo "make demo       the measured loop: scan, plan, mill, scan, correct, mill, inspect, with a tool that errs; out/demo/report.html"
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
 	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
@@ -20,7 +20,7 @@ setup:
 	@scripts/setup.sh
 
 demo: setup
-	@$(BIN)/workbench run pipelines/closed_loop.json --out out/demo
+	@$(BIN)/workbench run pipelines/measured_loop.json --input 'tool_error_mm=[0.25, -0.2, 0.25]' --out out/demo
 
 test: setup
 	@scripts/browser.sh

@@ -13,7 +13,7 @@ ZERO = np.zeros(3)
 
 
 def mechanics(**more):
-    perfect = {"base_from_path": np.eye(4), "offset_mm": ZERO, "rotation": ZERO, "noise_mm": 0.0,
+    perfect = {"base_from_path": np.eye(4), "offset_mm": ZERO, "rotation": ZERO, "noise_mm": 0.0, "repeating_mm": 0.0,
                "noise_length_mm": 20.0, "deflection_mm": ZERO, "deflections_mm": {}, "seed": (3,)}  # fmt: skip
     return Mechanics(**(perfect | more))
 
@@ -36,6 +36,18 @@ def test_robot_error_is_a_gaussian_process_of_the_stated_covariance():
     assert np.abs(np.mean(draws[:, 0, 0] * draws[:, 0, 1])) < 0.0015
     kurtosis = np.mean(draws**4) / np.mean(draws**2) ** 2
     assert kurtosis == pytest.approx(3.0, abs=0.3)
+
+
+def test_an_error_that_repeats_depends_on_the_place_alone():
+    """The same in every run and every draw; over places far apart of the stated standard deviation and smooth."""
+    position, quaternion, _ = line(*np.arange(0.0, 40000.0, 10.0))
+    machine = mechanics(repeating_mm=0.1, seed=(3, 0))
+    off = machine.poses(position, quaternion, 1, 1)[:, :3, 3] - position
+    again = mechanics(repeating_mm=0.1, seed=(3, 7)).poses(position[::-1], quaternion, 2, 5)[::-1, :3, 3] - position
+    assert np.array_equal(off, again)
+    assert off.std() == pytest.approx(0.1, rel=0.1)
+    assert np.mean(off[1:] * off[:-1]) / np.mean(off**2) == pytest.approx(np.exp(-(10**2) / (2 * 20**2)), abs=0.05)
+    assert not np.allclose(off, mechanics(repeating_mm=0.1, seed=(4, 0)).poses(position, quaternion, 1, 1)[:, :3, 3])
 
 
 def test_errors_compose():

@@ -141,6 +141,11 @@ def test_wear_grows_with_the_length_cut(recipe):
     assert lost == pytest.approx(np.linspace(0.16, 0.2, 81), abs=0.003)
 
 
+def test_a_worn_cutter_leaves_what_it_has_lost(recipe):
+    truth, _ = milled(recipe, worn_mm=0.1)
+    assert (truth.root_mm[INSIDE] - 1.5) * np.sin(40 * DEG) == pytest.approx(0.1, abs=0.003)
+
+
 def test_robot_noise_is_smooth_and_as_large_as_asked_for():
     recipe = raw_recipe({"length_mm": 600})
     toolpath = perfect_path(recipe, heights=(0.0,))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from workbench.artefacts.checks import Check
 from workbench.artefacts.paths import PathDeflection, Toolpath
 from workbench.units import Bool, Float
 
@@ -87,4 +88,5 @@ class PathCorrection:
     comes: PathDeflection  # how the tool comes beside the corrected path, by this measurement
     reason: str  # what was corrected, or why nothing was
     refused: str | None = None  # where and by how much the allowance does not allow it; None: it does
+    checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -29,8 +29,8 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
     """
     stands = standing(toolpath, cloud, edge, swept=True)
     taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
-    for order, layer in enumerate((*toolpath.before, *toolpath.layers), start=1):
-        if 1 < order and order > len(toolpath.before) and order not in taken:  # the first may be too thin for a point
+    for order, layer in enumerate(toolpath.layers, start=len(toolpath.before) + 1):
+        if order > 1 and order not in taken:  # the first may be too thin to hold a point
             yield f"layer {layer.index} takes nothing away that was measured"
     foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
-from workbench.artefacts import Inspection, Layer, PathCorrection, PathDeflection, Toolpath
+from workbench.artefacts import Check, Inspection, Layer, PathCorrection, PathDeflection, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.displacement import Estimate, estimate
@@ -60,7 +61,7 @@ def correct(
     In each section the face as cut has a root size and an angle, the plan others: the face lies outside its plan by
     (root - planned) sin(bevel) along its normal b, at its root end, and is turned by the difference of the angles. Both
     scans and both cuts share hand-eye, tool setting, work object and base: what these displace is in the comparison,
-    and goes. Both sizes are taken from the edge in one scan, so that the robot's error from scan to scan is not in them.
+    and goes. Both sizes are taken from the edge in one scan: the robot's error from scan to scan is not in them.
     What repeats is told apart from the robot's repeatability (`displacement.py`); the finishing pass is moved against
     it along b and turned about the root end of the face, each only where it is significant (2 u along the edge).
 
@@ -102,17 +103,21 @@ def correct(
     found = PathCorrection(
         arc_length_mm=finish.arc_length_mm, cut=finish.cutting, displacement_mm=shift.value,
         displacement_u_mm=shift.u, turn=turn.value, turn_u=turn.u, shift_mm=by, tilt=tilt, stock_mm=stock, bevel=bevel,
-        length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm, repeatability_mm=repeatability_mm, moved_mm=moved,
-        variation_mm=shift.variation, comes=comes, reason=_reason(shift, turn, by, tilt, finish.cutting),
+        length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm,
+        repeatability_mm=repeatability_mm, moved_mm=moved, variation_mm=shift.variation, comes=comes,
+        reason=_reason(shift, turn, by, tilt, finish.cutting),
         warnings=finishing.warnings,
     )  # fmt: skip
-    told = (_moved(cut, most_moved_mm), _hardly_measured(cut, finish), _beyond(found, shift, toolpath.depth_of_cut_mm))
-    refused = "; ".join(filter(None, told))
+    checks = _checks(cut, found, shift, finish, most_moved_mm, toolpath.depth_of_cut_mm)
+    evidence = (*finishing.evidence, *inspection.checks, *checks)
+    found, refused = replace(found, checks=checks), "; ".join(c.finding for c in checks if not c.passed)
     if not refused:
-        return path, found
+        return replace(path, evidence=evidence), found
     nothing = np.zeros_like(by)
-    return finishing, replace(found, shift_mm=nothing, tilt=nothing, comes=_unmoved(finishing), refused=refused,
-                              reason="nothing corrected: refused")  # fmt: skip
+    return replace(finishing, evidence=evidence), replace(
+        found, shift_mm=nothing, tilt=nothing, comes=_unmoved(finishing), refused=refused,
+        reason="nothing corrected: refused",
+    )  # fmt: skip
 
 
 def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
@@ -189,45 +194,46 @@ def _stock(allowance_mm: float, shift: Estimate, turn: Estimate, tilt: Float, fi
     return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
 
 
-def _moved(cut: Cut, most_mm: float) -> str:
-    """Whether the part lies where it lay when it was planned for."""
-    worst = int(np.argmax(np.abs(cut.moved_mm)))
-    typical = float(np.median(np.abs(cut.moved_mm)))
-    if typical <= most_mm:
-        return ""
-    return (f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, at arc length "
-            f"{cut.arc_length_mm[worst]:.1f} mm {abs(cut.moved_mm[worst]):.2f} mm (most_moved_mm {most_mm:g}): has the "
-            "part moved, or is this another one?")  # fmt: skip
-
-
-def _hardly_measured(cut: Cut, finish: Layer) -> str:
-    """Whether enough of what will be cut was measured."""
-    s = finish.arc_length_mm[finish.cutting]
-    gap = cKDTree(cut.arc_length_mm[:, None]).query(s[:, None])[0]
+def _checks(cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, most_moved_mm: float,
+            depth_of_cut_mm: float) -> tuple[Check, ...]:  # fmt: skip
+    """What must hold for a correction: the part lies where it lay, enough was measured, the allowance suffices."""
+    typical, worst = float(np.median(np.abs(cut.moved_mm))), int(np.argmax(np.abs(cut.moved_mm)))
+    moved = (
+        f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {abs(cut.moved_mm[worst]):.2f} mm "
+        f"at arc length {cut.arc_length_mm[worst]:.1f} mm: has the part moved, or is this another one?"
+    )
+    gap = cKDTree(cut.arc_length_mm[:, None]).query(finish.arc_length_mm[finish.cutting, None])[0]
     share = float(np.mean(gap <= 2.0 * KEY_POINT_MM))
-    if share >= LEAST_SHARE:
+    hardly = f"the first cut was measured on {100 * share:.0f} % of what the finishing pass cuts"
+    stock = found.stock_mm[found.cut]
+    least, u = LEAST_DEPTH_MM + 2.0 * shift.u, 2.0 * float(shift.u.max())
+    thin = _off_plan(found, shift, found.stock_mm < least, np.argmin, "deeper")
+    thick = _off_plan(found, shift, found.stock_mm > depth_of_cut_mm, np.argmax, "higher")
+    return (
+        Check("edge_moved_mm", round(typical, 4), most_moved_mm, typical <= most_moved_mm,
+              "a part that moved after the cut would be cut in another place", moved),
+        Check("first_cut_measured_share", round(share, 4), (LEAST_SHARE, 1.0), share >= LEAST_SHARE,
+              "what was not measured is only guessed from its neighbours", hardly),
+        Check("least_finishing_stock_mm", round(float(stock.min()), 4), (LEAST_DEPTH_MM + u, depth_of_cut_mm), not thin,
+              "what was cut too deep cannot be corrected", thin),
+        Check("most_finishing_stock_mm", round(float(stock.max()), 4), depth_of_cut_mm, not thick,
+              "one pass takes no more than the depth of cut", thick),
+    )  # fmt: skip
+
+
+def _off_plan(found: PathCorrection, shift: Estimate, wrong: Bool, pick: Callable[[Float], Any], word: str) -> str:
+    """The first stretch with too little, or too much, to remove, and the worst place; '' where there is none."""
+    mask = found.cut & wrong
+    if not mask.any():
         return ""
-    return (f"the first cut was measured on {100 * share:.0f} % of what the finishing pass cuts, expected "
-            f"{100 * LEAST_SHARE:.0f} % or more")  # fmt: skip
-
-
-def _beyond(found: PathCorrection, shift: Estimate, depth_of_cut_mm: float) -> str:
-    """Where the finishing pass would find too little to remove, or too much, and by how much."""
-    s, told = found.arc_length_mm, []
-    thin = found.cut & (found.stock_mm < LEAST_DEPTH_MM + 2.0 * shift.u)
-    thick = found.cut & (found.stock_mm > depth_of_cut_mm)
-    for mask, word, limit in (
-        (thin, "deeper", f"the allowance of {found.allowance_mm:g} mm leaves too little to correct it"),
-        (thick, "higher", f"more than the depth of cut of {depth_of_cut_mm:g} mm is left to take at once"),
-    ):
-        if mask.any():
-            a, b = cut_stretches(s, mask)[0]
-            worst = int(np.argmin(np.where(mask, found.stock_mm, np.inf)) if word == "deeper"
-                        else np.argmax(np.where(mask, found.stock_mm, -np.inf)))  # fmt: skip
-            off = abs(found.stock_mm[worst] - found.allowance_mm)
-            told.append(f"arc length {a:.1f} to {b:.1f} mm: the first cut lies up to {off:.2f} mm {word} than planned "
-                        f"(U = {2.0 * shift.u[worst]:.2f} mm, at {s[worst]:.1f} mm): {limit}")  # fmt: skip
-    return "; ".join(told)
+    s, rows = found.arc_length_mm, np.flatnonzero(mask)
+    worst = rows[int(pick(found.stock_mm[rows]))]
+    a, b = cut_stretches(s, mask)[0]
+    off, expanded = abs(found.stock_mm[worst] - found.allowance_mm), 2.0 * shift.u[worst]
+    return (
+        f"arc length {a:.1f} to {b:.1f} mm: the first cut lies up to {off:.2f} mm {word} than planned (at "
+        f"{s[worst]:.1f} mm, U = {expanded:.2f} mm), more than an allowance of {found.allowance_mm:g} mm allows"
+    )
 
 
 def _reason(shift: Estimate, turn: Estimate, by: Float, tilt: Float, cut: Bool) -> str:

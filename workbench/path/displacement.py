@@ -65,9 +65,8 @@ def estimate(s: Float, values: Float, u: Float, axes: Float, at: Float, axes_at:
     s, d, u_d, axes = s[order], values[order], u[order], axes[order]
     middle, span = 0.5 * (s[0] + s[-1]), max(float(s[-1] - s[0]), 1.0)
     constant, constant_at = _constant(s, axes, middle, span), _constant(at, axes_at, middle, span)
-    known = largest**2 * constant @ constant.T + unrepeated**2 * _alike(s, s, unrepeated_length_mm)
-    rough = np.exp(-np.abs(s[:, None] - s[None, :]) / TOGETHER_MM)  # e is rough: f must not be taken for it
-    known += np.outer(u_d, u_d) * rough + (GRAIN * largest) ** 2 * np.eye(len(s))
+    known = largest**2 * constant @ constant.T + (GRAIN * largest) ** 2 * np.eye(len(s))
+    known += unrepeated**2 * _rough(s, unrepeated_length_mm) + np.outer(u_d, u_d) * _rough(s, TOGETHER_MM)
     best, variation, length = _likelihood(known, d) + 0.5 * BETTER, 0.0, LENGTHS_MM[-1]
     for share, long in itertools.product(SHARES, LENGTHS_MM):
         found = _likelihood(known + (share * largest) ** 2 * _alike(s, s, long), d)
@@ -89,6 +88,11 @@ def _constant(s: Float, axes: Float, middle_mm: float, span_mm: float) -> Float:
 def _alike(a: Float, b: Float, length_mm: float) -> Float:
     """Squared exponential correlation (n, m)."""
     return np.asarray(np.exp(-0.5 * ((a[:, None] - b[None, :]) / length_mm) ** 2))
+
+
+def _rough(s: Float, length_mm: float) -> Float:
+    """Exponential correlation (n, n): of g and e, whose short waves must not be taken for f."""
+    return np.asarray(np.exp(-np.abs(s[:, None] - s[None, :]) / length_mm))
 
 
 def _likelihood(covariance: Float, d: Float) -> float:

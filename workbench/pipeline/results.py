@@ -7,7 +7,17 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from workbench.artefacts import Document, Engagement, Inspection, Layer, PathCorrection, PathGate, Rework, Section, Toolpath
+from workbench.artefacts import (
+    Document,
+    Engagement,
+    Inspection,
+    Layer,
+    PathCorrection,
+    PathGate,
+    Rework,
+    Section,
+    Toolpath,
+)
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
@@ -56,8 +66,11 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
         "cutter": dataclasses.asdict(path.cutter),
         "requirements": {"root_mm": path.root_mm, "bevel_deg": path.bevel_deg, "depth_of_cut_mm": path.depth_of_cut_mm},
         "edge_length_mm": path.edge_length_mm,
-        **({} if path.finishing is None else {"finish_allowance_mm": path.finish_allowance_mm,
-                                              "finishing": toolpath_document(path.finishing)}),
+        **(
+            {}
+            if path.finishing is None
+            else {"finish_allowance_mm": path.finish_allowance_mm, "finishing": toolpath_document(path.finishing)}
+        ),
         "refused": list(path.refused),
         "warnings": list(path.warnings),
         "evidence": [dataclasses.asdict(check) for check in path.evidence],
@@ -125,7 +138,7 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
         "cutting": found.cut,
     }
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
-    rows = zip(*((column[over] + 0).tolist() for column in columns.values()), strict=True)
+    rows = zip(*(column[over].tolist() for column in columns.values()), strict=True)
     return {
         "format": "path-correction",
         "version": 1,
@@ -134,7 +147,7 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
         "refused": found.refused,
         "reason": found.reason,
         "stations": [dict(zip(columns, row, strict=True)) for row in rows],
-        "edge_moved_mm": found.moved_mm,
+        "checks": [dataclasses.asdict(check) for check in found.checks],
         "uncertainty": {"repeatability_mm": found.repeatability_mm, "variation_mm": found.variation_mm,
                         "cancels": list(CANCELS), "not_included": list(NOT_INCLUDED)},
     }  # fmt: skip

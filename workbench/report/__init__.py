@@ -1,9 +1,10 @@
 """Reports that a person reads and signs: chapters, the page that binds them, and a table for spreadsheets."""
 
 from workbench.report.closed_loop import closed_loop
+from workbench.report.correction import correction
 from workbench.report.csv import csv
 from workbench.report.html import html
 from workbench.report.inspection import inspection
 from workbench.report.plan import plan
 
-__all__ = ["closed_loop", "csv", "html", "inspection", "plan"]
+__all__ = ["closed_loop", "correction", "csv", "html", "inspection", "plan"]

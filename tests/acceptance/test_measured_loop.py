@@ -1,0 +1,44 @@
+"""The measured loop as it is shipped: an error of the tool that no plan knows, found in the first cut and taken out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Inspection, PathCorrection
+from workbench.pipeline import Pipeline
+from workbench.synthetic.truth import milled_truth
+
+ROOT = Path(__file__).resolve().parents[2]
+TOOL_ERROR_MM, TURN_DEG = [0.25, -0.2, 0.25], [0.15, 0.1, 0.0]
+
+
+def test_a_tool_error_unknown_to_the_plan_is_taken_out(tmp_path: Path) -> None:
+    """0.41 mm of tool error and 0.18 deg of turn; the robot's error repeats."""
+    turn = {f"{stage}.rotation_deg": TURN_DEG for stage in ("blind_part", "first_cut", "finished")}
+    results = Pipeline.load(ROOT / "pipelines" / "measured_loop.json").run(
+        tmp_path / "out",
+        inputs={"tool_error_mm": TOOL_ERROR_MM, "robot_noise_mm": 0.002, "robot_repeating_mm": 0.03, "sections": 5},
+        settings=turn,
+    )
+    finished, blind = results["inspect.sections"], results["blind"]
+    assert isinstance(finished, Inspection)
+    assert results.passed
+    assert blind.verdict == "fail"
+    found = results.last(PathCorrection)
+    assert found.refused is None
+    corrected, _ = results["finished"]
+    truth = milled_truth(corrected)
+    inside = (truth.arc_length_mm > 8) & (truth.arc_length_mm < 140)
+    assert np.abs(truth.root_mm[inside] - 1.5).max() < 0.05
+    assert np.abs(truth.bevel_deg[inside] - 40.0).max() < 0.1
+    document = json.loads((tmp_path / "out" / "correction.json").read_text())
+    assert document["format"] == "path-correction"
+    assert document["refused"] is None
+    station = document["stations"][len(document["stations"]) // 2]
+    along = np.hypot(station["along_n_mm"], station["along_m_mm"])
+    assert along == pytest.approx(abs(found.displacement_mm[found.cut].mean()), abs=0.1)
+    assert "Measure, cut, measure, correct" in (tmp_path / "out" / "report.html").read_text()

@@ -1,0 +1,189 @@
+"""The finishing pass corrected by a measured first cut, on parts whose truth is known."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.path.conftest import Raw
+from workbench.artefacts import EdgeProfile, Inspection, Requirements, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.path import check, correct, feed, layers
+from workbench.path.poses import poses_of
+from workbench.units import DEG, Float
+
+ROOT, BEVEL, ALLOWANCE = 1.5, 40.0, 0.5
+FIRST_ROOT = ROOT + ALLOWANCE / math.sin(BEVEL * DEG)
+SINE = math.sin(BEVEL * DEG)
+QUIET = {"repeatability_mm": 0.005}
+
+
+@pytest.fixture(scope="module")
+def scan(request: pytest.FixtureRequest) -> Raw:
+    return request.getfixturevalue("raw")()
+
+
+@pytest.fixture(scope="module")
+def plan(scan: Raw) -> Toolpath:
+    return feed(layers(scan.edge, scan.cloud, finish_allowance_mm=ALLOWANCE), scan.cloud, scan.edge)
+
+
+def inspected(
+    scan: Raw, root_mm: Any, bevel_deg: Any = BEVEL, moved_mm: float = 0.0, u_mm: float = 0.006
+) -> Inspection:
+    """What an inspection says of a part that was cut with this root size and angle, values along the edge or one."""
+    edge = scan.edge
+    s = edge.arc_length_mm
+    full = np.ones(len(s))
+    position = edge.position_mm + moved_mm * edge.normal
+    profile = EdgeProfile(s, position, full * root_mm, full * u_mm, full * bevel_deg, 0.02 * full)
+    return Inspection((), profile, Requirements(), 1.645, "pass", "", "whole edge")
+
+
+def faces(path: Toolpath) -> tuple[Float, Float, Float]:
+    """Root end (k, 3) of the final layer's face, its direction up (k, 3), where it cuts; and their arc lengths."""
+    final = path.layers[-1]
+    poses, cut = poses_of(path, final), final.cutting
+    return (poses.origin_mm + 0.5 * final.width_mm[:, None] * poses.z)[cut], -poses.z[cut], final.arc_length_mm[cut]
+
+
+def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(scan: Raw, plan: Toolpath) -> None:
+    assert plan.root_mm == pytest.approx(FIRST_ROOT)
+    assert plan.layers[-1].height_mm == 0.0
+    assert plan.layers[-2].height_mm == pytest.approx(ALLOWANCE)
+    assert np.diff([layer.height_mm for layer in plan.layers[:-1]]) == pytest.approx(-1.0)
+    finishing = plan.finishing
+    assert finishing is not None
+    assert (finishing.root_mm, len(finishing.layers), finishing.layers[0].height_mm) == (ROOT, 1, 0.0)
+    b = -poses_of(plan, plan.layers[-1]).x
+    apart = ((plan.layers[-1].position_mm - finishing.layers[-1].position_mm) * b).sum(axis=1)
+    assert apart[plan.layers[-1].cutting] == pytest.approx(ALLOWANCE, abs=1e-9)
+    assert check(plan, scan.edge, scan.cloud).passed
+    assert check(finishing, scan.edge, scan.cloud).passed
+    alone = check(replace(finishing, before=()), scan.edge, scan.cloud)  # nothing was milled before it
+    assert not alone.passed
+    assert "enters the stock" in alone.reason
+
+
+@pytest.mark.parametrize("off_mm", [0.3, -0.2])
+def test_a_displaced_cut_moves_the_finishing_pass_against_it(scan: Raw, plan: Toolpath, off_mm: float) -> None:
+    path, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE), plan, **QUIET)
+    assert found.refused is None
+    assert found.displacement_mm[found.cut] == pytest.approx(off_mm, abs=0.004)
+    assert plan.finishing is not None
+    b = -poses_of(plan, plan.finishing.layers[-1]).x
+    moved = path.layers[-1].position_mm - plan.finishing.layers[-1].position_mm
+    assert moved == pytest.approx(-off_mm * b, abs=0.004)
+    assert np.array_equal(path.layers[-1].quaternion_wxyz, plan.finishing.layers[-1].quaternion_wxyz)
+    assert found.stock_mm[found.cut] == pytest.approx(ALLOWANCE + off_mm, abs=0.004)
+    fed = feed(path, scan.cloud, scan.edge)
+    assert check(fed, scan.edge, scan.cloud, None, found).passed
+    assert not check(fed, scan.edge, scan.cloud).passed  # without its correction it is no path for this edge
+
+
+def test_a_tilted_cut_turns_the_finishing_pass_about_the_root_end(scan: Raw, plan: Toolpath) -> None:
+    path, found = correct(inspected(scan, FIRST_ROOT, BEVEL + 0.3), plan, **QUIET)
+    assert found.turn[found.cut] / DEG == pytest.approx(0.3, abs=0.01)
+    assert found.shift_mm == pytest.approx(0.0)
+    assert plan.finishing is not None
+    foot, up, _ = faces(path)
+    foot_before, up_before, _ = faces(plan.finishing)
+    assert foot == pytest.approx(foot_before, abs=0.001)
+    n, m = scan.truth.normal[0], scan.truth.across[0]
+    angle = np.arctan2(-(up @ n), up @ m) / DEG
+    assert np.arctan2(-(up_before @ n), up_before @ m) / DEG == pytest.approx(BEVEL, abs=0.01)
+    assert angle == pytest.approx(BEVEL - 0.3, abs=0.02)
+    assert check(feed(path, scan.cloud, scan.edge), scan.edge, scan.cloud, None, found).passed
+
+
+def test_the_tool_that_errs_as_measured_comes_where_it_was_planned(scan: Raw, plan: Toolpath) -> None:
+    path, found = correct(inspected(scan, FIRST_ROOT + 0.2 / SINE, BEVEL + 0.2), plan, **QUIET)
+    final, comes = path.layers[-1], found.comes
+    away = rotation_from_quaternion(final.quaternion_wxyz) @ comes.by_layer_mm[final.index][:, :, None]
+    assert plan.finishing is not None
+    assert final.position_mm + away[:, :, 0] == pytest.approx(plan.finishing.layers[-1].position_mm, abs=1e-9)
+
+
+@pytest.mark.parametrize("off_mm", [0.0, 0.008])
+def test_what_is_not_significant_is_not_corrected(scan: Raw, plan: Toolpath, off_mm: float) -> None:
+    path, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE, BEVEL + 0.01), plan)
+    assert not found.shift_mm.any()
+    assert not found.tilt.any()
+    assert "not significant" in found.reason
+    assert plan.finishing is not None
+    assert np.array_equal(path.layers[-1].position_mm, plan.finishing.layers[-1].position_mm)
+
+
+def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not_is_left(
+    scan: Raw, plan: Toolpath
+) -> None:
+    s = scan.edge.arc_length_mm
+    wave = 0.1 * np.sin(2 * np.pi * s / 60.0)
+    cut = inspected(scan, FIRST_ROOT + wave / SINE)
+    _, found = correct(cut, plan, **QUIET)
+    expected = np.interp(found.arc_length_mm, s, wave)
+    inner = (found.arc_length_mm > 5) & (found.arc_length_mm < s[-1] - 5)
+    assert found.shift_mm[inner] == pytest.approx(-expected[inner], abs=0.015)
+    assert found.variation_mm > 0.02
+    _, left = correct(cut, plan, repeatability_mm=0.1)
+    assert left.variation_mm == 0.0
+    assert np.abs(left.shift_mm).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("off_mm", "words"),
+    [(-0.55, r"lies up to 0\.5\d mm deeper than planned"), (0.6, r"lies up to 0\.[56]\d? mm higher than planned")],
+)
+def test_more_than_the_allowance_allows_is_refused(scan: Raw, plan: Toolpath, off_mm: float, words: str) -> None:
+    s = scan.edge.arc_length_mm
+    local = off_mm * np.exp(-(((s - 40.0) / 15.0) ** 2))  # at one end only
+    path, found = correct(inspected(scan, FIRST_ROOT + local / SINE), plan, **QUIET)
+    assert found.refused is not None
+    assert re.search(words, found.refused), found.refused
+    assert not found.shift_mm.any()
+    assert plan.finishing is not None
+    assert np.array_equal(path.layers[-1].position_mm, plan.finishing.layers[-1].position_mm)
+    gate = check(path, scan.edge, scan.cloud, None, found)
+    assert not gate.passed
+    assert found.refused in gate.reason
+
+
+def test_a_part_that_moved_is_refused(scan: Raw, plan: Toolpath) -> None:
+    _, found = correct(inspected(scan, FIRST_ROOT, moved_mm=0.6), plan)
+    assert found.refused is not None
+    assert "has the part moved" in found.refused
+
+
+def test_a_cut_that_was_hardly_measured_is_refused(scan: Raw, plan: Toolpath) -> None:
+    cut = inspected(scan, FIRST_ROOT)
+    root = np.where(cut.profile.arc_length_mm < 15.0, cut.profile.root_mm, np.nan)
+    _, found = correct(replace(cut, profile=replace(cut.profile, root_mm=root)), plan)
+    assert found.refused is not None
+    assert "of what the finishing pass cuts" in found.refused
+
+
+def test_inputs_that_do_not_belong_together(scan: Raw, plan: Toolpath) -> None:
+    cut = inspected(scan, FIRST_ROOT)
+    with pytest.raises(InputError, match="finish_allowance_mm"):
+        correct(cut, layers(scan.edge, scan.cloud))
+    far = replace(cut, profile=replace(cut.profile, position_mm=cut.profile.position_mm + 50.0))
+    with pytest.raises(InputError, match="expected that of the edge that this path milled"):
+        correct(far, plan)
+    back = replace(cut, profile=replace(cut.profile, position_mm=cut.profile.position_mm[::-1].copy()))
+    with pytest.raises(InputError, match="runs against the planned one"):
+        correct(back, plan)
+    nowhere = replace(cut, profile=replace(cut.profile, root_mm=np.full_like(cut.profile.root_mm, np.nan)))
+    with pytest.raises(InputError, match="nothing was measured"):
+        correct(nowhere, plan)
+
+
+@pytest.mark.parametrize("allowance", [0.05, 1.5])
+def test_an_allowance_that_cannot_be_milled_is_refused(scan: Raw, allowance: float) -> None:
+    with pytest.raises(InputError, match="finish_allowance_mm"):
+        layers(scan.edge, scan.cloud, finish_allowance_mm=allowance)

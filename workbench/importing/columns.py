@@ -39,7 +39,7 @@ def parsed(
     try:
         table = arrow_csv.read_csv(
             pa.BufferReader(body),
-            read_options=arrow_csv.ReadOptions(column_names=names, block_size=2**24),
+            read_options=arrow_csv.ReadOptions(column_names=names, block_size=2**24, use_threads=False),
             parse_options=arrow_csv.ParseOptions(delimiter=part.delimiter),
             convert_options=arrow_csv.ConvertOptions(
                 column_types={str(i): pa.float64() for i in used},

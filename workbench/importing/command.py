@@ -16,6 +16,8 @@ from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
 from workbench.scan.write import write
 
+BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000
+
 
 class Understood(NamedTuple):
     """A recording and the lines that say what was understood."""
@@ -76,14 +78,21 @@ def _check_names(sources: Sequence[str | Path], target: Path) -> None:
 def summary(recording: Recording) -> list[str]:
     """Frames, columns, pitch, missing share, duration and travel of a recording."""
     frames, columns = recording.z_mm.shape
-    seen = np.isfinite(recording.x_mm) & np.isfinite(recording.z_mm)
-    step_mm = np.abs(np.diff(recording.x_mm, axis=1))
+    some = recording.x_mm[:: max(1, frames * columns // PITCH_POINTS)]
+    step_mm = np.abs(np.diff(some, axis=1))
     pitch_mm = float(np.nanmedian(step_mm)) if np.isfinite(step_mm).any() else float("nan")
-    x, z = recording.x_mm[seen], recording.z_mm[seen]
+    seen, ranges = 0, np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
+    for at in range(0, frames, BLOCK_FRAMES):
+        x, z = recording.x_mm[at : at + BLOCK_FRAMES], recording.z_mm[at : at + BLOCK_FRAMES]
+        back = np.isfinite(x) & np.isfinite(z)
+        seen += int(back.sum())
+        for row, grid in zip(ranges, (x, z), strict=True):
+            row[0] = min(row[0], np.min(grid, initial=np.inf, where=back))
+            row[1] = max(row[1], np.max(grid, initial=-np.inf, where=back))
     lines = [
         f"profiles: {frames} frames of {columns} columns, pitch {pitch_mm:.4g} mm, "
-        f"{100 * (1 - seen.mean()):.1f} % missing",
-        f"returns: x {x.min():.4g} to {x.max():.4g} mm, z {z.min():.4g} to {z.max():.4g} mm"
+        f"{100 * (1 - seen / (frames * columns)):.1f} % missing",
+        "returns: x {:.4g} to {:.4g} mm, z {:.4g} to {:.4g} mm".format(*ranges.ravel())
         + ("" if recording.intensity is None else ", with intensity"),
     ]
     for number in np.unique(recording.pass_index):

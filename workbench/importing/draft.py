@@ -21,7 +21,7 @@ from workbench.importing.passes import joined
 from workbench.importing.roles import LENGTHS, TIMES, Columns, columns_of
 from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.suspicions import WIDTH_MM
-from workbench.importing.tables import restarts
+from workbench.importing.tables import way_of
 from workbench.importing.text import as_utf8
 from workbench.storage import regular_file
 from workbench.units import Float
@@ -138,7 +138,9 @@ def _frames(form: Form, columns: Columns, x: Float) -> str:
         return "column"
     if form.after_blank[1:].any():
         return "blank_lines"
-    return "restart" if restarts(x[np.isfinite(x)]).any() else "one"
+    x = x[np.isfinite(x)]
+    way, span = way_of(x)
+    return "restart" if (np.diff(x) * way < -0.5 * span).any() else "one"
 
 
 def _ranges(form: Form) -> tuple[Tree, list[str]]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.geometry.columns import columns_by_count, columns_by_spacing
+from workbench.geometry.columns import columns_by_count, columns_by_spacing, usual_pitch
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 MOST_EMPTY = 20  # cells a point: beyond it the rows cannot be profiles of one sensor
 FEW_CELLS = 1_000_000
+BLOCK_POINTS = 1_000_000
 MAX_MM = 1e5  # as scan.read: beyond it no length in mm, but a code for 'no return'
 
 
@@ -24,37 +27,118 @@ class Grid(NamedTuple):
     note: str  # how ragged frames were laid out; '' where none was ragged
 
 
-def gridded(
-    x_mm: Float, z_mm: Float, first: Bool, where: str, *, intensity: AnyArray | None = None, by_spacing: bool = True
-) -> Grid:
-    """The grid of points (R,) whose frames begin where `first` (R,) is True.
+class Points:
+    """Points in the order of a file, added stretch by stretch; then the grid. Holds little more than the numbers."""
 
-    Frames of unequal length are laid out by the gaps in x, so that columns stay the sensor's pixels as far as the file
-    shows them; where the gaps tell nothing, or `by_spacing` is False, points are counted from column 0.
-    """
-    column, note = columns_by_count(first), ""
-    counts = np.diff(np.append(np.flatnonzero(first), len(first)))
-    if counts.min() < counts.max():
-        spaced = columns_by_spacing(x_mm, first) if by_spacing else None
+    def __init__(self) -> None:
+        self._x: list[Float32] = []
+        self._z: list[Float32] = []
+        self._light: list[AnyArray] = []
+        self._starts: list[Int] = []
+        self.rows = self.frames = 0
+
+    def add(self, x_mm: Float32, z_mm: Float32, first: Bool, intensity: AnyArray | None = None) -> None:
+        """Points (r,), `first` True where a frame begins."""
+        self._x.append(x_mm)
+        self._z.append(z_mm)
+        if intensity is not None:
+            self._light.append(intensity)
+        self._starts.append(np.flatnonzero(first) + self.rows)
+        self.rows += len(x_mm)
+        self.frames += len(self._starts[-1])
+
+    def gridded(self, where: str, *, by_spacing: bool = True) -> Grid:
+        """The grid; the points are gone from here afterwards.
+
+        Frames of unequal length are laid out by the gaps in x, so that columns stay the sensor's pixels as far as the
+        file shows them; where the gaps tell nothing, or `by_spacing` is False, points are counted from column 0.
+        """
+        starts = np.concatenate(self._starts)
+        counts = np.diff(np.append(starts, self.rows))
+        x, z = _taken(self._x), _taken(self._z)
+        light = _taken(self._light) if self._light else None
+        if counts.min() == counts.max():
+            shape = (len(counts), int(counts[0]))
+            return Grid(x.reshape(shape), z.reshape(shape), None if light is None else light.reshape(shape), "")
         note = f"frames of {counts.min()} to {counts.max()} points: columns "
-        note += "counted from each frame's first point" if spaced is None else "by the gaps in x"
-        column = column if spaced is None else spaced
-    shape = (len(counts), int(column.max()) + 1)
-    if shape[0] * shape[1] > max(FEW_CELLS, MOST_EMPTY * len(x_mm)):
-        raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
-    return _filled(shape, np.cumsum(first) - 1, column, x_mm, z_mm, intensity, note)
+        columns = _by_spacing(x, starts, counts) if by_spacing else None
+        note += "counted from each frame's first point" if columns is None else "by the gaps in x"
+        width = int(counts.max()) if columns is None else max(int(each.max()) for each in columns) + 1
+        if len(counts) * width > max(FEW_CELLS, MOST_EMPTY * self.rows):
+            raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
+        return _filled((len(counts), width), starts, counts, columns, x, z, light, note)
+
+
+def gridded(x_mm: Float, z_mm: Float, first: Bool, where: str) -> Grid:
+    """The grid of points (R,) whose frames begin where `first` (R,) is True."""
+    points = Points()
+    points.add(bounded(x_mm), bounded(z_mm), first)
+    return points.gridded(where)
+
+
+def _taken(parts: list[AnyArray]) -> AnyArray:
+    """All parts as one array, let go of one after another."""
+    whole = np.empty(sum(map(len, parts)), parts[0].dtype)
+    at = len(whole)
+    while parts:
+        part = parts.pop()
+        whole[at - len(part) : at] = part
+        at -= len(part)
+    return whole
+
+
+def _blocks(counts: Int) -> Iterator[tuple[int, int]]:
+    """First frame and the one after the last of blocks of about BLOCK_POINTS points."""
+    number = np.cumsum(counts) // BLOCK_POINTS
+    cuts = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(counts)]
+    return pairwise(dict.fromkeys(cuts))
+
+
+def _firsts(starts: Int, first: int, last: int, begin: int, end: int) -> Bool:
+    """(end - begin,) True where the frames from `first` to `last` - 1 begin."""
+    made = np.zeros(end - begin, bool)
+    made[starts[first:last] - begin] = True
+    return made
+
+
+def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | None:
+    """Columns of the points, block by block of frames, by one pitch and origin; None where gaps tell nothing."""
+    ends = np.append(starts[1:], len(x_mm))
+    columns: list[AnyArray] = []
+    pitch = origin = None
+    for first, last in _blocks(counts):
+        begin, end = int(starts[first]), int(ends[last - 1])
+        x, at = x_mm[begin:end].astype(np.float64), _firsts(starts, first, last, begin, end)
+        if pitch is None:
+            pitch = usual_pitch(x, at)
+            if pitch is None or not np.isfinite(x_mm[starts]).all():
+                return None
+            origin = float((x_mm[starts] / pitch).min())
+        found = columns_by_spacing(x, at, pitch_mm=pitch, origin=origin)
+        if found is None:
+            return None
+        columns.append(found.astype(np.int32))
+    return columns
 
 
 def _filled(
-    shape: tuple[int, int], frame: Int, column: Int, x_mm: Float, z_mm: Float, intensity: AnyArray | None, note: str
-) -> Grid:
-    x, z = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
-    x[frame, column], z[frame, column] = bounded(x_mm), bounded(z_mm)
-    light = None
-    if intensity is not None:
-        light = np.zeros(shape, np.uint16)
-        light[frame, column] = intensity
-    return Grid(x, z, light, note)
+    shape: tuple[int, int], starts: Int, counts: Int, columns: list[AnyArray] | None,
+    x: Float32, z: Float32, light: AnyArray | None, note: str,
+) -> Grid:  # fmt: skip
+    """Points put into their columns, block by block; counted from column 0 where `columns` is None."""
+    sources = [(x, np.nan), (z, np.nan), *([] if light is None else [(light, 0)])]
+    grids = [np.full(shape, empty, values.dtype) for values, empty in sources]
+    ends = np.append(starts[1:], len(x))
+    for number, (first, last) in enumerate(_blocks(counts)):
+        begin, end = int(starts[first]), int(ends[last - 1])
+        frame = np.repeat(np.arange(first, last), counts[first:last])
+        if columns is not None:
+            column = columns[number]
+        else:
+            column = columns_by_count(_firsts(starts, first, last, begin, end)).astype(np.int32)
+        for grid, (values, _) in zip(grids, sources, strict=True):
+            grid[frame, column] = values[begin:end]
+    return Grid(grids[0], grids[1], grids[2] if light is not None else None, note)
 
 
 def bounded(lengths_mm: Float) -> Float32:

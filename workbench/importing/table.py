@@ -1,10 +1,14 @@
-"""Tables in text files: the columns that a mapping names, as numbers, each row with its line."""
+"""Tables in text files: the columns that a mapping names, as numbers, each row with its line.
+
+A file is read in stretches of lines, so that no more of it is held than the numbers that are wanted.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +16,11 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.importing.columns import parsed
 from workbench.importing.mapping_tables import Column, TextPart
-from workbench.importing.text import HEAD_BYTES, INK, cells, head_text, numbered, read_lines_as_bytes
+from workbench.importing.text import HEAD_BYTES, INK, cells, head_text, numbered, stretches
 from workbench.units import Bool, Float, Int
 
-SLAB_BYTES = 2**25
+SLAB_BYTES = 2**24
+NEW_LINE = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,14 +30,26 @@ class Table:
     where: str
     columns: dict[str, Float]  # role -> (R,)
     names: dict[str, str]  # role -> the column as the file calls it
-    line: Int  # (R,) line in the file, from 1
-    after_blank: Bool  # (R,) a blank line stands before the row
+    rows: Callable[
+        [], tuple[Int, Bool]
+    ]  # lines in the file, from 1, and whether a blank line stands before: seldom asked
+
+    @property
+    def line(self) -> Int:
+        """(R,) line of each row in the file, from 1."""
+        return self.rows()[0]
+
+    @property
+    def after_blank(self) -> Bool:
+        """(R,) whether a blank line stands before the row."""
+        return self.rows()[1]
 
     def present(self, role: str) -> Float:
         """A column without empty cells; InputError naming the line of the first one."""
-        gap = np.flatnonzero(np.isnan(self.columns[role]))
-        if len(gap):
-            raise InputError(f"{self.where}: line {self.line[gap[0]]}", f"column {self.names[role]}: no number")
+        gap = np.isnan(self.columns[role])
+        if gap.any():
+            line = self.line[int(gap.argmax())]
+            raise InputError(f"{self.where}: line {line}", f"column {self.names[role]}: no number")
         return self.columns[role]
 
 
@@ -43,42 +60,52 @@ def header_names(head: bytes, part: TextPart) -> list[str]:
 
 
 def read_table(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Table:
-    """Read the `wanted` columns (role -> name or place) of a table.
+    """The `wanted` columns (role -> name or place) of a whole table; errors as `slabs`."""
+    found = list(slabs(path, part, wanted))
+    columns = {role: np.concatenate([slab.columns[role] for slab in found]) for role in wanted}
+    line, blank = (np.concatenate([slab.rows()[k] for slab in found]) for k in (0, 1))
+    return Table(str(path), columns, found[0].names, lambda: (line, blank))
+
+
+def slabs(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Iterator[Table]:
+    """The `wanted` columns of a table, stretch by stretch of its rows.
 
     Raises:
         InputError: a column is not there, stands twice or is named twice; a cell is no number; a row is too short or
             too long; an infinity; no rows. With the line.
     """
-    where, content = str(path), _plain_blanks(read_lines_as_bytes(path), part)
-    header = header_names(content[:HEAD_BYTES], part)
-    skipped = part.skip_lines + bool(part.header)
-    start = _offset(content, skipped)
-    if INK.search(content, start) is None:
-        raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
-    first_row = next(line for number, line in numbered(content[start : start + HEAD_BYTES]))
-    count = len(header) or len(cells(first_row, part.delimiter))
-    places = _places(wanted, header, count, where)
-    names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
-    slabs, lines = [], skipped
-    for begin, end in _slabs(content, start):
-        body = content[begin:end]
-        slabs.append((parsed(body, part, places, count, where, lines), *_rows(body, lines)))
-        lines += body.count(b"\n")
-    columns = {role: np.concatenate([slab[0].pop(role) for slab in slabs]) for role in places}
-    line = np.concatenate([slab[1] for slab in slabs])
-    table = Table(where, columns, names, line, np.concatenate([slab[2] for slab in slabs]))
-    for role, values in columns.items():
-        if np.isinf(values).any():
-            row = line[np.flatnonzero(np.isinf(values))[0]]
-            raise InputError(f"{where}: line {row}", f"column {names[role]}: expected a finite number")
-    return table
+    where, skipped, begun = str(path), part.skip_lines + bool(part.header), False
+    header: list[str] = []
+    places: dict[str, int] = {}
+    names: dict[str, str] = {}
+    count, lines = 0, 0
+    for text in stretches(path, SLAB_BYTES, HEAD_BYTES):
+        body = _plain_blanks(text, part)
+        if not begun:
+            header = header_names(body[:HEAD_BYTES], part)
+            start = _offset(body, skipped)
+            if INK.search(body, start) is None:
+                raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
+            first_row = next(line for _, line in numbered(body[start : start + HEAD_BYTES]))
+            count = len(header) or len(cells(first_row, part.delimiter))
+            places = _places(wanted, header, count, where)
+            names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
+            body, lines, begun = body[start:], skipped, True
+        columns = parsed(body, part, places, count, where, lines)
+        table = Table(where, columns, names, partial(_rows, body, lines))
+        for role, values in columns.items():
+            if np.isinf(values).any():
+                row = table.line[int(np.isinf(values).argmax())]
+                raise InputError(f"{where}: line {row}", f"column {names[role]}: expected a finite number")
+        yield table
+        lines += int(np.count_nonzero(np.frombuffer(body, np.uint8) == NEW_LINE))
 
 
 def _plain_blanks(content: bytes, part: TextPart) -> bytes:
     """Lines of white space are empty lines; where white space separates, it is one blank."""
     if part.delimiter == " ":
         return re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content))
-    return re.sub(rb"(?m)^ +$", b"", content) if b"\n " in content else content
+    return re.sub(rb"(?m)^ +$", b"", content) if b" " in content and b"\n " in content else content
 
 
 def _offset(content: bytes, lines: int) -> int:
@@ -91,23 +118,9 @@ def _offset(content: bytes, lines: int) -> int:
     return offset
 
 
-def _slabs(content: bytes, start: int) -> Iterator[tuple[int, int]]:
-    """Stretches of lines, each ending in a row, so that a large file is not held several times over."""
-    end = len(content)
-    while content[end - 1 : end] == b"\n":
-        end -= 1
-    while start < end:
-        cut = content.find(b"\n", start + SLAB_BYTES, end)
-        while cut >= 0 and content[cut - 1 : cut] == b"\n":  # a blank line: it belongs to the row after it
-            cut = content.find(b"\n", cut + 1, end)
-        stop = cut + 1 if cut >= 0 else end
-        yield start, stop
-        start = stop
-
-
 def _rows(body: bytes, skipped: int) -> tuple[Int, Bool]:
     """Line numbers of the rows that are not blank, and before which of them a blank line stands."""
-    ends = np.append(np.flatnonzero(np.frombuffer(body, np.uint8) == 10), len(body))
+    ends = np.append(np.flatnonzero(np.frombuffer(body, np.uint8) == NEW_LINE), len(body))
     lengths = np.diff(ends, prepend=-1) - 1
     index = np.flatnonzero(lengths > 0)
     return index + skipped + 1, np.diff(index, prepend=-1) > 1

@@ -9,11 +9,11 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.importing.files import claims
 from workbench.importing.gopxl import intensities
-from workbench.importing.grid import bounded, gridded, without
+from workbench.importing.grid import Points, bounded, without
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.table import Table, header_names, read_table
+from workbench.importing.table import Table, header_names, slabs
 from workbench.importing.text import cells, first_bytes, numbered, numbers, read_lines_as_bytes
 from workbench.units import Bool, Float
 
@@ -60,18 +60,23 @@ def _wanted(part: ProfilesPart) -> dict[str, str | int]:
 def _read_points(path: Path, part: ProfilesPart) -> Imported:
     """One row a point."""
     wanted, unit = _wanted(part), LENGTH_MM[part.length_unit]
-    table = read_table(path, part, wanted)
-    first = _first(table, part)
-    x, z = (without(table.columns[role], part.missing) * unit for role in ("x", "z"))
-    light = intensities(table, "intensity") if "intensity" in wanted else None
-    by_spacing = part.ragged == "spacing"
-    grid = gridded(x, z, first, table.where, intensity=light, by_spacing=by_spacing)
+    points, values = Points(), FrameValues(part)
+    table = None
+    for table in slabs(path, part, wanted):
+        first = values.add(table)
+        x, z = (bounded(without(table.columns[role], part.missing) * unit) for role in ("x", "z"))
+        points.add(x, z, first, intensities(table, "intensity") if "intensity" in wanted else None)
+    assert table is not None
+    if points.rows > 1 and points.frames > points.rows / 2:
+        what = f"expected several points a frame, found {points.frames} frames in {points.rows} rows"
+        raise InputError(f"{table.where}: line {values.second_line}", what)
+    grid = points.gridded(table.where, by_spacing=part.ragged == "spacing")
     frames = ProfileFrames(
         table.where,
         grid.x_mm,
         grid.z_mm,
-        time_s=_of_frame(table, "time", first, TIME_S[part.time_unit or "s"]),
-        travel_mm=_of_frame(table, "travel", first, unit),
+        time_s=values.of("time", TIME_S[part.time_unit or "s"]),
+        travel_mm=values.of("travel", unit),
         intensity=grid.intensity,
         length_unit=part.length_unit,
     )
@@ -80,43 +85,61 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
     return Imported(profiles=frames, notes=(f"table: {used}; {units}", *filter(None, [grid.note])))
 
 
-def _first(table: Table, part: ProfilesPart) -> Bool:
-    """Where frames begin."""
-    if part.frames == "column":
-        number = table.present("frame")
-        first = np.diff(number, prepend=np.nan) != 0
-    elif part.frames == "restart":
-        first = restarts(table.present("x"))
-    else:
-        first = table.after_blank.copy() if part.frames == "blank_lines" else np.zeros(len(table.line), bool)
-    first[0] = True
-    if len(first) > 1 and first.sum() > len(first) / 2:
-        raise InputError(
-            f"{table.where}: line {table.line[1]}",
-            f"expected several points a frame, found {first.sum()} frames in {len(first)} rows",
-        )
-    return np.asarray(first)
+class FrameValues:
+    """Where frames begin, and what has one value a frame, stretch by stretch."""
+
+    def __init__(self, part: ProfilesPart) -> None:
+        self.part, self.second_line = part, 1
+        self._last: dict[str, float] = {}
+        self._values: dict[str, list[Float]] = {"time": [], "travel": []}
+        self._way: tuple[float, float] | None = None  # for 'restart': sign of the usual step, span of x
+
+    def add(self, table: Table) -> Bool:
+        """(R,) True at each frame's first row; InputError where time or travel change within a frame."""
+        begun = bool(self._last)
+        first = self._first(table)
+        if not begun:
+            first[0] = True
+            self.second_line = int(table.line[min(1, len(first) - 1)])
+        for role, values in self._values.items():
+            if role in table.columns:
+                self._check(table, role, first)
+                values.append(table.columns[role][first])
+        self._last |= {role: float(column[-1]) for role, column in table.columns.items()}
+        return first
+
+    def of(self, role: str, unit: float) -> Float | None:
+        """A value a frame; None where the table has none."""
+        return np.concatenate(self._values[role]) * unit if self._values[role] else None
+
+    def _first(self, table: Table) -> Bool:
+        if self.part.frames == "column":
+            return np.asarray(self._step(table.present("frame"), "frame") != 0)
+        if self.part.frames == "restart":
+            x = table.present("x")
+            if self._way is None:
+                self._way = way_of(x)
+            return np.asarray(self._step(x, "x") * self._way[0] < -0.5 * self._way[1])
+        if self.part.frames == "blank_lines":
+            return table.after_blank.copy()
+        return np.zeros(len(table.columns["x"]), bool)
+
+    def _step(self, values: Float, role: str) -> Float:
+        return np.diff(values, prepend=self._last.get(role, values[0]))
+
+    def _check(self, table: Table, role: str, first: Bool) -> None:
+        values = table.present(role)
+        changed = ~first & (self._step(values, role) != 0)
+        if changed.any():
+            row = int(changed.argmax())
+            what = f"column {table.names[role]}: expected one value a frame, found {values[row]:g}"
+            raise InputError(f"{table.where}: line {table.line[row]}", what)
 
 
-def restarts(x: Float) -> Bool:
-    """Where x jumps back by more than half of what it spans, against its usual way."""
-    step = np.diff(x, prepend=x[:1])
-    way = np.sign(np.median(step[1:])) if len(step) > 1 else 1.0
-    return np.asarray(step * way < -0.5 * np.ptp(x))
-
-
-def _of_frame(table: Table, role: str, first: Bool, unit: float) -> Float | None:
-    """A column with one value a frame."""
-    if role not in table.columns:
-        return None
-    values = table.present(role)
-    changed = np.flatnonzero(~first & (np.diff(values, prepend=values[:1]) != 0))
-    if len(changed):
-        raise InputError(
-            f"{table.where}: line {table.line[changed[0]]}",
-            f"column {table.names[role]}: expected one value a frame, found {values[changed[0]]:g}",
-        )
-    return values[first] * unit
+def way_of(x: Float) -> tuple[float, float]:
+    """Sign of the usual step of x, and its span."""
+    step = np.diff(x)
+    return float(np.sign(np.median(step))) if len(step) else 1.0, float(np.ptp(x)) if len(x) else 0.0
 
 
 def _read_rows(path: Path, part: ProfilesPart) -> Imported:

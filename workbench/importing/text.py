@@ -26,9 +26,7 @@ def read_lines_as_bytes(path: Path) -> bytes:
     Raises:
         InputError: no such file, larger than MAX_BYTES, empty, or not text.
     """
-    size = regular_file(path).st_size
-    if size > MAX_BYTES:
-        raise InputError(str(path), f"expected a text file of at most {MAX_BYTES / 1e9:g} GB, found {size / 1e9:.1f}")
+    _check_size(path)
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -39,6 +37,55 @@ def read_lines_as_bytes(path: Path) -> bytes:
     if (zero := content.find(b"\0")) >= 0:
         raise InputError(f"{path}: byte {zero}", "expected text, found a zero byte")
     return content
+
+
+def stretches(path: Path, at_least: int, first: int) -> Iterator[bytes]:
+    """The file's text as `read_lines_as_bytes` gives it, in stretches of whole lines, each ending in one that has ink.
+
+    Blank lines belong to the row after them. The first stretch has at least `first` bytes of the file, if there are so
+    many; errors as `read_lines_as_bytes`.
+    """
+    _check_size(path)
+    with open(path, "rb") as file:
+        head = file.read(max(at_least, first))
+        if any(head.startswith(mark) for mark in BOMS) or (b"\r" in head and b"\n" not in head):
+            yield read_lines_as_bytes(path).rstrip(b"\n")  # UTF-16, or a carriage return a line: seldom, and not large
+            return
+        rest, done, inked = head, 0, False
+        while rest:
+            more = file.read(at_least)
+            cut = _last_row_end(rest) if more else len(rest)
+            text, rest = rest[:cut], rest[cut:] + more
+            if not cut:
+                if len(rest) > max(at_least, first) * 64:
+                    raise InputError(str(path), "expected lines of text, found one without end")
+                continue
+            if (zero := text.find(b"\0")) >= 0:
+                raise InputError(f"{path}: byte {done + zero}", "expected text, found a zero byte")
+            done += len(text)
+            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
+            if INK.search(text) is not None:
+                inked = True
+                yield text if more else text.rstrip(b"\n")
+    if not inked:
+        raise InputError(str(path), "is empty")
+
+
+def _last_row_end(text: bytes) -> int:
+    """Just after the line end of the last line with ink that the text holds whole; 0 where there is none."""
+    cut = text.rfind(b"\n") + 1
+    while cut:
+        start = text.rfind(b"\n", 0, cut - 1) + 1
+        if text[start:cut].strip():
+            return cut
+        cut = start
+    return 0
+
+
+def _check_size(path: Path) -> None:
+    size = regular_file(path).st_size
+    if size > MAX_BYTES:
+        raise InputError(str(path), f"expected a text file of at most {MAX_BYTES / 1e9:g} GB, found {size / 1e9:.1f}")
 
 
 def first_bytes(path: Path) -> bytes:

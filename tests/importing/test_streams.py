@@ -1,0 +1,112 @@
+"""Large tables are read in stretches: the same grid whatever their size, and little more memory than the result."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.importing import grid, table
+from workbench.importing.mapping import Mapping
+from workbench.importing.tables import read
+from workbench.importing.text import stretches
+
+COLUMNS = {"frame": "n", "time": "t", "x": "x", "z": "z", "intensity": "i"}
+PART = {"length_unit": "mm", "time_unit": "s", "frames": "column", "columns": COLUMNS}
+MAPPING = Mapping.model_validate_json(json.dumps({"format": "import-mapping", "version": 1, "profiles": PART}))
+
+
+def ragged(path: Path, frames: int = 30) -> Path:
+    rng = np.random.default_rng(5)
+    rows = ["n,t,x,z,i"]
+    for frame in range(frames):
+        for column in np.flatnonzero(rng.random(40) < 0.9):
+            rows.append(f"{frame},{frame * 0.5},{column * 0.25 - 5:.2f},{80 + rng.normal():.4f},{column + 1}")
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("slab_bytes", [1, 100, 1009])
+@pytest.mark.parametrize("block_points", [1, 77, 10**6])
+def test_stretches_and_blocks_change_nothing(
+    slab_bytes: int, block_points: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = ragged(tmp_path / "a.csv")
+    whole = read(path, MAPPING).profiles
+    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(table, "HEAD_BYTES", 64)
+    monkeypatch.setattr(grid, "BLOCK_POINTS", max(block_points, 200))
+    pieces = read(path, MAPPING).profiles
+    assert whole is not None
+    assert pieces is not None
+    for name in ("x_mm", "z_mm", "time_s", "intensity"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(pieces, name))
+    column = np.round((whole.x_mm + 5) / 0.25)
+    assert (np.diff(np.nanmin(column - np.arange(column.shape[1]), axis=1)) == 0).all()  # a column stays a column
+    seen = whole.intensity > 0
+    assert (np.isfinite(whole.z_mm) == seen).all()
+
+
+@pytest.mark.parametrize("slab_bytes", [1, 50])
+def test_a_time_that_changes_within_a_frame_names_its_line(
+    slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("n,t,x,z,i\n" + "1,0.5,1,1,1\n" * 20 + "1,0.6,1,1,1\n")
+    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(table, "HEAD_BYTES", 64)
+    with pytest.raises(InputError, match=r"line 22: column 't': expected one value a frame, found 0.6"):
+        read(path, MAPPING)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_line_ends(end: str, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_bytes(end.join(["a", "", "b", "cc", "", ""]).encode())
+    for size in (1, 2, 3, 100):
+        text = b"".join(stretches(tmp_path / "a.txt", size, 1))
+        assert text.rstrip(b"\n") == b"a\n\nb\ncc"
+
+
+def test_memory_beyond_the_result(tmp_path: Path) -> None:
+    """At most 20 bytes a point."""
+    if sys.platform != "linux":
+        pytest.skip("counts memory as Linux does")
+    code = """
+import resource, sys
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+from pathlib import Path
+from workbench.importing.kinds import read_source
+from workbench.importing.mapping import no_mapping
+head = "frame,time_s,x_mm,z_mm\\n0,0,0,80\\n0,0,1,80\\n0,0,2,80\\n1,1,0,80\\n1,1,1,80\\n1,1,2,80\\n"
+Path("small.csv").write_text(head)
+read_source(Path("small.csv"), no_mapping())
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+found = read_source(Path("large.csv"), no_mapping()).profiles
+after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+points = found.x_mm.size
+print(points, (after - before) * 1024 / points - 8)
+"""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    frames, columns = 4000, 1000
+    x = np.tile(np.round(np.linspace(-15, 15, columns), 3), frames)
+    number = np.repeat(np.arange(frames), columns)
+    content = pa.table({"frame": number, "time_s": number * 0.5, "x_mm": x, "z_mm": np.abs(x) + 80})
+    csv.write_csv(content, tmp_path / "large.csv", csv.WriteOptions(quoting_style="none"))
+    del content, x, number
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True,
+        env={"PYTHONPATH": str(Path(__file__).parents[2]), "PATH": "/usr/bin"},
+    )  # fmt: skip
+    points, beyond = map(float, done.stdout.split())
+    assert points == frames * columns
+    slab = 8 * table.SLAB_BYTES / points  # what a stretch takes, whatever the size of the file
+    assert beyond < 20 + slab, f"{beyond:.1f} bytes a point"

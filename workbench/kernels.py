@@ -87,7 +87,15 @@ def _compiled(one: Kernel) -> Any:
     compiled = njit(nogil=True, **one.options)(one.function)
     if hasattr(compiled, "_cache"):  # not where NUMBA_DISABLE_JIT is set
         compiled._cache = Kept(compiled)
+        compiled.get_call_template = functools.partial(_called_with_types, compiled.get_call_template)
     return compiled
+
+
+def _called_with_types(compile_for: Callable[..., Any], arguments: Any, keywords: Any) -> Any:
+    """A kernel that another one calls with 0 or False takes an integer or a boolean; numba would compile for each."""
+    from numba.core.types import unliteral
+
+    return compile_for([unliteral(one) for one in arguments], {k: unliteral(one) for k, one in keywords.items()})
 
 
 @functools.cache

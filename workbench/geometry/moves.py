@@ -78,7 +78,7 @@ def _merge(
                 sweep = _circle(p, i, _middle(length, i, arc_end), arc_end, circle)
                 if sweep >= least_sweep and 2.0 * circle[RADIUS] * math.sin(sweep / 2.0) >= LEAST_CHORD_MM:
                     end, circular[k] = arc_end, True
-                    _on_circle(circle, sweep / 2.0, via[k])
+                    _on_circle(circle, sweep / 2.0, via, k)
         targets[k] = end
         k, i = k + 1, end
     return targets[:k], circular[:k], via[:k]
@@ -128,7 +128,7 @@ def _fits(
     before = 0.0
     for k in range(i + 1, j):
         if sweep > 0.0:
-            distance, fraction = _off_circle(p[k], circle, sweep)
+            distance, fraction = _off_circle(p, k, circle, sweep)
         else:
             distance, fraction = _off_line(p, i, j, k)
         if distance > tolerances[0] or fraction < before - BACKWARDS or fraction > 1.0 + BACKWARDS:
@@ -142,56 +142,63 @@ def _fits(
 @kernel
 def _middle(length: Float, i: int, j: int) -> int:
     """The pose between i and j, i + 1 < j, whose length of path comes next to the middle."""
-    m = np.searchsorted(length, 0.5 * (length[i] + length[j]))
+    m, last, half = i + 1, j, 0.5 * (length[i] + length[j])
+    while m < last:  # the first at or beyond the middle
+        k = (m + last) // 2
+        if length[k] < half:
+            m = k + 1
+        else:
+            last = k
     if length[m] + length[m - 1] > length[i] + length[j]:
         m -= 1
-    return int(min(max(m, i + 1), j - 1))
+    return min(max(m, i + 1), j - 1)
 
 
 @kernel
 def _circle(p: Float, i: int, m: int, j: int, circle: Float) -> float:
     """Fill in the circle through poses i, m, j and return its sweep from i over m to j; 0 if they lie on a line."""
-    a, b = p[m] - p[i], p[j] - p[i]
-    normal = _cross(a, b)
-    aa, bb, ab, nn = _dot(a, a), _dot(b, b), _dot(a, b), _dot(normal, normal)
+    aa, bb, ab, nn = 0.0, 0.0, 0.0, 0.0  # of a from i to m and b from i to j, and their cross product
+    for c in range(3):
+        d, e = (c + 1) % 3, (c + 2) % 3
+        a, b = p[m, c] - p[i, c], p[j, c] - p[i, c]
+        circle[NORMAL + c] = (p[m, d] - p[i, d]) * (p[j, e] - p[i, e]) - (p[m, e] - p[i, e]) * (p[j, d] - p[i, d])
+        aa, bb, ab, nn = aa + a * a, bb + b * b, ab + a * b, nn + circle[NORMAL + c] ** 2
     if nn <= 1e-24 * aa * bb:
         return 0.0
-    to_centre = (bb * (aa - ab) * a + aa * (bb - ab) * b) / (2.0 * nn)
-    radius, unit = math.sqrt(_dot(to_centre, to_centre)), normal / math.sqrt(nn)
-    along = -to_centre / radius
-    circle[CENTRE : CENTRE + 3] = p[i] + to_centre
-    circle[RADIUS] = radius
-    circle[ALONG : ALONG + 3], circle[INWARD : INWARD + 3] = along, _cross(unit, along)
-    circle[NORMAL : NORMAL + 3] = unit
-    end = p[j] - circle[:3]
-    sweep = math.atan2(_dot(end, circle[INWARD : INWARD + 3]), _dot(end, along))
+    square = 0.0
+    for c in range(3):
+        a, b = p[m, c] - p[i, c], p[j, c] - p[i, c]
+        circle[ALONG + c] = -(bb * (aa - ab) * a + aa * (bb - ab) * b) / (2.0 * nn)  # from the centre to the start
+        circle[CENTRE + c] = p[i, c] - circle[ALONG + c]
+        square += circle[ALONG + c] ** 2
+    circle[RADIUS] = math.sqrt(square)
+    for c in range(3):
+        circle[ALONG + c] /= circle[RADIUS]
+        circle[NORMAL + c] /= math.sqrt(nn)
+    x, y = 0.0, 0.0  # of the end
+    for c in range(3):
+        d, e = (c + 1) % 3, (c + 2) % 3
+        circle[INWARD + c] = circle[NORMAL + d] * circle[ALONG + e] - circle[NORMAL + e] * circle[ALONG + d]
+        x += (p[j, c] - circle[CENTRE + c]) * circle[ALONG + c]
+        y += (p[j, c] - circle[CENTRE + c]) * circle[INWARD + c]
+    sweep = math.atan2(y, x)
     return sweep if sweep > 0.0 else sweep + 2.0 * math.pi
 
 
 @kernel
-def _dot(a: Float, b: Float) -> float:
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-@kernel
-def _cross(a: Float, b: Float) -> Float:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-@kernel
-def _on_circle(circle: Float, angle: float, point: Float) -> None:
-    """Fill in the point of the circle at an angle from its start."""
+def _on_circle(circle: Float, angle: float, via: Float, k: int) -> None:
+    """Fill in point k: that of the circle at an angle from its start."""
     x, y = circle[RADIUS] * math.cos(angle), circle[RADIUS] * math.sin(angle)
     for c in range(3):
-        point[c] = circle[CENTRE + c] + x * circle[ALONG + c] + y * circle[INWARD + c]
+        via[k, c] = circle[CENTRE + c] + x * circle[ALONG + c] + y * circle[INWARD + c]
 
 
 @kernel
-def _off_circle(point: Float, circle: Float, sweep: float) -> tuple[float, float]:
-    """Distance of a point from the circle, and the share of the sweep at which it lies."""
+def _off_circle(p: Float, k: int, circle: Float, sweep: float) -> tuple[float, float]:
+    """Distance of pose k from the circle, and the share of the sweep at which it lies."""
     x, y, z = 0.0, 0.0, 0.0
     for c in range(3):
-        d = point[c] - circle[CENTRE + c]
+        d = p[k, c] - circle[CENTRE + c]
         x, y, z = x + d * circle[ALONG + c], y + d * circle[INWARD + c], z + d * circle[NORMAL + c]
     return math.hypot(math.hypot(x, y) - circle[RADIUS], z), math.atan2(y, x) / sweep
 

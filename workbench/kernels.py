@@ -93,9 +93,10 @@ def _compiled(one: Kernel) -> Any:
 
 def _called_with_types(compile_for: Callable[..., Any], arguments: Any, keywords: Any) -> Any:
     """A kernel that another one calls with 0 or False takes an integer or a boolean; numba would compile for each."""
-    from numba.core.types import unliteral
+    from numba.core import types
 
-    return compile_for([unliteral(one) for one in arguments], {k: unliteral(one) for k, one in keywords.items()})
+    plain: Callable[[Any], Any] = types.unliteral
+    return compile_for([plain(one) for one in arguments], {name: plain(one) for name, one in keywords.items()})
 
 
 @functools.cache

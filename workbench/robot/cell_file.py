@@ -49,6 +49,13 @@ class RobotPart(_Part):
     urdf: str = Field(description="its URDF, relative to this file")
     base_frame: str = Field(default="base_link", description="the URDF's frame in which the controller reports poses")
     flange_frame: str = Field(default="tool0", description="the URDF's frame of the mounting flange")
+    held: dict[str, Length] = Field(
+        default={},
+        description="joints of the URDF that stand: name to deg, or mm of a prismatic one (a linear track)",
+    )
+    packages: dict[str, str] = Field(
+        default={}, description="ROS packages of its meshes (package://name/...): name to folder, relative to this file"
+    )
     acceleration_deg_s2: Six | None = Field(default=None, description="largest of the joints; null: not judged")
     joint_stiffness_nm_per_rad: Six | None = Field(
         default=None, description="of this robot, where no stiffness.json is named; null: unknown"

@@ -59,7 +59,8 @@ def read_cell(path: Path) -> Cell:
     except PipelineError as error:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)
-    chain, links = read_urdf(path.parent / part.robot.urdf, part.robot.base_frame, part.robot.flange_frame)
+    robot, packages = part.robot, {name: path.parent / folder for name, folder in part.robot.packages.items()}
+    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, robot.held, packages)
     cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
     shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, path))
     known = {shape.body for shape in shapes}
@@ -107,6 +108,9 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
     bare = [str(link) for link in range(1, 6) if not any(shape.link == link for shape in shapes)]
     if bare:
         yield f"collision of the robot's links {', '.join(bare)}: the URDF gives them no <collision>"
+    if part.robot.held:
+        stands = ", ".join(f"{name} at {value:g}" for name, value in part.robot.held.items())
+        yield f"that these joints stand where the cell file has them, and nothing moves them: {stands}"
     if not part.tool.shapes:
         yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
     if part.workpiece.mesh is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,22 +18,33 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.robot.chain import Chain
 from workbench.robot.shapes import Shape, read_mesh
 from workbench.storage import regular_file
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
+TURNS = 2  # of a continuous joint, either way: a cable allows for no more
 
 
-def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tuple[Shape, ...]]:
+def read_urdf(path: Path, base_frame: str, flange_frame: str, held: Mapping[str, float] | None = None,
+              packages: Mapping[str, Path] | None = None) -> tuple[Chain, tuple[Shape, ...]]:  # fmt: skip
     """The chain between two frames of a six-axis robot, and its links' shapes, placed in the base at zero.
 
-    Shapes carry their link's name and `link` 0 (does not move) to 6.
+    Shapes carry their link's name and `link` 0 (does not move) to 6. A continuous joint is one of +-TURNS turns.
+
+    Args:
+        path: the URDF.
+        base_frame: in which poses are given.
+        flange_frame: behind the sixth joint.
+        held: joints that do not move, and where they stand: deg, or mm of a prismatic one (a linear track).
+        packages: folders of ROS packages by name, for meshes named `package://name/...`.
 
     Raises:
-        InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh.
+        InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh; a
+            mimic joint, or a prismatic one that is not held, by its name.
     """
     document = _parsed(path)
-    model = _built(document, path)
+    _check_kinds(document, held or {}, flange_frame, path)
+    model = _held(_built(document, path), document, held or {}, path)
     _check_joints(model, path)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -51,7 +62,70 @@ def read_urdf(path: Path, base_frame: str, flange_frame: str) -> tuple[Chain, tu
         limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
         speeds=np.array(model.velocityLimit),
     )  # fmt: skip
-    return chain, tuple(_shapes(document, model, data, to_base, path))
+    return chain, tuple(_shapes(document, model, data, to_base, packages or {}, path))
+
+
+def _towards(named: Mapping[str, ElementTree.Element], link: str) -> Iterator[str]:
+    """Names of the joints from the root to a link, the last one first."""
+    above = {_link(joint, "child"): (name, _link(joint, "parent")) for name, joint in named.items()}
+    for _ in range(len(above)):  # pin refuses circles later
+        if link in above:
+            name, link = above[link]
+            yield name
+
+
+def _link(joint: ElementTree.Element, which: str) -> str:
+    """Name of the link before ('parent') or behind a joint."""
+    element = joint.find(which)
+    return "" if element is None else element.get("link", "")
+
+
+def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flange_frame: str, path: Path) -> None:
+    """Refuse joints that are none of six by their names; continuous ones get limits, for pin to take them as others."""
+    named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
+    arm = set(_towards(named, flange_frame))
+    for name in held:
+        if name not in named:
+            raise InputError(f"{path}: {name!r}", f"unknown joint{nearest(name, named)} ($.robot.held)")
+    for name, joint in named.items():
+        kind, where = joint.get("type"), f"{path}: {name}"
+        if name in held and kind not in ("revolute", "continuous", "prismatic"):
+            raise InputError(where, f"expected a joint that could move in $.robot.held, found a {kind} one")
+        if joint.find("mimic") is not None and (name in arm or name not in held):
+            raise InputError(where, "a mimic joint (a parallelogram or another linkage): expected six joints that turn "
+                             "by themselves" + ("" if name in arm else ", or this one in $.robot.held"))  # fmt: skip
+        if name in held:
+            continue
+        if kind == "prismatic":
+            raise InputError(where, "expected a revolute joint, found a prismatic one: a linear track stands where the "
+                             f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm)')  # fmt: skip
+        if kind == "continuous":
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+            joint.set("type", "revolute")
+            limit.set("lower", repr(-TURNS * 2 * np.pi))
+            limit.set("upper", repr(TURNS * 2 * np.pi))
+            limit.set("effort", limit.get("effort", "0"))
+            limit.set("velocity", limit.get("velocity", "0"))
+
+
+def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, float], path: Path) -> pin.Model:
+    """The model with some joints fixed where the cell says."""
+    if not held:
+        return model
+    kinds = {joint.get("name"): joint.get("type") for joint in document.iterfind("joint")}
+    q = pin.neutral(model)
+    for name, value in held.items():
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq != joint.nv:  # pin has continuous joints as cosine and sine
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(value * DEG), np.sin(value * DEG)
+            continue
+        at = value / MM if kinds[name] == "prismatic" else value * DEG
+        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+        if not low - 1e-9 <= at <= high + 1e-9:
+            raise InputError(f"{path}: {name}", f"expected a place within its limits in $.robot.held, found {value:g}")
+        q[joint.idx_q] = at
+    return pin.buildReducedModel(model, [model.getJointId(name) for name in held], q)
 
 
 def kinematic_model(path: Path) -> pin.Model:
@@ -105,12 +179,15 @@ class _Builder(ElementTree.TreeBuilder):
 
 def _check_joints(model: pin.Model, path: Path) -> None:
     if model.nq != 6 or model.nv != 6 or model.njoints != 7:
-        raise InputError(str(path), f"expected six revolute joints in a row, found {model.njoints - 1} joints")
+        names = ", ".join(list(model.names)[1:])
+        raise InputError(str(path), f"expected six revolute joints in a row, found {model.njoints - 1} joints: {names}")
     for i, joint in enumerate(model.joints[1:]):
         if "JointModelR" not in joint.shortname() or model.parents[i + 1] != i:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected a revolute joint, all six in one chain")
         if not model.lowerPositionLimit[i] < model.upperPositionLimit[i]:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected limits with lower < upper")
+        if not model.velocityLimit[i] > 0:
+            raise InputError(f"{path}: {model.names[i + 1]}", "expected a limit with a velocity above 0")
 
 
 def _frame(model: pin.Model, name: str, path: Path) -> int:
@@ -127,20 +204,22 @@ def _world_from(model: pin.Model, data: pin.Data, name: str, path: Path) -> Floa
 
 
 def _shapes(document: ElementTree.Element, model: pin.Model, data: pin.Data, to_base: Float,
-            path: Path) -> Iterator[Shape]:  # fmt: skip
+            packages: Mapping[str, Path], path: Path) -> Iterator[Shape]:  # fmt: skip
     """All collision shapes of all links; a cylinder named under collision_checking is a capsule, as pin has it."""
     for link in document.iter("link"):
         name = link.get("name", "")
         capsules = {mark.get("name") for mark in link.iterfind("collision_checking/capsule")}
         for collision in link.iterfind("collision"):
             where = f"{path}: link '{name}'"
-            kind, size, vertices, triangles = _geometry(collision, collision.get("name") in capsules, where, path)
+            kind, size, vertices, triangles = _geometry(
+                collision, collision.get("name") in capsules, where, packages, path
+            )
             base_from_link = to_base @ _world_from(model, data, name, path)
             joint = int(model.frames[_frame(model, name, path)].parentJoint)
             yield Shape(name, joint, kind, size, base_from_link @ _origin(collision, where), vertices, triangles)
 
 
-def _geometry(collision: ElementTree.Element, capsule: bool, where: str,
+def _geometry(collision: ElementTree.Element, capsule: bool, where: str, packages: Mapping[str, Path],
               path: Path) -> tuple[str, tuple[float, ...], Float | None, Float | None]:  # fmt: skip
     """Kind, sizes in mm, and a mesh's vertices and triangles."""
     geometry = collision.find("geometry")
@@ -150,7 +229,7 @@ def _geometry(collision: ElementTree.Element, capsule: bool, where: str,
     element = found[0]
     if element.tag == "mesh":
         scale = _numbers(element.get("scale", "1 1 1"), 3, where)
-        vertices, triangles = read_mesh(path.parent / element.get("filename", "").removeprefix("file://"), where)
+        vertices, triangles = read_mesh(_file(element.get("filename", ""), packages, where, path), where)
         return "mesh", (), vertices * np.array(scale) * MM, triangles
     if element.tag == "box":
         return "box", tuple(MM * s for s in _numbers(element.get("size", ""), 3, where)), None, None
@@ -161,6 +240,17 @@ def _geometry(collision: ElementTree.Element, capsule: bool, where: str,
         length = MM * _numbers(element.get("length", ""), 1, where)[0]
         return "capsule" if capsule else "cylinder", (radius, length), None, None
     raise InputError(where, f"unknown geometry '{element.tag}': expected box, sphere, cylinder or mesh")
+
+
+def _file(name: str, packages: Mapping[str, Path], where: str, path: Path) -> Path:
+    """Of a mesh: relative to the URDF, or in a package that the cell knows."""
+    if not name.startswith("package://"):
+        return path.parent / name.removeprefix("file://")
+    package, _, rest = name.removeprefix("package://").partition("/")
+    if package not in packages:
+        raise InputError(where, f"the mesh is in the package '{package}': expected its folder in the cell's "
+                         f"$.robot.packages{nearest(package, packages)}")  # fmt: skip
+    return packages[package] / rest
 
 
 def _origin(collision: ElementTree.Element, where: str) -> Float:

@@ -109,7 +109,6 @@ def test_traverse_is_the_mean_over_explicit_poses(cell: Cell, table_a1: Float) -
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"limits": np.tile([-1.0, 1.0], (6, 1))}, "full turn"),
         (
             {
                 "axes": np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [0.8, 0.6, 0], [0, 0, 1], [1, 0, 0.0]]),

@@ -65,6 +65,14 @@ def cluttered(cell: Cell) -> Cell:
     return dataclasses.replace(cell, shapes=(*cell.shapes, *boxes))
 
 
+@pytest.fixture(scope="module")
+def dressed(cell: Cell) -> Cell:
+    """A dress pack: joint 6 turns by 170 deg to one side, 40 to the other."""
+    limits = cell.chain.limits.copy()
+    limits[5] = np.radians([-170, 40])
+    return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits))
+
+
 def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: float) -> tuple[float, Float]:
     """The least mean displacement and the feasible cells (t, a), by inverse kinematics, limits and fcl."""
     points = path_points(path, acts, load="mean", reach_mm=15.0, planned=0.0)
@@ -97,7 +105,7 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
     return float(best.min()), best
 
 
-@pytest.mark.parametrize("where", ["cell", "cluttered"])
+@pytest.mark.parametrize("where", ["cell", "cluttered", "dressed"])
 def test_choice_and_map_are_those_of_plain_loops(
     where: str, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, request: pytest.FixtureRequest
 ) -> None:

@@ -38,7 +38,8 @@ def fast_arm(chain: Chain) -> Arm:
 
     Raises:
         InputError: axes 2 and 3 are not parallel, axis 2 is not square to axis 1, the forearm's axis not to axis 3,
-            axis 5 not to axes 4 and 6 or not along axis 3 at zero, or joint 6 cannot make a full turn.
+            axis 5 not to axes 4 and 6 or not along axis 3 at zero. Limits of joint 6 are not looked at here:
+            `feasible.followed` and `law_nodes` do.
     """
     h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
     if not (wrist.behind_parallel_axes and wrist.square):
@@ -48,8 +49,6 @@ def fast_arm(chain: Chain) -> Arm:
     if max(abs(h[0] @ h[1]), abs(h[3] @ h[2])) > SQUARE or np.linalg.norm(np.cross(h[4], h[2])) > SQUARE:
         raise InputError(f"robot '{chain.name}'", "expected axis 2 square to axis 1, axis 4 square to axis 3, and "
                          "axis 5 along axis 3 at zero")  # fmt: skip
-    if np.ptp(chain.limits[5]) < 2 * np.pi - 1e-9:
-        raise InputError(f"robot '{chain.name}'", "expected a joint 6 that makes a full turn")
     base_from_arm = pose_from(np.column_stack([np.cross(h[1], h[0]), h[1], h[0]]), o[0])
     arm_from_base = inverse(base_from_arm)
     turn, at = arm_from_base[:3, :3], arm_from_base[:3, :3] @ (np.vstack([o, centre]) - o[0]).T

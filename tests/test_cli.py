@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 Doc = dict[str, Any]
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -96,7 +97,7 @@ def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: 
 
 def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    for bad in (["--input", "angle_deg=999"], ["--inptu", "x=1"], [f"--out={out}", "--set", "x"]):
+    for bad in (["--input", "angle_deg=999"], [f"--out={out}", "--input", "angle_deg=999"]):
         assert command("run", pipeline, "--out", out).status == 0
         (out / "notes.txt").write_text("mine")
         got = command("run", pipeline, "--out", out, *bad)
@@ -105,8 +106,53 @@ def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline
         assert error.startswith("error: ")
         assert note.startswith(f"note: the results of an earlier run were moved to {out / 'superseded'}")
         assert sorted(os.listdir(out)) == ["notes.txt", "superseded"]
-    assert sorted(os.listdir(out / "superseded")) == ["1", "2", "3"]
+    assert sorted(os.listdir(out / "superseded")) == ["1", "2"]
     assert sorted(os.listdir(out / "superseded" / "2")) == ["inspection.json", "report.html", "run.json"]
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [["--inptu", "x=1"], ["--set", "x"], ["--input", "angel_deg=3"], ["--set", "demo.trun.angle_deg=3"], ["more"]],
+)
+def test_a_slip_in_the_arguments_moves_nothing(command: Any, pipeline: Path, tmp_path: Path, slip: list[str]) -> None:
+    out = tmp_path / "out"
+    assert command("run", pipeline, "--out", out).status == 0
+    got = command("run", pipeline, "--out", out, *slip)
+    assert (got.status, got.err.count("\n")) == (2, 1)
+    assert sorted(os.listdir(out)) == ["inspection.json", "report.html", "run.json"]
+
+
+def test_a_name_that_no_file_system_takes_is_refused_in_one_line(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    got = command("run", pipeline, "--out", tmp_path / ("x" * 5000))
+    assert (got.status, got.err.count("\n")) == (2, 1)
+    assert "File name too long" in got.err
+
+
+def test_without_report_all_but_the_page_is_there(command: Any, pipeline: Path, tmp_path: Path) -> None:
+    assert command("run", pipeline, "--out", tmp_path / "out", "--no-report").status == 0
+    assert sorted(os.listdir(tmp_path / "out")) == ["inspection.json", "run.json"]
+
+
+@pytest.mark.parametrize("stream", ["/dev/full", None])
+def test_results_stay_where_they_are_if_nobody_can_be_told(pipeline: Path, tmp_path: Path, stream: str | None) -> None:
+    """A full or closed standard output; the run is done all the same."""
+    if stream and not Path(stream).exists():
+        pytest.skip(f"no {stream} here")
+    document = json.loads((ROOT / "pipelines" / "inspect_bevel.json").read_text())
+    inspection = [entry for entry in document["stages"] if not entry["stage"].startswith("report.")]
+    document["inputs"]["recording"] = str(ROOT / "data" / "synthetic" / "milled_edge.h5")
+    pipeline.write_text(json.dumps(document | {"stages": inspection}))
+    command = [sys.executable, "-m", "workbench", "run", str(pipeline), "--out", str(tmp_path / "out")]
+    closing = "import os, sys; os.close(1); os.execv(sys.argv[1], sys.argv[1:])"
+    if stream is None:
+        done = subprocess.run([sys.executable, "-c", closing, *command], stderr=subprocess.PIPE, text=True, check=False)
+    else:
+        with open(stream, "w") as full:
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    errors = [line for line in done.stderr.splitlines() if line.startswith(("error:", "note:"))]
+    expected = [] if stream is None else ["error: standard output: cannot be written: No space left on device"]
+    assert (done.returncode, errors) == (2 if stream else 0, expected)
+    assert sorted(os.listdir(tmp_path / "out")) == ["inspection.json", "run.json"]
 
 
 def test_failure_half_way_shows_the_stage_and_one_error_line(command: Any, pipeline: Path, tmp_path: Path) -> None:

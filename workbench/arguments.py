@@ -25,7 +25,7 @@ VALUE is read as JSON if it parses, else as a text. A relative path is relative 
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
 OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache",
-           "draft", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
+           "draft", "no_report", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
@@ -42,9 +42,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""
-        from workbench.errors import PipelineError
+        from workbench.errors import ArgumentError
 
-        raise PipelineError(self.prog, message)
+        raise ArgumentError(self.prog, message)
 
 
 def build_parser() -> Parser:
@@ -72,6 +72,8 @@ def build_parser() -> Parser:
         made.add_argument(
             "--set", action="append", default=[], metavar="STAGE.KEY=VALUE", help="replace a stage's parameter"
         )
+    for made in (run, batch):
+        made.add_argument("--no-report", action="store_true", help="measure and decide, but make no report.html")
     batch.add_argument(
         "recordings", nargs="+", metavar="RECORDING", help="file, folder of .h5 files or URL, in order of production"
     )
@@ -164,14 +166,14 @@ def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
 
 def assignments(texts: list[str], option: str) -> dict[str, Any]:
     """`NAME=VALUE` texts as values by name: VALUE as JSON if it parses, else as it stands."""
-    from workbench.errors import PipelineError
+    from workbench.errors import ArgumentError, PipelineError
     from workbench.pipeline.document import parse_json
 
     values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise PipelineError(f"{option} '{text}'", "expected NAME=VALUE")
+            raise ArgumentError(f"{option} '{text}'", "expected NAME=VALUE")
         try:
             values[name] = parse_json(value.encode(), option)
         except (PipelineError, UnicodeEncodeError):

@@ -116,5 +116,6 @@ def answered(argv: list[str]) -> int:
         return 128 + (stop.args[0] if stop.args else 2)
     except Exception as error:
         status = complain(error, "--traceback" in argv)
-        set_aside(argv)
+        if getattr(error, "supersedes", True):
+            set_aside(argv)
         return status

@@ -13,22 +13,36 @@ from workbench.arguments import assignments
 
 def run(options: argparse.Namespace) -> int:
     """Run a pipeline: results as files and as a table, progress on standard error."""
+    from workbench.errors import StreamError
     from workbench.pipeline import Pipeline
     from workbench.pipeline.progress import Lines
-    from workbench.pipeline.tables import print_results
+    from workbench.pipeline.tables import print_files, print_findings
 
-    lines = Lines(sys.stderr)
+    unprintable: list[StreamError] = []
+
+    class Told(Lines):
+        def known(self, results: Any) -> None:
+            """Tell the verdict before the pictures are drawn; the results are written even if nobody can be told."""
+            try:
+                printed(print_findings, results)
+            except StreamError as error:
+                unprintable.append(error)
+
+    lines = Told(sys.stderr)
     try:
         results = Pipeline.load(options.pipeline).run(
             options.out,
             inputs=assignments(options.input, "--input"),
             settings=assignments(options.set, "--set"),
             reporter=lines,
+            report=not options.no_report,
         )
     except BaseException:
         lines.close()
         raise
-    printed(print_results, results)
+    for error in unprintable:
+        raise error
+    printed(print_files, results)
     return 0 if results.passed else 1
 
 
@@ -48,6 +62,7 @@ def batch(options: argparse.Namespace) -> int:
         inputs=assignments(options.input, "--input"),
         settings=assignments(options.set, "--set"),
         cache=options.cache,
+        report=not options.no_report,
         progress=sys.stderr,
     )
     printed(print_batch, made)
@@ -199,6 +214,6 @@ def printed(write: Callable[..., None], *what: Any) -> None:
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again at its end
         if not isinstance(error, BrokenPipeError):
-            from workbench.errors import OutputError
+            from workbench.errors import StreamError
 
-            raise OutputError("standard output", f"cannot be written: {error.strerror}") from None
+            raise StreamError("standard output", f"cannot be written: {error.strerror}") from None

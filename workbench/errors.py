@@ -11,6 +11,8 @@ LONGEST = 1200  # characters of a message
 class WorkbenchError(Exception):
     """Something outside the program is unusable: `where` (file and place), then what was expected."""
 
+    supersedes = True  # after a run that ended so, an earlier run's results must not stand for its own
+
     def __init__(self, where: str, expected: str) -> None:
         super().__init__(one_line(f"{where}: {expected}"))
         self.where = where
@@ -25,8 +27,20 @@ class PipelineError(WorkbenchError):
     """A pipeline document or its arguments cannot be used; `where` is a JSON path."""
 
 
+class ArgumentError(PipelineError):
+    """The command line or a call names what is not there: nothing has begun."""
+
+    supersedes = False
+
+
 class OutputError(WorkbenchError):
     """The output directory cannot be written."""
+
+
+class StreamError(OutputError):
+    """Standard output cannot be written; the results are where they belong."""
+
+    supersedes = False
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

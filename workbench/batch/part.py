@@ -43,6 +43,7 @@ class Job:
     out: str  # folder or URL of this part's results
     working_dir: str  # where relative paths start
     cache: str | None = None  # folder that keeps copies of recordings
+    report: bool = True  # whether pages are made
 
 
 def run_part(job: Job) -> Record:
@@ -91,7 +92,7 @@ def _run(job: Job, target: Folder) -> Record:
 
 def _planned(job: Job, copy: Path | None) -> Plan:
     recording = Copied.of(job.recording, copy) if copy else local_path(job.recording)
-    return plan(job.document, {**job.inputs, RECORDING: recording}, job.settings)
+    return plan(job.document, {**job.inputs, RECORDING: recording}, job.settings, report=job.report)
 
 
 def _skipped(job: Job, target: Folder) -> Record | None:

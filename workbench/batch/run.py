@@ -64,6 +64,7 @@ def run_batch(
     inputs: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     cache: str | None = None,
+    report: bool = True,
     progress: TextIO | None = None,
 ) -> Batch:
     """Run a pipeline once for each recording: results in `out`/PART/, the fleet in `out`/fleet.html and fleet.parquet.
@@ -79,6 +80,7 @@ def run_batch(
         scheduler: address of a dask.distributed scheduler, `tcp://HOST:PORT`, to use instead.
         time_limit_s: for each part.
         inputs, settings: as `Pipeline.run` takes them, the same for all parts.
+        report: whether each part gets its report.html.
         cache: folder that keeps copies of recordings behind URLs; None: they are dropped after their part.
         progress: stream that is told how far the batch is.
 
@@ -88,7 +90,7 @@ def run_batch(
     document = read_document(Path(pipeline))
     check(document, inputs or {}, settings or {})
     found = parts(recordings)
-    jobs = [_job(part, document, inputs or {}, settings or {}, out, cache) for part in found]
+    jobs = [_job(part, document, inputs or {}, settings or {}, out, cache, report) for part in found]
     with _reserved(out):
         with executor(workers, scheduler, time_limit_s, len(jobs)) as execute:
             done = {one.part: one for one in Progress(len(jobs), progress).watched(execute(jobs))}
@@ -138,8 +140,10 @@ def _job(
     settings: Mapping[str, Any],
     out: str,
     cache: str | None,
+    report: bool,
 ) -> Job:
-    return Job(part.name, part.recording, document, inputs, settings, joined(out, part.name), os.getcwd(), cache)
+    place = joined(out, part.name)
+    return Job(part.name, part.recording, document, inputs, settings, place, os.getcwd(), cache, report)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import PipelineError, nearest
+from workbench.errors import ArgumentError, PipelineError, nearest
 
 VERSION = 1
 KEYS = ("version", "title", "seed", "inputs", "stages")
@@ -44,6 +44,8 @@ def read_document(path: Path) -> PipelineDocument:
     try:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise ArgumentError(str(path), "cannot be read: No such file or directory") from None
     except (OSError, ValueError) as error:
         raise PipelineError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:

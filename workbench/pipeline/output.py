@@ -74,8 +74,9 @@ class OutputDirectory:
 
     def supersede(self) -> Path | None:
         """Move an earlier run's results aside, into `superseded/N/`; None if there are none."""
-        if not self.path.is_dir():
-            return None
+        with self._errors():
+            if not self.path.is_dir():
+                return None
         with self._held(self.path), self._errors(), _signals_wait():
             clear_killed_runs(self.path)
             old = self._results()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from typing import Any, TextIO
 
 from workbench.errors import one_line
 from workbench.kernels import compiling
@@ -22,6 +22,9 @@ class Reporter:
 
     def end(self, seconds: float) -> None:
         """The stage has ended."""
+
+    def known(self, results: Any) -> None:
+        """All is measured and decided (`pipeline.run.Results`); what follows are pages."""
 
     def compiling(self) -> None:
         """Kernels are being compiled, once after installing."""

@@ -23,7 +23,7 @@ from workbench.pipeline.document import check_document, parse_json, read_documen
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.results import RUN_FILE, result_files
-from workbench.pipeline.wiring import Plan, Step, plan
+from workbench.pipeline.wiring import Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
 from workbench.strict_json import strict_json
 
@@ -89,9 +89,15 @@ class Pipeline:
         pipeline.document = read_document(Path(path))
         return pipeline
 
-    def plan(self, inputs: Mapping[str, Any] | None = None, settings: Mapping[str, Any] | None = None) -> Plan:
+    def plan(
+        self,
+        inputs: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        *,
+        report: bool = True,
+    ) -> Plan:
         """Check all that can be checked without running; raises PipelineError or InputError."""
-        return plan(self.document, inputs or {}, settings or {})
+        return plan(self.document, inputs or {}, settings or {}, report=report)
 
     def run(
         self,
@@ -100,13 +106,14 @@ class Pipeline:
         inputs: Mapping[str, Any] | None = None,
         settings: Mapping[str, Any] | None = None,
         reporter: Reporter | None = None,
+        report: bool = True,
     ) -> Results:
         """Check, run, and write the results into the directory `out` (None: write nothing).
 
-        `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name. Raises a
-        WorkbenchError for anything unusable outside the program.
+        `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name;
+        without `report` no pages are made. Raises a WorkbenchError for anything unusable outside the program.
         """
-        checked = self.plan(inputs, settings)
+        checked = self.plan(inputs, settings, report=report)
         if out is None:
             return run_plan(checked, reporter or Reporter())
         target = OutputDirectory(out)
@@ -120,8 +127,11 @@ def run_plan(checked: Plan, reporter: Reporter) -> Results:
     """Run the steps in order, in memory."""
     results = Results(warnings=list(checked.warnings))
     records = [record for step in checked.steps for record in step.files]
+    pages = _first_page(checked)
     with compilation_watch(reporter), digesting(records) as digests:
         for i, step in enumerate(checked.steps):
+            if i == pages:
+                reporter.known(results)
             reporter.begin(i, len(checked.steps), step.id)
             start = time.perf_counter()
             if any(issubclass(source.type, Provenance) for source in step.stage.sources):
@@ -132,8 +142,16 @@ def run_plan(checked: Plan, reporter: Reporter) -> Results:
             results.warnings += [note for one in made for note in getattr(one, "warnings", ())]
             reporter.end(results.seconds[step.id])
         results.inputs = digests.all()
+    if pages == len(checked.steps):
+        reporter.known(results)
     results.warnings = list(dict.fromkeys(results.warnings))
     return results
+
+
+def _first_page(checked: Plan) -> int:
+    """The step from which on nothing is measured or decided any more."""
+    last = (i for i, step in reversed([*enumerate(checked.steps)]) if not makes_pages(step.stage))
+    return next(last, -1) + 1
 
 
 def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -> tuple[Any, ...]:

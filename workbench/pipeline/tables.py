@@ -17,8 +17,8 @@ from workbench.stage import Stage
 COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow"}
 
 
-def print_results(results: Results) -> None:
-    """The inspection as a table, the gates' decisions, warnings and files."""
+def print_findings(results: Results) -> None:
+    """The inspection as a table, and the gates' decisions."""
     console = Console(highlight=False)
     for artefact in results:
         if isinstance(artefact, Inspection):
@@ -33,6 +33,11 @@ def print_results(results: Results) -> None:
             console.print(Text(one_line(f"rework: {artefact.reason}")), soft_wrap=True)
         if isinstance(artefact, Gate):
             console.print(Text(one_line(f"gate: {gate_summary(artefact)}")), soft_wrap=True)
+
+
+def print_files(results: Results) -> None:
+    """Warnings, and where the results are."""
+    console = Console(highlight=False)
     for note in results.warnings:
         console.print(Text(one_line(f"warning: {note}"), "yellow"), soft_wrap=True)
     for path in sorted(results.files, key=lambda path: path.suffix == ".html"):

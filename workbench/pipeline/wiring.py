@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.artefacts import Provenance
-from workbench.errors import InputError, PipelineError, nearest
+from workbench.artefacts import Chapter, Document, Provenance
+from workbench.errors import ArgumentError, InputError, PipelineError, nearest
 from workbench.pipeline.document import PipelineDocument
 from workbench.pipeline.registry import find
 from workbench.pipeline.results import file_of
@@ -48,25 +48,35 @@ class Plan:
     warnings: tuple[str, ...]
 
 
-def plan(document: PipelineDocument, inputs: Mapping[str, Any], settings: Mapping[str, Any]) -> Plan:
+def plan(
+    document: PipelineDocument, inputs: Mapping[str, Any], settings: Mapping[str, Any], *, report: bool = True
+) -> Plan:
     """Check a document with the caller's inputs and settings (`STAGE.KEY` -> value) and wire its stages.
 
-    Raises PipelineError naming the JSON path, what was expected and the nearest known name; InputError for a file
-    that is not there.
+    Without `report` the stages that only make pages are left out. Raises PipelineError naming the JSON path, what was
+    expected and the nearest known name; InputError for a file that is not there.
     """
     for name in inputs:
         if name not in document.inputs:
             where = f"{document.name}: inputs"
-            raise PipelineError(where, f"the pipeline has no input '{name}'{nearest(name, document.inputs)}")
+            raise ArgumentError(where, f"the pipeline has no input '{name}'{nearest(name, document.inputs)}")
     values = {**document.inputs, **{name: from_caller(value) for name, value in inputs.items()}}
     entries = _with_settings(document, settings)
     steps: list[Step] = []
     for i, entry in enumerate(entries):
-        steps.append(_step(entry, values, steps, entries, document, f"{document.name}: stages[{i}]"))
+        where = f"{document.name}: stages[{i}]"
+        if report or not makes_pages(find(entry["stage"], f"{where}.stage")):
+            steps.append(_step(entry, values, steps, entries, document, where))
     _check_result_files(steps, document)
     used = set(references(list(entries)))
     unused = tuple(f"input '{name}' is used by no stage" for name in document.inputs if name not in used)
     return Plan(document, values, tuple(steps), unused)
+
+
+def makes_pages(stage: Stage) -> bool:
+    """Whether all that a stage makes is for a person to look at: chapters, or the page that they stand in."""
+    makes, takes = set(stage.produces), {source.type for source in stage.sources}
+    return makes == {Chapter} or (makes == {Document} and Chapter in takes)
 
 
 def _with_settings(document: PipelineDocument, settings: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -77,12 +87,12 @@ def _with_settings(document: PipelineDocument, settings: Mapping[str, Any]) -> l
         found = [entry for entry in entries if entry_id(entry) == stage] or [e for e in entries if e["stage"] == stage]
         if not stage or not found:
             known = {entry_id(entry) for entry in entries}
-            raise PipelineError(where, f"{document.name} has no stage '{stage}'{nearest(stage, known)}")
+            raise ArgumentError(where, f"{document.name} has no stage '{stage}'{nearest(stage, known)}")
         if len(found) > 1:
             ids = ", ".join(entry_id(entry) for entry in found)
-            raise PipelineError(where, f"the pipeline has {len(found)} stages '{stage}': name one by its id ({ids})")
+            raise ArgumentError(where, f"the pipeline has {len(found)} stages '{stage}': name one by its id ({ids})")
         if key in RESERVED:
-            raise PipelineError(where, f"'{key}' belongs to the document and cannot be set from outside")
+            raise ArgumentError(where, f"'{key}' belongs to the document and cannot be set from outside")
         found[0][key] = from_caller(value)
     return entries
 

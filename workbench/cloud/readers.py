@@ -7,6 +7,7 @@ a child process, and what it prints is the reason of the refusal: `python -P rea
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,8 @@ from workbench.units import Float
 
 CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, and for each so many bytes one more
 PCD_LINE = 65_536  # bytes, of a header's line
+NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
+READING = re.compile(rf"\bX={NUMBER}\s+Y={NUMBER}\s+Z={NUMBER}")
 MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
 
 
@@ -90,11 +93,17 @@ def _mesh_vertices(file: str) -> Float:
 
 
 def _table(file: str) -> Float:
-    """The first three columns, separated by spaces, tabs, commas or semicolons; lines with # are comments."""
-    with open(file, encoding="utf-8") as lines:
-        first = next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), "")
-    mark = next((mark for mark in ",;" if mark in first), None)
-    return np.loadtxt(file, usecols=(0, 1, 2), delimiter=mark, ndmin=2)
+    """The first three columns, separated by spaces, tabs, commas or semicolons; lines with # are comments.
+
+    Of trackers also `X= ... Y= ... Z= ...` in a line; a row with INVALID in it is no return.
+    """
+    with open(file, encoding="utf-8", errors="replace") as lines:
+        text = [line for line in lines if line.strip() and not line.lstrip().startswith("#") and "INVALID" not in line]
+    told = [found for line in text if (found := READING.search(line))]
+    if len(told) > len(text) / 2:
+        return np.array([found.groups() for found in told], dtype=float)
+    mark = next((mark for mark in ",;" if text and mark in text[0]), None)
+    return np.loadtxt(text, usecols=(0, 1, 2), delimiter=mark, ndmin=2)
 
 
 def _las(file: str) -> Float:

@@ -13,6 +13,7 @@ from workbench.errors import InputError
 from workbench.importing.mapping import LinearAxisPart, Mapping
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.passes import joined, poses_by_pass
+from workbench.importing.stamps import stamped
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
 from workbench.importing.times import timed
 from workbench.importing.travel import on_linear_axis
@@ -28,6 +29,7 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     Raises:
         InputError: something is missing, contradictory or implausible, with the source and what was expected.
     """
+    sources = stamped(sources, mapping)
     profiles = [source.profiles for source in sources if source.profiles is not None]
     frames = joined(profiles, each_a_pass=mapping.sphere_diameter_mm is not None)
     check_profiles(frames, mapping)

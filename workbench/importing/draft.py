@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
+from workbench.importing import images
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
@@ -22,7 +23,7 @@ from workbench.importing.roles import LENGTHS, TIMES, Columns, columns_of
 from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
-from workbench.importing.text import as_utf8
+from workbench.importing.text import as_utf8, first_bytes
 from workbench.storage import regular_file
 from workbench.units import Float
 
@@ -62,6 +63,11 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
         try:
             known = read_source(source, no_mapping())
         except InputError as error:
+            if source.is_file() and images.recognises(source, first_bytes(source), no_mapping()):
+                part, more = images.drafted(source)
+                tree["height_map"] = {"files": glob.escape(source.name), **part}
+                doubts += more
+                continue
             form, columns = _table(source, error)
             by_part["poses" if columns.kind == "poses" else "profiles"].append((source, form, columns))
             continue

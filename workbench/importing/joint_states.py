@@ -76,15 +76,18 @@ class JointModel:
         return values
 
     def _check(self, name: str, value: float, where: str) -> None:
-        joint = self.model.joints[self.model.getJointId(name)]
-        if joint.nq == 1:
-            low, high = self.model.lowerPositionLimit[joint.idx_q], self.model.upperPositionLimit[joint.idx_q]
-        else:
-            low, high = -1e3, 1e3  # a continuous joint: some turns
+        low, high = self.limits(name)
         if not low - SLACK <= value <= high + SLACK:
             raise InputError(
                 where, f"expected joint '{name}' from {low:g} to {high:g} (rad, m), found {value:g}; are these degrees?"
             )
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Least and greatest position of a joint, rad or m; of a continuous one some turns."""
+        joint = self.model.joints[self.model.getJointId(name)]
+        if joint.nq != 1:
+            return -1e3, 1e3
+        return float(self.model.lowerPositionLimit[joint.idx_q]), float(self.model.upperPositionLimit[joint.idx_q])
 
     def base_from_flange(self, joints: Float) -> Float:
         """Poses (K, 4, 4), mm, at joint positions (K, n)."""

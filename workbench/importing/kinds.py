@@ -13,7 +13,10 @@ from workbench.importing.neutral import Imported
 from workbench.importing.text import first_bytes, head_text
 from workbench.storage import regular_file
 
-KINDS = ("bags", "gocator", "gopxl", "keyence", "scancontrol", "tables", "poses")  # modules of workbench.importing
+KINDS = (  # modules of workbench.importing
+    "bags", "gocator", "gopxl", "keyence", "scancontrol", "height_grids", "sick", "images", "arrays", "organised",
+    "tables", "poses", "joints", "stamps",
+)  # fmt: skip
 
 
 class Reader(Protocol):

@@ -47,6 +47,7 @@ class Imported:
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
     flange_from_profiler: Float | None = None  # (4, 4) where the source itself carries it
+    stamps_s: Float | None = None  # (N,) or (K,) times alone, for the frames or poses of another source
 
 
 class TimedPass(NamedTuple):

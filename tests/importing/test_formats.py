@@ -1,0 +1,229 @@
+"""Height maps, height grids, SICK scans, arrays, joints with stamps, organised clouds: each comes in as it was made."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+import tifffile
+from PIL import Image
+
+from tests.importing.conftest import MAPPING
+from tests.importing.makers import COLUMNS, FRAMES, PITCH_MM, STEP_MM, TRAVEL_MM, X_MM, heights_mm
+from workbench.artefacts import Recording
+from workbench.cli import main
+from workbench.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+SHARED = ROOT.parent / "shared" / "data"
+Imported = Callable[..., Recording]
+
+
+def mapping(tmp_path: Path, **parts: Any) -> Path:
+    path = tmp_path / "m.json"
+    path.write_text(json.dumps({**MAPPING, **parts}))
+    return path
+
+
+def check(got: Recording, tolerance: float = 1e-4) -> None:
+    np.testing.assert_allclose(got.z_mm, heights_mm(), atol=tolerance)
+    np.testing.assert_allclose(np.diff(got.x_mm, axis=1)[np.isfinite(np.diff(got.x_mm, axis=1))], PITCH_MM, atol=1e-6)
+    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM)
+
+
+@pytest.mark.parametrize("kind", ["tiff16", "tiff32", "tifff", "png16"])
+def test_height_maps(kind: str, tmp_path: Path, imported: Imported) -> None:
+    z = heights_mm()
+    counts = np.nan_to_num((z - 70.0) / 0.001).round()
+    path = tmp_path / ("a.png" if kind == "png16" else "a.tif")
+    if kind == "png16":
+        Image.fromarray(counts.astype(np.uint16)).save(path)
+    else:
+        tifffile.imwrite(path, z.astype("f4") if kind == "tifff" else counts.astype("u2" if kind == "tiff16" else "i4"))
+    scale = {} if kind == "tifff" else {"z_scale": 0.001, "z_offset": 70.0}
+    part = {"x_pitch": PITCH_MM, "y_pitch": STEP_MM, **scale}
+    check(imported(path, mapping=mapping(tmp_path, height_map=part)), 6e-4)
+
+
+def test_a_height_map_is_drafted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", np.nan_to_num((heights_mm() - 70) * 1000).astype("u2"))
+    assert main(["import", str(tmp_path / "a.tif"), "--out", str(tmp_path / "a.h5")]) == 2
+    assert "expected 'height_map' in the mapping with x_pitch" in capsys.readouterr().err
+    assert main(["import", "--draft", str(tmp_path / "a.tif"), "--out", str(tmp_path / "m.json")]) == 0
+    drafted = json.loads((tmp_path / "m.json").read_text())
+    assert any("x_pitch" in text for text in drafted["uncertain"])
+    sources = [str(tmp_path / "a.tif"), "--mapping", str(tmp_path / "m.json"), "--out", str(tmp_path / "a.h5")]
+    assert main(["import", *sources]) == 0
+    assert "not confirmed: height_map.z_scale" in capsys.readouterr().out
+    assert main(["look", str(tmp_path / "a.tif")]) == 0
+
+
+@pytest.mark.parametrize("damage", ["cut", "colours", "empty"])
+def test_damaged_images(damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, np.zeros((20, 30, 3), "u1") if damage == "colours" else np.ones((200, 300), "u2"))
+    if damage != "colours":
+        path.write_bytes(path.read_bytes()[: 9000 if damage == "cut" else 8])
+    part = {"x_pitch": 1.0, "y_pitch": 1.0}
+    arguments = ["--mapping", str(mapping(tmp_path, height_map=part)), "--out", str(tmp_path / "a.h5")]
+    assert main(["import", str(path), *arguments]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("corner", "delimiter", "decimal"), [("y/x", ",", "."), ("Y\\X", "\t", "."), ("y/x", ";", ",")]
+)
+def test_height_grids(corner: str, delimiter: str, decimal: str, tmp_path: Path, imported: Imported) -> None:
+    def row(first: str, values: Any) -> str:
+        texts = ["-999.999" if np.isnan(v) else f"{v:.3f}" for v in values]
+        return delimiter.join([first, *texts]).replace(".", decimal)
+
+    rows = [row(corner, X_MM), *(row(f"{y:.3f}", z) for y, z in zip(TRAVEL_MM, heights_mm(), strict=True))]
+    (tmp_path / "g.csv").write_text("\n".join(rows) + "\n")
+    check(imported(tmp_path / "g.csv"))
+
+
+def write_sick(folder: Path) -> Path:
+    """Samples by the real description: 1,024 wide, range X and R, 5 marks, intensity."""
+    source = SHARED / "real" / "sick_icon_scan_0_top.xml"
+    if not source.is_file():
+        pytest.skip("no SICK description: data of others, for local tests only")
+    shutil.copy(source, folder / "s.xml")
+    dtype = [("x", "<f4", 1024), ("r", "<f4", 1024), ("m", "<i4", 5), ("i", "u1", 1024)]
+    scans = np.zeros(FRAMES, dtype)
+    z = heights_mm()
+    scans["x"][:, :COLUMNS], scans["r"][:, :COLUMNS] = np.where(np.isnan(z), 0, X_MM), np.nan_to_num(z)
+    scans["i"][:, :COLUMNS] = 7
+    scans.tofile(folder / "s.dat")
+    return folder / "s.dat"
+
+
+def test_sick_scans(tmp_path: Path, imported: Imported) -> None:
+    path = write_sick(tmp_path)
+    part = {"linear_axis": {}, "times": {"source": "travel", "start_mm": 0, "pitch_mm": STEP_MM}}
+    for source in (path, path.with_suffix(".xml")):
+        got = imported(source, mapping=mapping(tmp_path, **part))
+        np.testing.assert_allclose(got.z_mm[:, :COLUMNS], heights_mm(), atol=1e-5)
+        assert np.isnan(got.z_mm[:, COLUMNS:]).all()
+        assert got.intensity is not None
+        assert (got.intensity[:, :COLUMNS] == 7).all()
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match="expected whole scans of 9236 bytes, found 9235 over"):
+        imported(path, mapping=mapping(tmp_path, **part))
+    path.unlink()
+    with pytest.raises(InputError, match=r"expected s\.dat beside it"):
+        imported(path.with_suffix(".xml"))
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat", ".npy"])
+def test_arrays(ending: str, tmp_path: Path, milled: Recording, imported: Imported) -> None:
+    every = slice(None, None, 20)
+    profiles = {"x": milled.x_mm[every], "z": milled.z_mm[every], "time": milled.time_s[every]}
+    poses = {
+        "position": milled.robot_position_mm,
+        "quaternion_wxyz": milled.robot_quaternion_wxyz,
+        "time": milled.robot_time_s,
+    }
+    sources = [tmp_path / f"scan{ending}", tmp_path / f"robot{ending if ending != '.npy' else '.npz'}"]
+    if ending == ".npz":
+        np.savez(sources[0], **profiles)
+        np.savez(sources[1], **poses)
+    elif ending == ".mat":
+        scipy.io.savemat(sources[0], profiles)
+        scipy.io.savemat(sources[1], poses)
+    else:
+        np.save(sources[0], np.stack([profiles["x"], profiles["z"]]))
+        np.savez(sources[1], **poses)
+    rate = {"source": "rate", "rate_hz": 1 / (milled.time_s[20] - milled.time_s[0]), "start_s": float(milled.time_s[0])}
+    parts = {"times": rate} if ending == ".npy" else {}
+    got = imported(*sources, mapping=mapping(tmp_path, **parts))
+    np.testing.assert_array_equal(got.z_mm, milled.z_mm[every])
+    np.testing.assert_allclose(got.time_s, milled.time_s[every], atol=1e-9)
+    np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm)
+
+
+def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, imported: Imported) -> None:
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(InputError, match="expected whole arrays of numbers"):
+        imported(tmp_path / "a.npy")
+
+
+def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, imported: Imported) -> None:
+    from workbench.importing.joint_states import JointModel
+
+    urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
+    joints = np.array([[0, 10, 20, 0, 45, 0], [5, 15, 18, 3, 50, 10.0]])
+    np.savetxt(tmp_path / "q.csv", joints, delimiter=",", header="j1,j2,j3,j4,j5,j6", comments="")
+    np.savetxt(tmp_path / "stamps.csv", milled.robot_time_s * 1e3 + 0.0, header="ms", comments="")
+    np.savez(tmp_path / "scan.npz", x=milled.x_mm, z=milled.z_mm, time=milled.time_s)
+    model = JointModel.read(urdf, "base_link", "tool0")
+    part = {
+        "columns": [f"j{k}" for k in range(1, 7)],
+        "angle_unit": "deg",
+        "urdf": str(urdf),
+        "base_frame": "base_link",
+        "flange_frame": "tool0",
+    }
+    stamps = {"files": "stamps*", "time_unit": "ms", "of": "poses"}
+    sources = [tmp_path / name for name in ("scan.npz", "q.csv", "stamps.csv")]
+    got = imported(*sources, mapping=mapping(tmp_path, joints=part, stamps=stamps))
+    expected = model.base_from_flange(np.radians(joints))
+    np.testing.assert_allclose(got.robot_position_mm, expected[:, :3, 3])
+    np.testing.assert_allclose(got.robot_time_s, milled.robot_time_s)
+    with pytest.raises(InputError, match=r"line 3: joint '.*': expected .* found 5 \\(deg declared as rad"):
+        imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
+
+
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_an_organised_pcd_keeps_its_grid(unit: str, tmp_path: Path, imported: Imported) -> None:
+    scale = 1.0 if unit == "mm" else 1e-3
+    z = heights_mm()
+    points = np.stack([np.broadcast_to(X_MM, z.shape), np.broadcast_to(TRAVEL_MM[:, None], z.shape), z], axis=2) * scale
+    points[np.isnan(z)] = np.nan
+    head = (
+        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH {COLUMNS}\nHEIGHT {FRAMES}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {z.size}\nDATA binary\n"
+    )
+    (tmp_path / "o.pcd").write_bytes(head.encode() + points.astype("<f4").tobytes())
+    got = imported(tmp_path / "o.pcd")
+    np.testing.assert_allclose(got.z_mm, z, atol=1e-4)
+    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM, atol=1e-5)
+    assert main(["look", str(tmp_path / "o.pcd")]) == 0
+
+
+REAL = {
+    "vendor/gocator_surface_v2.csv": "428 frames of 452 columns",
+    "vendor/gopxl_profile.csv": "single profile",
+    "vendor/scancontrol_2925.csv": "140 frames of 1143 columns",
+    "real/lps_profile.csv": "single profile",
+    "real/vgroove_lds_scan1.csv": "200 frames of 2048 columns",
+    "real/trispector_table.pcd": "points: 23239",
+    "real/nist_SPH105_metres.xyz": "coordinates in m or inch",
+    "real/akig_ur5_poses.txt": "poses: 27",
+    "real/akig_tscan_values.txt": "points: ",
+    "sphere_r12.7.h5": "calibration recording",
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_files_can_be_looked_at(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if not (SHARED / name).is_file():
+        pytest.skip(f"no {name}: data of others, for local tests only")
+    assert main(["look", str(SHARED / name)]) == 0
+    assert REAL[name] in capsys.readouterr().out
+
+
+def test_rows_of_a_tracker_that_are_invalid_are_no_return(tmp_path: Path) -> None:
+    from workbench.cloud import read
+
+    points = np.random.default_rng(0).uniform(0, 50, (200, 3))
+    rows = [f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in points]
+    rows.insert(7, "INVALID INVALID INVALID")
+    (tmp_path / "t.asc").write_text("\n".join(rows))
+    np.testing.assert_allclose(read(file=tmp_path / "t.asc").points_mm, points, atol=1e-4)

@@ -1,0 +1,187 @@
+"""Arrays: numpy's .npy and .npz (never pickles), MATLAB's .mat (by scipy, newer ones as HDF5)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, nearest
+from workbench.geometry.poses import is_rigid, quaternion_from_rotation
+from workbench.importing.files import claims
+from workbench.importing.grid import bounded, without
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_formats import ArraysPart
+from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.neutral import Imported, PoseStream, ProfileFrames
+from workbench.scan.checks import normalised
+from workbench.units import AnyArray, Float
+
+NAME = "arrays (.npy, .npz, .mat)"
+ENDINGS = (".npy", ".npz", ".mat")
+ALIASES: dict[str, tuple[str, ...]] = {
+    "x": ("x", "x_mm", "lateral"),
+    "z": ("z", "z_mm", "range", "height", "heights", "profiles"),
+    "intensity": ("intensity",),
+    "time": ("time", "time_s", "t", "timestamps", "profile_time"),
+    "travel": ("travel", "travel_mm", "y", "encoder"),
+    "position": ("position", "position_mm", "positions", "xyz"),
+    "quaternion_wxyz": ("quaternion_wxyz", "quaternion", "quaternions"),
+    "base_from_flange": ("base_from_flange", "poses", "pose"),
+    "pose_time": ("pose_time", "pose_time_s", "robot_time"),
+}
+MOST_BYTES = 2**32
+TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
+
+
+def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
+    """Whether it ends and begins as such a file does."""
+    begins = {".npy": b"\x93NUMPY", ".npz": b"PK", ".mat": b""}
+    return path.suffix.lower() in ENDINGS and path.is_file() and head.startswith(begins[path.suffix.lower()])
+
+
+def read(path: Path, mapping: Mapping) -> Imported:
+    """Profiles, poses, or both.
+
+    Raises:
+        InputError: not such a file, arrays of other shapes, none that is understood.
+    """
+    part = (
+        mapping.arrays
+        if mapping.arrays is not None and (mapping.arrays.files is None or claims(mapping.arrays, path))
+        else None
+    )
+    named = {
+        name: value
+        for name, value in _load(path).items()
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
+    }
+    part = part or ArraysPart()
+    if list(named) == [""]:
+        named = _alone(named[""], str(path))
+    found = {role: _named(named, role, getattr(part, role), str(path)) for role in ALIASES}
+    values = {role: np.squeeze(named[name]) for role, name in found.items() if name is not None}
+    if not {"z", "position", "base_from_flange"} & set(values):
+        shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
+        raise InputError(
+            str(path), f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping)"
+        )
+    unit, second = LENGTH_MM[part.length_unit], TIME_S[part.time_unit]
+    used = ", ".join(f"{role} = {name}" for role, name in found.items() if name)
+    note = f"{NAME}: {used}; lengths in {part.length_unit}"
+    return Imported(
+        profiles=_profiles(values, part.missing, unit, second, str(path)) if "z" in values else None,
+        poses=_poses(values, unit, second, str(path)) if {"position", "base_from_flange"} & set(values) else None,
+        notes=(note,),
+    )
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        if path.suffix.lower() == ".mat":
+            return _matlab(path)
+        loaded = np.load(path, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return {"": loaded}
+        sizes = sum(member.file_size for member in loaded.zip.infolist())
+        if sizes > MOST_BYTES:
+            raise InputError(
+                str(path), f"expected at most {MOST_BYTES / 1e9:.1f} GB of arrays, found {sizes / 1e9:.1f}"
+            )
+        return {name: loaded[name] for name in loaded.files}
+    except InputError:
+        raise
+    except Exception as error:  # whatever a library makes of a damaged file
+        raise InputError(
+            str(path), f"expected whole arrays of numbers: {str(error)[:120] or type(error).__name__}"
+        ) from None
+
+
+def _matlab(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    with open(path, "rb") as file:
+        newer = b"MATLAB 7.3" in file.read(128)
+    if not newer:
+        return {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        return {
+            name: np.asarray(one).T
+            for name, one in file.items()
+            if isinstance(one, h5py.Dataset) and one.nbytes < MOST_BYTES
+        }
+
+
+def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
+    """What a single array is, by its shape."""
+    if value.ndim == 3 and value.shape[1:] == (4, 4):
+        return {"base_from_flange": value}
+    if value.ndim == 3 and 2 in (value.shape[0], value.shape[2]):
+        x, z = (value[0], value[1]) if value.shape[0] == 2 else (value[..., 0], value[..., 1])
+        return {"x": x, "z": z}
+    if value.ndim == 2 and value.shape[1] == 2:
+        return {"x": value[:, 0], "z": value[:, 1]}
+    raise InputError(where, f"expected (N, M, 2) or (n, 2) with x and z, or (K, 4, 4) poses; found shape {value.shape}")
+
+
+def _named(named: dict[str, Any], role: str, asked: str | None, where: str) -> str | None:
+    if asked is not None:
+        if asked not in named:
+            raise InputError(f"{where}: {asked!r}", f"no such array{nearest(asked, named)}")
+        return asked
+    low = {name.lower(): name for name in named}
+    return next((low[alias] for alias in ALIASES[role] if alias in low), None)
+
+
+def _profiles(
+    values: dict[str, AnyArray], missing: list[float], unit: float, second: float, where: str
+) -> ProfileFrames:
+    z = np.atleast_2d(values["z"]).astype(np.float64)
+    if "x" not in values:
+        raise InputError(where, "expected an array x too")
+    x = values["x"].astype(np.float64)
+    if z.ndim != 2 or x.shape not in (z.shape, z.shape[1:]):
+        raise InputError(where, f"expected x like z, found shapes {x.shape} and {z.shape}")
+    light = values.get("intensity")
+    if light is not None and (np.atleast_2d(light).shape != z.shape or light.dtype.kind not in "u"):
+        light = None
+    series = {role: values.get(role) for role in ("time", "travel")}
+    for role, one in series.items():
+        if one is not None and one.shape != z.shape[:1]:
+            raise InputError(where, f"expected {role} of {len(z)} frames, found shape {one.shape}")
+    time, travel = series["time"], series["travel"]
+    return ProfileFrames(
+        where,
+        np.broadcast_to(bounded(x * unit), z.shape),
+        bounded(without(z, missing) * unit),
+        time_s=None if time is None else time.astype(np.float64) * second,
+        travel_mm=None if travel is None else travel.astype(np.float64) * unit,
+        intensity=None if light is None else np.atleast_2d(light).astype(np.uint16),
+    )
+
+
+def _poses(values: dict[str, AnyArray], unit: float, second: float, where: str) -> PoseStream:
+    if "base_from_flange" in values:
+        pose = np.asarray(values["base_from_flange"], np.float64).reshape(-1, 4, 4)
+        wrong = [k for k, one in enumerate(pose) if not is_rigid(one, TOLERANCE)]
+        if wrong:
+            raise InputError(f"{where}: pose {wrong[0] + 1}", "expected a rigid motion: orthonormal, determinant +1")
+        position: Float = pose[:, :3, 3]
+        quaternion = quaternion_from_rotation(pose[:, :3, :3])
+    else:
+        position = np.atleast_2d(values["position"]).astype(np.float64)
+        given = values.get("quaternion_wxyz")
+        if given is None or position.shape[1] != 3 or np.atleast_2d(given).shape != (len(position), 4):
+            raise InputError(where, "expected position (K, 3) and quaternion_wxyz (K, 4)")
+        quaternion = normalised(np.atleast_2d(given).astype(np.float64), f"{where}: quaternion_wxyz")
+    if not np.isfinite(position).all():
+        raise InputError(where, "expected finite positions")
+    time = values.get("pose_time")
+    if time is None and "z" not in values:
+        time = values.get("time")
+    if time is not None and time.shape != (len(position),):
+        raise InputError(where, f"expected a time a pose, found shape {time.shape}")
+    return PoseStream(where, position * unit, quaternion, None if time is None else time.astype(np.float64) * second)

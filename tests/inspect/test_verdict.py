@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from workbench.artefacts import Requirements
-from workbench.inspect.verdict import judge, verdict, worst
+from workbench.artefacts import Requirements, conformity
+from workbench.inspect.verdict import judge, worst
 
 LIMITS = (-0.5, 0.25)  # about 1.5: from 1.0 to 1.75; all numbers here are exact in binary
 
@@ -29,7 +29,7 @@ LIMITS = (-0.5, 0.25)  # about 1.5: from 1.0 to 1.75; all numbers here are exact
     ],
 )
 def test_guard_band_on_both_sides_of_both_limits(value: float, expected: str) -> None:
-    assert verdict(value, 0.0625, 1.5, LIMITS, 2.0) == expected
+    assert conformity(value, 0.0625, 1.5, LIMITS, 2.0) == expected
 
 
 @pytest.mark.parametrize(
@@ -39,19 +39,19 @@ def test_guard_band_on_both_sides_of_both_limits(value: float, expected: str) ->
 def test_without_a_guard_band_the_limits_belong_to_the_tolerance(
     value: float, expected: str, u: float, guard: float
 ) -> None:
-    assert verdict(value, u, 1.5, LIMITS, guard) == expected
+    assert conformity(value, u, 1.5, LIMITS, guard) == expected
 
 
 def test_a_tolerance_narrower_than_the_guard_band_never_passes() -> None:
-    found = {verdict(1.0 + 0.01 * k, 0.5, 1.5, LIMITS, 2.0) for k in range(100)}
+    found = {conformity(1.0 + 0.01 * k, 0.5, 1.5, LIMITS, 2.0) for k in range(100)}
     assert found == {"undecided"}
-    assert verdict(9.0, 0.5, 1.5, LIMITS, 2.0) == "fail"
+    assert conformity(9.0, 0.5, 1.5, LIMITS, 2.0) == "fail"
 
 
 def test_a_limit_at_the_nominal_value() -> None:
-    assert verdict(1.5, 0.1, 1.5, (0.0, 0.5), 1.0) == "undecided"
-    assert verdict(1.75, 0.1, 1.5, (0.0, 0.5), 1.0) == "pass"
-    assert verdict(1.25, 0.1, 1.5, (0.0, 0.5), 1.0) == "fail"
+    assert conformity(1.5, 0.1, 1.5, (0.0, 0.5), 1.0) == "undecided"
+    assert conformity(1.75, 0.1, 1.5, (0.0, 0.5), 1.0) == "pass"
+    assert conformity(1.25, 0.1, 1.5, (0.0, 0.5), 1.0) == "fail"
 
 
 def test_the_worst_of_many() -> None:

@@ -24,6 +24,7 @@ from workbench.artefacts.inspections import (
     Uncertainty,
     UncertaintySource,
     Verdict,
+    conformity,
 )
 from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
@@ -93,5 +94,6 @@ __all__ = [
     "UncertaintySource",
     "Verdict",
     "Violation",
+    "conformity",
     "frozen",
 ]

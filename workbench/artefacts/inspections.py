@@ -22,6 +22,19 @@ class Requirements:
     bevel_tolerance_deg: tuple[float, float] = (-1.0, 1.0)
 
 
+def conformity(value: float, u: float, nominal: float, tolerance: tuple[float, float], guard_factor: float) -> Verdict:
+    """Whether a value with standard uncertainty u conforms to nominal + tolerance, all in one unit (ISO 14253-1).
+
+    'pass' inside the limits by at least guard_factor * u, 'fail' outside by at least that, else 'undecided'.
+    """
+    low, high, guard = nominal + tolerance[0], nominal + tolerance[1], guard_factor * u
+    if low + guard <= value <= high - guard:
+        return "pass"
+    if value <= low - guard or value >= high + guard:
+        return "fail"
+    return "undecided"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
     """One inspected section. Values are None where the edge is hidden; `verdict` is then 'undecided'."""

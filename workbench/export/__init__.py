@@ -2,6 +2,7 @@
 
 from workbench.export.cloud import cloud
 from workbench.export.inspection import inspection
+from workbench.export.qif import qif
 from workbench.export.sections import sections
 
-__all__ = ["cloud", "inspection", "sections"]
+__all__ = ["cloud", "inspection", "qif", "sections"]

@@ -4,22 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from workbench.artefacts import Requirements, Verdict
+from workbench.artefacts import Requirements, Verdict, conformity
 
 RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
-
-
-def verdict(value: float, u: float, nominal: float, tolerance: tuple[float, float], guard_factor: float) -> Verdict:
-    """Does `value` with standard uncertainty u lie within nominal + tolerance? All in one unit.
-
-    'pass' inside the limits by at least guard_factor * u, 'fail' outside by at least that, else 'undecided'.
-    """
-    low, high, guard = nominal + tolerance[0], nominal + tolerance[1], guard_factor * u
-    if low + guard <= value <= high - guard:
-        return "pass"
-    if value <= low - guard or value >= high + guard:
-        return "fail"
-    return "undecided"
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -32,7 +19,7 @@ def judge(root_mm: float | None, root_u_mm: float | None, bevel_deg: float | Non
     """Verdict of one section, and the reason in words."""
     if root_mm is None or root_u_mm is None or bevel_deg is None or bevel_u_deg is None:
         return "undecided", "the edge is hidden here"
-    root = verdict(root_mm, root_u_mm, required.root_nominal_mm, required.root_tolerance_mm, guard_factor)
-    bevel = verdict(bevel_deg, bevel_u_deg, required.bevel_nominal_deg, required.bevel_tolerance_deg, guard_factor)
+    root = conformity(root_mm, root_u_mm, required.root_nominal_mm, required.root_tolerance_mm, guard_factor)
+    bevel = conformity(bevel_deg, bevel_u_deg, required.bevel_nominal_deg, required.bevel_tolerance_deg, guard_factor)
     words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
     return worst([root, bevel]), f"root size {words[root]}, bevel angle {words[bevel]}"

@@ -1,0 +1,94 @@
+"""QIF 3.0 results: valid, complete, the same every time; names out of files stay text."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import xmlschema
+
+from workbench.artefacts import Part
+from workbench.export import qif
+from workbench.export.qif import NAMESPACE, date_time
+
+SUBSET = Path(__file__).with_name("qif_subset.xsd")
+Q = {"q": NAMESPACE}
+
+
+@pytest.fixture(scope="module")
+def schemas():
+    """The rebuilt subset, and the official schema where QIF_SCHEMA names its QIFDocument.xsd."""
+    official = os.environ.get("QIF_SCHEMA")
+    return [xmlschema.XMLSchema(path) for path in (SUBSET, official) if path]
+
+
+@pytest.fixture
+def named(inspected):
+    part = Part(part_id="A-7 <b>&", drawing="D 1/B", operator="A. Smith", recorded_at="2026-03-31T14:05+02:00",
+                sensor="LPS 36", sensor_serial="12", robot="IRB 6700", simulated=False)  # fmt: skip
+    return replace(inspected.inspection, part=part)
+
+
+def read(document):
+    return ElementTree.fromstring(document.content)
+
+
+def test_it_is_valid(named, inspected, provenance, schemas):
+    hidden = replace(named.sections[0], root_mm=None, root_u_mm=None, bevel_deg=None, bevel_u_deg=None)
+    for inspection in (named, inspected.inspection, replace(named, sections=(hidden, *named.sections[1:]))):
+        for schema in schemas:
+            schema.validate(qif(inspection, provenance).content.decode())
+            schema.validate(qif(inspection).content.decode())
+
+
+def test_the_subset_refuses_what_is_wrong(named, schemas):
+    text = qif(named).content.decode()
+    for right, wrong in (
+        ("<DefinedAsLimit>false</DefinedAsLimit>", ""),
+        ("<CharacteristicItemId>", "<CharacteristicItemId>9"),
+        ('versionQIF="3.0.0"', 'versionQIF="2.1"'),
+        ("<CharacteristicStatusEnum>", "<CharacteristicStatusEnum>GOOD_"),
+    ):
+        assert right in text
+        assert not schemas[0].is_valid(text.replace(right, wrong, 1))
+
+
+def test_values_come_back_with_their_uncertainties(named):
+    found = read(qif(named))
+    for kind, value, u in (("Width", "root_mm", "root_u_mm"), ("Angle", "bevel_deg", "bevel_u_deg")):
+        rows = found.findall(f".//q:{kind}CharacteristicMeasurement", Q)
+        assert len(rows) == len(named.sections)
+        for row, section in zip(rows, named.sections, strict=True):
+            number = row.find("q:Value", Q)
+            if getattr(section, value) is None:
+                assert number is None
+                assert row.findtext("q:Status/q:CharacteristicStatusEnum", namespaces=Q) == "NOT_MEASURED"
+                continue
+            assert float(number.text) == pytest.approx(getattr(section, value), abs=1e-11)
+            assert float(number.get("combinedUncertainty")) == pytest.approx(getattr(section, u), abs=1e-11)
+
+
+def test_it_names_part_instruments_and_uncertainty(named, provenance):
+    found = read(qif(named, provenance))
+    assert found.findtext(".//q:ActualComponent/q:SerialNumber", namespaces=Q) == "A-7 <b>&"
+    devices = found.findall(".//q:MeasurementDevice", Q)
+    assert [one.findtext("q:Name", namespaces=Q) for one in devices] == ["LPS 36", "IRB 6700"]
+    assert devices[0].findtext("q:SerialNumber", namespaces=Q) == "12"
+    assert found.findtext(".//q:InspectionStart", namespaces=Q) == "2026-03-31T12:05:00Z"
+    told = {one.get("name"): one.get("value") for one in found.findall(".//q:MeasurementResults/q:Attributes/*", Q)}
+    assert told["decision rule"] == "ISO 14253-1, guard band 1.645 u"
+    assert told["simulated"] == "false"
+    assert max(int(one.get("id")) for one in found.iter() if one.get("id")) == int(found.get("idMax"))
+
+
+def test_the_same_inspection_gives_the_same_bytes(named, provenance):
+    assert qif(named, provenance).content == qif(named, provenance).content
+    other = replace(named, part=replace(named.part, part_id="B"))
+    assert read(qif(other)).findtext("q:QPId", namespaces=Q) != read(qif(named)).findtext("q:QPId", namespaces=Q)
+
+
+def test_times_are_of_xml():
+    assert date_time("2026-03-31") == "2026-03-31T00:00:00"

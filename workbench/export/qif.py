@@ -1,0 +1,254 @@
+"""The stage `export.qif`: an inspection as QIF 3.0 results (ISO 23952)."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from workbench import __version__
+from workbench.artefacts import Document, Inspection, Part, Provenance, conformity
+from workbench.errors import one_line
+from workbench.stage import stage
+from workbench.units import DEG
+
+NAMESPACE = "http://qifstandards.org/xsd/qif3"
+STATUS = {"pass": "PASS", "fail": "FAIL", "undecided": "UNKNOWN"}
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """A characteristic of each section in the words of QIF."""
+
+    kind: str  # QIF's name
+    symbol: str  # ISO 9692-1
+    name: str
+    nominal: float
+    tolerance: tuple[float, float]
+    values: tuple[tuple[float | None, float | None], ...]  # a section each: value and standard uncertainty
+
+
+@stage("export.qif")
+def qif(inspection: Inspection, provenance: Provenance | None = None) -> Document:
+    """Write `inspection.qif`: QIF 3.0 results, root face as a width and bevel angle as an angle in each section.
+
+    Each has its limits, nominal value, measured value with combined standard uncertainty, status, and the instruments
+    it was measured with; lengths in mm, angles in degrees, as the units of the file say. An undecided value is UNKNOWN,
+    a hidden one NOT_MEASURED. Budget, decision rule and inputs are attributes of the results. The same inspection gives
+    the same bytes.
+
+    Args:
+        inspection: the judged part.
+        provenance: the run's inputs and pipeline; without it the file names none.
+    """
+    root = _document(inspection, provenance)
+    indent(root)
+    return Document("inspection.qif", b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8") + b"\n")
+
+
+def _document(inspection: Inspection, provenance: Provenance | None) -> Element:
+    """The QIFDocument, its children in the order of the schema."""
+    ids = itertools.count(1)
+    root = Element("QIFDocument", {"xmlns": NAMESPACE, "versionQIF": "3.0.0"})
+    _text(root, "QPId", _unique(inspection, provenance, "document"))
+    header = SubElement(root, "Header")
+    application = SubElement(header, "Application")
+    _text(application, "Name", f"workbench {__version__}")
+    _text(header, "Description", one_line(provenance.title) if provenance else "inspection of a milled bevel")
+    _text(header, "Scope", "Results")
+    _units(root)
+    devices = _devices(root, inspection.part, ids)
+    _product(root, inspection.part, ids)
+    found = characteristics(inspection)
+    items = _characteristics(root, found, devices, inspection, ids)
+    _results(root, inspection, provenance, found, items, devices, ids)
+    root.set("idMax", str(next(ids) - 1))
+    return root
+
+
+def characteristics(inspection: Inspection) -> tuple[Characteristic, Characteristic]:
+    """Root face and bevel angle, with their values a section."""
+    needs, sections = inspection.requirements, inspection.sections
+    return (
+        Characteristic("Width", "c", "root face", needs.root_nominal_mm, needs.root_tolerance_mm,
+                       tuple((s.root_mm, s.root_u_mm) for s in sections)),
+        Characteristic("Angle", "beta", "bevel angle", needs.bevel_nominal_deg, needs.bevel_tolerance_deg,
+                       tuple((s.bevel_deg, s.bevel_u_deg) for s in sections)),
+    )  # fmt: skip
+
+
+def _units(root: Element) -> None:
+    primary = SubElement(SubElement(root, "FileUnits"), "PrimaryUnits")
+    for kind, si, name, factor in (("Angular", "radian", "degree", DEG), ("Linear", "meter", "mm", 0.001)):
+        unit = SubElement(primary, f"{kind}Unit")
+        _text(unit, "SIUnitName", si)
+        _text(unit, "UnitName", name)
+        _text(SubElement(unit, "UnitConversion"), "Factor", _decimal(factor))
+
+
+def _devices(root: Element, part: Part, ids: Iterator[int]) -> list[int]:
+    """The sensor and the robot that carried it, each with what is known of its calibration."""
+    listed = SubElement(SubElement(root, "MeasurementResources"), "MeasurementDevices", n="2")
+    made = []
+    for name, what, serial, facts in (
+        (part.sensor or "unknown", "laser profile sensor", part.sensor_serial,
+         {"calibrated at": part.sensor_calibrated_at}),
+        (part.robot or "unknown", "robot that carries the sensor", part.robot_serial,
+         {"hand-eye calibration": part.hand_eye, "hand-eye calibrated at": part.hand_eye_calibrated_at}),
+    ):  # fmt: skip
+        made.append(next(ids))
+        device = SubElement(listed, "MeasurementDevice", id=str(made[-1]))
+        _text(device, "Name", name)
+        _text(device, "Description", what)
+        if serial:
+            _text(device, "SerialNumber", serial)
+        _attributes(device, {key: text or "unknown" for key, text in facts.items()})
+    return made
+
+
+def _product(root: Element, part: Part, ids: Iterator[int]) -> None:
+    """The part by its drawing."""
+    made = SubElement(SubElement(SubElement(root, "Product"), "PartSet", n="1"), "Part", id=str(next(ids)))
+    _text(made, "ModelNumber", part.drawing or "unknown")
+
+
+def _characteristics(root: Element, found: tuple[Characteristic, ...], devices: list[int], inspection: Inspection,
+                     ids: Iterator[int]) -> list[list[int]]:  # fmt: skip
+    """Definitions, nominals and items; the ids of the items, a list a characteristic."""
+    holder = SubElement(root, "Characteristics")
+    definitions = SubElement(holder, "CharacteristicDefinitions", n=str(len(found)))
+    nominals = SubElement(holder, "CharacteristicNominals", n=str(len(found)))
+    items = SubElement(holder, "CharacteristicItems", n=str(len(found) * len(inspection.sections)))
+    made: list[list[int]] = []
+    for one in found:
+        definition, nominal = next(ids), next(ids)
+        element = SubElement(definitions, f"{one.kind}CharacteristicDefinition", id=str(definition))
+        _text(element, "Name", one.name)
+        limits = SubElement(element, "Tolerance")
+        _text(limits, "MaxValue", _decimal(one.tolerance[1]))
+        _text(limits, "MinValue", _decimal(one.tolerance[0]))
+        _text(limits, "DefinedAsLimit", "false")
+        element = SubElement(nominals, f"{one.kind}CharacteristicNominal", id=str(nominal))
+        _text(element, "CharacteristicDefinitionId", str(definition))
+        _text(element, "Name", one.name)
+        _text(element, "TargetValue", _decimal(one.nominal))
+        made.append([])
+        for section in inspection.sections:
+            made[-1].append(next(ids))
+            element = SubElement(items, f"{one.kind}CharacteristicItem", id=str(made[-1][-1]))
+            place = " ".join(_decimal(float(x)) for x in section.origin_mm)
+            _attributes(element, {"arc length mm": _decimal(section.arc_length_mm), "origin in the base mm": place})
+            _text(element, "Name", f"{one.name} {one.symbol}, section {section.index}")
+            designator = SubElement(element, "CharacteristicDesignator")
+            _text(designator, "Designator", f"{one.symbol}-{section.index}")
+            _ids(element, "MeasurementDeviceIds", devices)
+            _text(element, "CharacteristicNominalId", str(nominal))
+    return made
+
+
+def _results(root: Element, inspection: Inspection, provenance: Provenance | None, found: tuple[Characteristic, ...],
+             items: list[list[int]], devices: list[int], ids: Iterator[int]) -> None:  # fmt: skip
+    results = SubElement(root, "Results")
+    component, part = next(ids), inspection.part
+    made = SubElement(SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(next(ids)))
+    _attributes(made, dict(_context(inspection, provenance)))
+    if part.recorded_at or part.operator:
+        trace = SubElement(made, "InspectionTraceability")
+        if part.recorded_at:
+            _text(trace, "InspectionStart", date_time(part.recorded_at))
+        if part.operator:
+            _text(SubElement(trace, "InspectionOperator"), "Name", part.operator)
+    _text(made, "ThisResultsInstanceQPId", _unique(inspection, provenance, "results"))
+    measured = SubElement(SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements",
+                          n=str(sum(map(len, items))))  # fmt: skip
+    for one, mine in zip(found, items, strict=True):
+        for item, (value, u) in zip(mine, one.values, strict=True):
+            element = SubElement(measured, f"{one.kind}CharacteristicMeasurement", id=str(next(ids)))
+            status = SubElement(element, "Status")
+            _text(element, "CharacteristicItemId", str(item))
+            _text(element, "ActualComponentId", str(component))
+            _ids(element, "MeasurementDeviceIds", devices)
+            if value is None or u is None:
+                _text(status, "CharacteristicStatusEnum", "NOT_MEASURED")
+            else:
+                judged = conformity(value, u, one.nominal, one.tolerance, inspection.guard_factor)
+                _text(status, "CharacteristicStatusEnum", STATUS[judged])
+                number = _text(element, "Value", _decimal(value))
+                number.attrib |= {"combinedUncertainty": _decimal(u), "meanError": "0"}
+    _text(SubElement(made, "InspectionStatus"), "InspectionStatusEnum", STATUS[inspection.verdict])
+    _ids(made, "ActualComponentIds", [component])
+    whole = SubElement(SubElement(results, "ActualComponentSets", n="1"), "ActualComponentSet", n="1")
+    actual = SubElement(whole, "ActualComponent", id=str(component))
+    if part.part_id:
+        _text(actual, "SerialNumber", part.part_id)
+    _text(SubElement(actual, "Status"), "InspectionStatusEnum", STATUS[inspection.verdict])
+
+
+def _context(inspection: Inspection, provenance: Provenance | None) -> Iterator[tuple[str, str]]:
+    """What the results rest on."""
+    yield "decision rule", f"ISO 14253-1, guard band {inspection.guard_factor:g} u"
+    yield "reason", inspection.reason
+    yield "simulated", {None: "unknown", True: "true", False: "false"}[inspection.part.simulated]
+    yield "coverage factor of expanded uncertainties", f"{inspection.uncertainty.coverage_factor:g}"
+    for k, source in enumerate(inspection.uncertainty.sources, 1):
+        yield (f"uncertainty source {k}", f"{source.name}; type {source.kind}; u(c) {source.root_u_mm:.6f} mm; "
+               f"u(beta) {source.bevel_u_deg:.6f} degree")  # fmt: skip
+    for k, sentence in enumerate(inspection.uncertainty.not_included, 1):
+        yield f"not included in the uncertainty {k}", sentence
+    for name, path, digest in provenance.inputs if provenance else ():
+        yield f"input {name}", f"{path}; SHA-256 {digest}"
+
+
+def date_time(text: str) -> str:
+    """An ISO 8601 date or time as xs:dateTime, in UTC where its zone is known.
+
+    >>> date_time("2026-03-31T14:05+02:00"), date_time("2026-03-31")
+    ('2026-03-31T12:05:00Z', '2026-03-31T00:00:00')
+    """
+    moment = datetime.fromisoformat(text).replace(microsecond=0)
+    if moment.tzinfo is None:
+        return moment.isoformat()
+    return moment.astimezone(UTC).replace(tzinfo=None).isoformat() + "Z"
+
+
+def _unique(inspection: Inspection, provenance: Provenance | None, role: str) -> str:
+    """A UUID that depends on what was measured alone."""
+    known = hashlib.sha256(role.encode())
+    for section in inspection.sections:
+        known.update(repr((section.root_mm, section.root_u_mm, section.bevel_deg, section.bevel_u_deg)).encode())
+    known.update(repr((inspection.requirements, inspection.part)).encode())
+    known.update(repr(provenance.inputs if provenance else ()).encode())
+    return str(uuid.UUID(bytes=known.digest()[:16], version=4))
+
+
+def _attributes(parent: Element, values: dict[str, str]) -> None:
+    holder = SubElement(parent, "Attributes", n=str(len(values)))
+    for name, value in values.items():
+        SubElement(holder, "AttributeStr", name=name, value=_plain(value))
+
+
+def _ids(parent: Element, name: str, values: list[int]) -> None:
+    holder = SubElement(parent, name, n=str(len(values)))
+    for value in values:
+        _text(holder, "Id", str(value))
+
+
+def _text(parent: Element, name: str, text: str) -> Element:
+    made = SubElement(parent, name)
+    made.text = _plain(text)
+    return made
+
+
+def _plain(text: str) -> str:
+    """Text that XML 1.0 can hold, on one line."""
+    return "".join(c for c in one_line(text) if c.isprintable())
+
+
+def _decimal(value: float) -> str:
+    """An xs:decimal, which knows no exponent, with the digits that a float64 has."""
+    text = f"{value:.12f}".rstrip("0").rstrip(".")
+    return "0" if text in ("", "-0") else text

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from workbench import __version__
 from workbench.artefacts import Document, Inspection, Part, Provenance, conformity
 from workbench.errors import one_line
 from workbench.stage import stage
@@ -57,7 +56,8 @@ def _document(inspection: Inspection, provenance: Provenance | None) -> Element:
     _text(root, "QPId", _unique(inspection, provenance, "document"))
     header = SubElement(root, "Header")
     application = SubElement(header, "Application")
-    _text(application, "Name", f"workbench {__version__}")
+    version = provenance.versions.get("workbench", "") if provenance else ""
+    _text(application, "Name", f"workbench {version}".strip())
     _text(header, "Description", one_line(provenance.title) if provenance else "inspection of a milled bevel")
     _text(header, "Scope", "Results")
     _units(root)

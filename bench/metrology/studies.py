@@ -22,6 +22,10 @@ from bench.metrology.loop.part import measure_loop
 from bench.metrology.loop.result import LoopResult
 from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
 from bench.metrology.loop.table import loop_tables
+from bench.metrology.measured.part import measure_measured
+from bench.metrology.measured.result import MeasuredResult
+from bench.metrology.measured.summary import MEASURED_CONDITIONS, summarise_measured, worst_measured
+from bench.metrology.measured.table import measured_tables
 from bench.metrology.part import measure_part
 from bench.metrology.part_result import PartResult
 from bench.metrology.planning.part import measure_plan
@@ -90,6 +94,21 @@ STUDIES = {
         worst_loops,
         ROOT / "docs" / "planning_metrology.md",
         "loop",
+    ),
+    "measured_loop": Study(
+        Measurement(
+            measure_measured,
+            MeasuredResult,
+            (*MEASURING, "workbench/path", "workbench/inspect", "workbench/twin", "bench/metrology",
+             "bench/metrology/planning", "bench/metrology/measured"),
+        ),
+        MEASURED_CONDITIONS,
+        100,
+        summarise_measured,
+        measured_tables,
+        worst_measured,
+        ROOT / "docs" / "planning_metrology.md",
+        "measured_loop",
     ),
     "clouds": Study(
         Measurement(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
-from workbench.artefacts import EdgeProfile, Inspection, Requirements, Toolpath
+from workbench.artefacts import EdgeProfile, Inspection, PathDeflection, Requirements, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, correct, feed, layers
@@ -60,12 +60,12 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
     assert np.diff([layer.height_mm for layer in plan.layers[:-1]]) == pytest.approx(-1.0)
     finishing = plan.finishing
     assert finishing is not None
-    assert (finishing.root_mm, len(finishing.layers), finishing.layers[0].height_mm) == (ROOT, 1, 0.0)
+    assert (finishing.root_mm, [layer.height_mm for layer in finishing.layers]) == (ROOT, [ALLOWANCE, 0.0])
     b = -poses_of(plan, plan.layers[-1]).x
     apart = ((plan.layers[-1].position_mm - finishing.layers[-1].position_mm) * b).sum(axis=1)
     assert apart[plan.layers[-1].cutting] == pytest.approx(ALLOWANCE, abs=1e-9)
     assert check(plan, scan.edge, scan.cloud).passed
-    assert check(finishing, scan.edge, scan.cloud).passed
+    assert check(finishing, scan.edge, scan.cloud).passed, check(finishing, scan.edge, scan.cloud).reason
     alone = check(replace(finishing, before=()), scan.edge, scan.cloud)  # nothing was milled before it
     assert not alone.passed
     assert "enters the stock" in alone.reason
@@ -82,6 +82,8 @@ def test_a_displaced_cut_moves_the_finishing_pass_against_it(scan: Raw, plan: To
     assert moved == pytest.approx(-off_mm * b, abs=0.004)
     assert np.array_equal(path.layers[-1].quaternion_wxyz, plan.finishing.layers[-1].quaternion_wxyz)
     assert found.stock_mm[found.cut] == pytest.approx(ALLOWANCE + off_mm, abs=0.004)
+    assert [layer.height_mm for layer in path.layers] == ([ALLOWANCE, 0.0] if off_mm > 0 else [0.0])
+    assert len(path.travels) == len(path.layers) + 1
     fed = feed(path, scan.cloud, scan.edge)
     assert check(fed, scan.edge, scan.cloud, None, found).passed
     assert not check(fed, scan.edge, scan.cloud).passed  # without its correction it is no path for this edge
@@ -108,6 +110,25 @@ def test_the_tool_that_errs_as_measured_comes_where_it_was_planned(scan: Raw, pl
     away = rotation_from_quaternion(final.quaternion_wxyz) @ comes.by_layer_mm[final.index][:, :, None]
     assert plan.finishing is not None
     assert final.position_mm + away[:, :, 0] == pytest.approx(plan.finishing.layers[-1].position_mm, abs=1e-9)
+
+
+def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw, plan: Toolpath) -> None:
+    """The cut lies 0.2 mm deeper; the tool gave way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm."""
+    final = plan.layers[-1]
+    gave = PathDeflection({final.index: np.tile([-0.1, 0.02, 0.0], (len(final.position_mm), 1))})
+    cut = inspected(scan, FIRST_ROOT - 0.2 / SINE)
+    _, found = correct(cut, plan, gave, **QUIET)
+    assert plan.finishing is not None
+    load = 0.3 / 0.5 * plan.finishing.layers[-1].width_mm[found.cut] / final.width_mm[found.cut]
+    assert load == pytest.approx(0.6 * 1.14, abs=0.02)  # the face is wider
+    assert found.shift_mm[found.cut] == pytest.approx(0.2 + 0.1 * (1 - load), abs=0.004)
+    assert found.stock_mm[found.cut] == pytest.approx(0.3, abs=0.004)
+    _, unknown = correct(cut, plan, **QUIET)
+    assert unknown.shift_mm[found.cut] == pytest.approx(0.2, abs=0.004)
+    more = np.sqrt(unknown.displacement_u_mm**2 - correct(cut, plan, yield_share=0, **QUIET)[1].displacement_u_mm ** 2)
+    assert more[found.cut] == pytest.approx(0.1 * 0.5 * (1 - load) / math.sqrt(3), abs=0.001)
+    with pytest.raises(InputError, match="of the first path"):
+        correct(cut, plan, PathDeflection({}))
 
 
 @pytest.mark.parametrize("off_mm", [0.0, 0.008])
@@ -138,7 +159,7 @@ def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not
 
 @pytest.mark.parametrize(
     ("off_mm", "words"),
-    [(-0.55, r"lies up to 0\.5\d mm deeper than planned"), (0.6, r"lies up to 0\.[56]\d? mm higher than planned")],
+    [(-0.55, r"lies up to 0\.5\d mm deeper than planned"), (1.15, r"lies up to 1\.[01]\d? mm higher than planned")],
 )
 def test_more_than_the_allowance_allows_is_refused(scan: Raw, plan: Toolpath, off_mm: float, words: str) -> None:
     s = scan.edge.arc_length_mm

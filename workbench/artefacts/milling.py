@@ -55,7 +55,6 @@ CANCELS = (
 )
 NOT_INCLUDED = (
     "What the robot will not repeat in the finishing pass: it comes on top of the corrected cut.",
-    "A finishing pass that removes more or less than the first cut's last layer bends robot and cutter otherwise.",
     "Wear of the cutter in the finishing pass itself.",
     "A shift along the bevel face: it leaves no trace in the cut, and changes neither root size nor angle.",
 )

@@ -12,7 +12,7 @@ from workbench.path.course import stocked_course
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.poses import poses_of
 from workbench.path.remaining import moves_in_order, standing
-from workbench.path.section import bevel_of
+from workbench.path.section import LEAST_DEPTH_MM, bevel_of
 from workbench.units import Float
 
 SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
@@ -29,8 +29,12 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
     """
     stands = standing(toolpath, cloud, edge, swept=True)
     taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
+    above = [layer.height_mm for layer in (*toolpath.before, *toolpath.layers)]
     for order, layer in enumerate(toolpath.layers, start=len(toolpath.before) + 1):
-        if order > 1 and order not in taken:  # the first may be too thin to hold a point
+        lower = (
+            order > 1 and above[order - 2] - layer.height_mm > LEAST_DEPTH_MM
+        )  # the first may be too thin for a point
+        if lower and order not in taken:
             yield f"layer {layer.index} takes nothing away that was measured"
     foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support

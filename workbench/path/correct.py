@@ -25,6 +25,7 @@ from workbench.units import DEG, Bool, Float
 LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's constant errors may have
 NEAR_MM = 10.0  # farther from the plan's lower edge an inspected place belongs to another edge
 LEAST_PLACES = 5  # that were cut and measured
+YIELD_U = 0.3  # relative standard uncertainty of a predicted giving way: of force and stiffness together
 LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
 
 
@@ -44,6 +45,7 @@ class Cut:
 def correct(
     inspection: Inspection,
     toolpath: Toolpath,
+    predicted: PathDeflection | None = None,
     *,
     repeatability_mm: Annotated[
         float, Field(ge=0, le=2, description="standard deviation of what the robot does not repeat, along one axis")
@@ -52,6 +54,9 @@ def correct(
     repeatability_length_mm: Annotated[
         float, Field(ge=1, le=10000, description="correlation length of both along the path")
     ] = 50.0,
+    yield_share: Annotated[
+        float, Field(ge=0, le=1, description="by which cutter and robot give way, over the stock, where not predicted")
+    ] = 0.1,
     most_moved_mm: Annotated[
         float, Field(gt=0, le=10, description="by which the edge may lie beside where the first scan saw it")
     ] = 0.3,
@@ -62,22 +67,29 @@ def correct(
     (root - planned) sin(bevel) along its normal b, at its root end, and is turned by the difference of the angles. Both
     scans and both cuts share hand-eye, tool setting, work object and base: what these displace is in the comparison,
     and goes. Both sizes are taken from the edge in one scan: the robot's error from scan to scan is not in them.
+    A finishing pass under another load than the first cut's last layer bends cutter and robot otherwise. What stands
+    too high is taken first, by a layer of its own; for less stock and a wider face the shift is changed by what
+    `predicted` says, or else `yield_share` goes into its u.
+
     What repeats is told apart from the robot's repeatability (`displacement.py`); the finishing pass is moved against
     it along b and turned about the root end of the face, each only where it is significant (2 u along the edge).
 
     Refused, in the result and so by `path.check`: a finishing pass that would find less than 0.05 mm + 2 u to remove
-    somewhere, or more than the depth of cut; a part that has moved between the scans; a cut that was hardly measured.
+    somewhere, or more than the depth of cut besides the allowance; a part that has moved between the scans; a cut that
+    was hardly measured.
 
     Args:
         inspection: of the edge after the first cut.
         toolpath: that it was milled along, with its finishing pass (`path.layers`: `finish_allowance_mm`).
+        predicted: how far the robot gives way along the first path.
         repeatability_mm: what the robot does not repeat, along one axis (ISO 9283).
         repeatability_deg: the same of the tool's tilt.
         repeatability_length_mm: correlation length of both along the path.
+        yield_share: by how much cutter and robot may give way, over the height of the stock, where nothing predicts it.
         most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
 
     Raises:
-        InputError: a path without a finishing pass, an inspection of another edge.
+        InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path.
     """
     if toolpath.finishing is None:
         raise InputError("toolpath", "expected a path with a finishing pass (path.layers: finish_allowance_mm above 0)")
@@ -96,14 +108,16 @@ def correct(
     shift = along((cut.root_mm - toolpath.root_mm) * sine, np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
                   -frames.x, -frames_at.x, LARGEST_MM, repeatability_mm)  # fmt: skip
     turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
-    by = np.where(shift.significant, -shift.value, 0.0)
+    expected = _under_load(shift, predicted, yield_share, toolpath, finish)
+    by = np.where(shift.significant, -expected.value, 0.0)
     tilt = np.where(turn.significant, -turn.value, 0.0)
-    path, comes = _corrected(finishing, finish, frames_at, by, tilt)
+    finishing = finishing if by[finish.cutting].min() < -LEAST_DEPTH_MM else _without_first(finishing)
+    path, comes = _corrected(finishing, frames_at, by, tilt)
     stock = _stock(toolpath.finish_allowance_mm, shift, turn, tilt, finish)
     found = PathCorrection(
         arc_length_mm=finish.arc_length_mm, cut=finish.cutting, displacement_mm=shift.value,
-        displacement_u_mm=shift.u, turn=turn.value, turn_u=turn.u, shift_mm=by, tilt=tilt, stock_mm=stock, bevel=bevel,
-        length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm,
+        displacement_u_mm=expected.u, turn=turn.value, turn_u=turn.u, shift_mm=by, tilt=tilt, stock_mm=stock,
+        bevel=bevel, length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm,
         repeatability_mm=repeatability_mm, moved_mm=moved, variation_mm=shift.variation, comes=comes,
         reason=_reason(shift, turn, by, tilt, finish.cutting),
         warnings=finishing.warnings,
@@ -113,7 +127,7 @@ def correct(
     found, refused = replace(found, checks=checks), "; ".join(c.finding for c in checks if not c.passed)
     if not refused:
         return replace(path, evidence=evidence), found
-    nothing = np.zeros_like(by)
+    nothing, finishing = np.zeros_like(by), _without_first(toolpath.finishing)
     return replace(finishing, evidence=evidence), replace(
         found, shift_mm=nothing, tilt=nothing, comes=_unmoved(finishing), refused=refused,
         reason="nothing corrected: refused",
@@ -163,21 +177,51 @@ def _well_inside(layer: Layer, radius_mm: float) -> Bool:
     return np.asarray(layer.cutting & (cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
 
 
-def _corrected(finishing: Toolpath, finish: Layer, frames: Poses, by_mm: Float,
+def _under_load(shift: Estimate, predicted: PathDeflection | None, yield_share: float, toolpath: Toolpath,
+                finish: Layer) -> Estimate:  # fmt: skip
+    """The shift as the finishing pass will show it: its load over that of the first cut's last layer is not 1.
+
+    Load goes with the face's width and with the height of the stock, where less of that is left.
+    """
+    final, at, allowance = toolpath.layers[-1], finish.arc_length_mm, toolpath.finish_allowance_mm
+    load = _width(finish, at) / _width(final, at) * (1.0 + np.maximum(np.minimum(shift.value, 0.0) / allowance, -1.0))
+    if predicted is None:
+        return replace(shift, u=np.hypot(shift.u, yield_share * allowance * (load - 1.0) / math.sqrt(3.0)))
+    moved = predicted.by_layer_mm.get(final.index)
+    if moved is None or moved.shape != final.position_mm.shape:
+        raise InputError("prediction", f"expected that of the first path; it has no layer {final.index} of "
+                         f"{len(final.position_mm)} points")  # fmt: skip
+    cut = final.cutting
+    more = np.interp(at, final.arc_length_mm[cut], -moved[cut, 0]) * (load - 1.0)  # b is -x
+    return replace(shift, value=shift.value + more, u=np.hypot(shift.u, YIELD_U * more))
+
+
+def _width(layer: Layer, at: Float) -> Float:
+    """Width of the face (m,) at arc lengths `at`, that beside where nothing is cut."""
+    return np.interp(at, layer.arc_length_mm[layer.cutting], layer.width_mm[layer.cutting])
+
+
+def _without_first(path: Toolpath) -> Toolpath:
+    """A finishing pass of its final layer alone: nothing stands too high."""
+    travels = path.travels[:1] + path.travels[2:]
+    return replace(path, layers=(replace(path.layers[-1], index=1),), travels=travels)
+
+
+def _corrected(finishing: Toolpath, frames: Poses, by_mm: Float,
                tilt: Float) -> tuple[Toolpath, PathDeflection]:  # fmt: skip
     """The finishing pass moved along b by (k,) at the root end of its face and turned about it; how the tool comes."""
-    b = -frames.x
-    cut = finish.cutting
-    width = np.interp(finish.arc_length_mm, finish.arc_length_mm[cut], finish.width_mm[cut])
-    at_middle = by_mm - tilt * 0.5 * width  # a larger angle sinks the face with the way up
-    moved = at_middle[:, None] * b
-    quaternion = turned_about_feed(finish.quaternion_wxyz, -tilt)
-    work = finishing.base_from_workobject
-    moved = moved if work is None else moved @ work[:3, :3]
-    layer = replace(finish, position_mm=finish.position_mm + moved, quaternion_wxyz=quaternion)
-    back = (np.swapaxes(rotation_from_quaternion(quaternion), 1, 2) @ -moved[:, :, None])[:, :, 0]
-    path = replace(finishing, layers=(*finishing.layers[:-1], layer))
-    return path, PathDeflection({layer.index: back}, {layer.index: tilt})
+    final, b, up = finishing.layers[-1], -frames.x, -frames.z
+    width = _width(final, final.arc_length_mm)
+    foot, layers, back = frames.origin_mm - 0.5 * width[:, None] * up, [], {}
+    for layer in finishing.layers:
+        lever = ((poses_of(finishing, layer).origin_mm - foot) * up).sum(axis=1)
+        moved = (by_mm - tilt * lever)[:, None] * b  # a larger angle sinks the face with the way up
+        moved = moved if finishing.base_from_workobject is None else moved @ finishing.base_from_workobject[:3, :3]
+        quaternion = turned_about_feed(layer.quaternion_wxyz, -tilt)
+        layers.append(replace(layer, position_mm=layer.position_mm + moved, quaternion_wxyz=quaternion))
+        back[layer.index] = (np.swapaxes(rotation_from_quaternion(quaternion), 1, 2) @ -moved[:, :, None])[:, :, 0]
+    comes = PathDeflection(back, {layer.index: tilt for layer in layers})
+    return replace(finishing, layers=tuple(layers)), comes
 
 
 def _unmoved(path: Toolpath) -> PathDeflection:
@@ -208,16 +252,17 @@ def _checks(cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, mos
     stock = found.stock_mm[found.cut]
     least, u = LEAST_DEPTH_MM + 2.0 * shift.u, 2.0 * float(shift.u.max())
     thin = _off_plan(found, shift, found.stock_mm < least, np.argmin, "deeper")
-    thick = _off_plan(found, shift, found.stock_mm > depth_of_cut_mm, np.argmax, "higher")
+    most = found.allowance_mm + depth_of_cut_mm
+    thick = _off_plan(found, shift, found.stock_mm > most, np.argmax, "higher")
     return (
         Check("edge_moved_mm", round(typical, 4), most_moved_mm, typical <= most_moved_mm,
               "a part that moved after the cut would be cut in another place", moved),
         Check("first_cut_measured_share", round(share, 4), (LEAST_SHARE, 1.0), share >= LEAST_SHARE,
               "what was not measured is only guessed from its neighbours", hardly),
-        Check("least_finishing_stock_mm", round(float(stock.min()), 4), (LEAST_DEPTH_MM + u, depth_of_cut_mm), not thin,
+        Check("least_finishing_stock_mm", round(float(stock.min()), 4), (round(LEAST_DEPTH_MM + u, 4), most), not thin,
               "what was cut too deep cannot be corrected", thin),
-        Check("most_finishing_stock_mm", round(float(stock.max()), 4), depth_of_cut_mm, not thick,
-              "one pass takes no more than the depth of cut", thick),
+        Check("most_finishing_stock_mm", round(float(stock.max()), 4), most, not thick,
+              "one layer takes no more than the depth of cut, and the allowance is left to the last", thick),
     )  # fmt: skip
 
 

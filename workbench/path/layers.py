@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Cutter, Edge, Layer, Toolpath
@@ -16,7 +18,7 @@ from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.refusals import refuse_allowance, refuse_cutter, refuse_partial_view, refuse_requirement
 from workbench.path.section import Bevel, bevel_of, layer_heights, raised
 from workbench.stage import stage
-from workbench.units import Bool
+from workbench.units import Bool, Float
 
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
 
@@ -59,7 +61,8 @@ def layers(
 
     With a finish allowance the path ends that much above the finished bevel, at a larger root. Its last layer takes no
     more than the allowance, as the finishing pass will: what the cutter and the robot do under that load is in the cut
-    that is measured (`path.correct`). The finishing pass is part of the path, but not of its layers.
+    that is measured (`path.correct`). The finishing pass is part of the path, but not of its layers: it first takes
+    what the cut has left too much, then the allowance.
 
     Args:
         edge: the measured raw edge.
@@ -94,9 +97,9 @@ def layers(
     air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
     table = edge_course(edge, edge.arc_length_mm, 0.0)
 
-    def path(to: Bevel, last_mm: float | None) -> Toolpath:
+    def path(to: Bevel, heights_of: Callable[[Float], Float]) -> Toolpath:
         plan = make_plan(edge, cloud, course, table, to, cutter, air, v_slow_mm_s)
-        cut = _cut_layers(plan, depth_of_cut_mm, last_mm)
+        cut = _cut_layers(plan, heights_of)
         return Toolpath(
             cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=to.root_mm, bevel_deg=bevel_deg,
             depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part=cloud.part,
@@ -104,10 +107,11 @@ def layers(
         )  # fmt: skip
 
     if finish_allowance_mm == 0.0:
-        return path(bevel, None)
-    first = path(raised(bevel, finish_allowance_mm), finish_allowance_mm)
+        return path(bevel, lambda stock: layer_heights(stock, depth_of_cut_mm))
+    first = path(raised(bevel, finish_allowance_mm),
+                 lambda stock: layer_heights(stock, depth_of_cut_mm, finish_allowance_mm))  # fmt: skip
     before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in first.layers)
-    finishing = replace(path(bevel, math.inf), before=before)
+    finishing = replace(path(bevel, lambda _: np.array([finish_allowance_mm, 0.0])), before=before)
     return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)
 
 
@@ -116,13 +120,13 @@ def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
     return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
 
 
-def _cut_layers(plan: Plan, depth_of_cut_mm: float, last_mm: float | None) -> tuple[Layer, ...]:
-    """The layers that cut somewhere, in cutting order; the last takes `last_mm`, if given."""
+def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer, ...]:
+    """The layers that cut somewhere, in cutting order, at the heights that the stock asks for."""
     reachable = make_layer(plan, 1, 0.0).cutting
     if not reachable.any():
         reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
         raise InputError("edge", f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length")
-    heights = layer_heights(plan.stock_mm[reachable], depth_of_cut_mm, last_mm)
+    heights = heights_of(plan.stock_mm[reachable])
     return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
 
 

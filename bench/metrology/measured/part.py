@@ -1,0 +1,180 @@
+"""One raw edge through the measured loop, and milled blindly beside it, in a cell whose errors no plan knows."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.metrology.measured.cell import give_way
+from bench.metrology.measured.result import MeasuredResult
+from bench.metrology.part import Clock
+from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.planning.part import rough_upper_side
+from workbench.artefacts import Inspection, PathCorrection, PathDeflection, Requirements, Toolpath
+from workbench.cloud import denoise
+from workbench.edge import segment, segment_raw
+from workbench.errors import WorkbenchError
+from workbench.inspect import sections
+from workbench.path import check, correct, feed, layers
+from workbench.scan import fuse
+from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
+from workbench.synthetic.truth import milled_truth
+from workbench.synthetic.workpiece import Workpiece
+from workbench.twin import mill, scan
+from workbench.units import DEG, Float
+
+SHAPES = ("raw_straight", "raw_arc", "raw_wavy")
+ALLOWANCE_MM = 0.5
+LARGEST_TOOL_ERROR_MM = 0.6
+HAND_EYE_MM = 0.4  # root mean square of its length
+LARGEST_WEAR_MM = 0.05
+MODEL_ERROR = 0.15  # relative, of force and stiffness together
+STEP_MM = 2.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What the robot does. `noise_mm`: new in every run; `repeating_mm`: the same at the same place; one axis."""
+
+    noise_mm: float
+    repeating_mm: float
+    gives_way: bool = False
+    wears: bool = False
+
+
+CELLS = {
+    "repeating": Cell(0.003, 0.03),
+    "not_repeating": Cell(0.03, 0.0),
+    "not_repeating_0.05": Cell(0.05, 0.0),
+    "deflection": Cell(0.003, 0.03, gives_way=True),
+    "wear": Cell(0.003, 0.03, wears=True),
+}
+
+
+def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> MeasuredResult:
+    """Take raw edge `seed` of a condition through both loops. There are no peers."""
+    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    shape = SHAPES[seed % len(SHAPES)]
+    result = MeasuredResult(condition, seed, shape=shape)
+    drawn = random_recipe(shape, seed)
+    hand_eye = drawn.robot.model_copy(update={"hand_eye_error_mm": HAND_EYE_MM / math.sqrt(3.0)})
+    recipe = drawn.model_copy(update={"robot": hand_eye})
+    direction = rng.normal(size=3)
+    offset = rng.uniform(0.0, LARGEST_TOOL_ERROR_MM) * direction / np.linalg.norm(direction)
+    wear = float(rng.uniform(0.0, LARGEST_WEAR_MM)) if CELLS[condition].wears else 0.0
+    try:
+        _both_loops(result, recipe, CELLS[condition], offset, wear, int(rng.integers(2**31)))
+    except WorkbenchError as error:
+        result.refused = str(error)
+    except Exception as error:
+        result.crashed = repr(error)
+    return result
+
+
+def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: Float, wear_mm: float,
+                seed: int) -> None:  # fmt: skip
+    clock = Clock(result.seconds)
+    recording, truth = simulate_recording(recipe)
+    result.seen_share = float(truth.seen.mean())
+    clock.lap("simulation")
+    cloud = denoise(fuse(recording))
+    edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
+    first = feed(layers(edge, cloud, finish_allowance_mm=ALLOWANCE_MM), cloud, edge)
+    blind = layers(edge, cloud)
+    gate = check(first, edge, cloud)
+    clock.lap("planning")
+    if not gate.passed:
+        result.refused = f"path.check: {gate.reason}"
+        return
+    raw = Workpiece(recipe)
+    whole = milled_truth(_milled(raw, blind, cell, offset_mm, wear_mm, 0.0, seed))
+    share = wear_mm * ALLOWANCE_MM  # of the wear that the finishing pass adds: it cuts one layer of several
+    rough = _milled(raw, first, cell, offset_mm, wear_mm, 0.0, seed)
+    clock.lap("milling")
+    again = scan(rough)
+    clock.lap("simulation")
+    found = sections(segment(denoise(fuse(again)), root_nominal_mm=first.root_mm))
+    predicted = _predicted(raw, first, seed) if cell.gives_way else None
+    path, correction = correct(found, first, predicted, repeatability_mm=cell.noise_mm)
+    finishing = feed(path, cloud, edge)
+    gate = check(finishing, edge, cloud, None, correction)
+    clock.lap("correction")
+    result.error_mm = float(np.mean(correction.displacement_mm[correction.cut]))
+    if correction.refused is not None:
+        result.beyond = correction.refused
+        compare(result, whole, None, correction, first, None, truth)
+        return
+    if not gate.passed:
+        result.refused = f"path.check of the finishing pass: {gate.reason}"
+        return
+    done = _milled(rough, finishing, cell, offset_mm, share, wear_mm, seed)
+    clock.lap("milling")
+    last = scan(done)
+    clock.lap("simulation")
+    inspection = sections(segment(denoise(fuse(last))))
+    clock.lap("inspection")
+    compare(result, whole, milled_truth(done), correction, first, inspection, truth)
+
+
+def _milled(part: Workpiece, path: Toolpath, cell: Cell, offset_mm: Float, wear_mm: float, worn_mm: float,
+            seed: int) -> Workpiece:  # fmt: skip
+    """The part milled; where the cell gives way, by the force of what the rigid cell would have met."""
+    wrong: dict[str, Any] = {
+        "offset_mm": tuple(float(v) for v in offset_mm), "robot_noise_mm": cell.noise_mm,
+        "robot_repeating_mm": cell.repeating_mm, "wear_mm": wear_mm, "worn_mm": worn_mm, "seed": seed,
+    }  # fmt: skip
+    bending: PathDeflection | None = None
+    if cell.gives_way:
+        _, engagement = mill(part, path, **wrong)
+        bending = give_way(path, engagement, seed)
+    return mill(part, path, bending, **wrong)[0]
+
+
+def _predicted(part: Workpiece, path: Toolpath, seed: int) -> PathDeflection:
+    """What the cell's model says of giving way: of a perfect cell's forces, and as much in error as such models are."""
+    _, engagement = mill(part, path)
+    wrong = 1.0 + MODEL_ERROR * np.random.default_rng([seed, 0x5F]).normal()
+    found = give_way(path, engagement, seed)
+    return PathDeflection({index: wrong * moved for index, moved in found.by_layer_mm.items()})
+
+
+def compare(result: MeasuredResult, blind: Truth, done: Truth | None, correction: PathCorrection, first: Toolpath,
+            inspection: Inspection | None, raw: Truth) -> None:  # fmt: skip
+    """Truth of both parts at places where the pass cuts; the inspection beside the truth in its sections."""
+    assert first.finishing is not None
+    final = first.finishing.layers[-1]
+    s = correction.arc_length_mm
+    radius = first.cutter.diameter_mm / 2.0
+    idle = s[~correction.cut]
+    places = np.arange(STEP_MM, correction.length_mm, STEP_MM)
+    places = places[np.abs(places[:, None] - idle[None, :]).min(axis=1) > radius]
+    at = np.stack([np.interp(places, s, column) for column in final.position_mm.T], axis=1)
+    columns = {
+        "root_blind_mm": blind.root_mm_at(at),
+        "correction_u_mm": np.interp(places, s, correction.displacement_u_mm),
+    }
+    if done is not None:
+        columns |= {"root_mm": done.root_mm_at(at), "bevel_deg": done.bevel_deg_at(at)}
+    result.places = _rounded(columns)
+    if inspection is None or done is None:
+        return
+    required = Requirements()
+    near = [k for k in inspection.sections if np.linalg.norm(at - k.origin_mm, axis=1).min(initial=np.inf) < 15.0]
+    origins = np.array([k.origin_mm for k in near]).reshape(-1, 3)
+    result.sections = {
+        "root_mm": [k.root_mm for k in near],
+        "root_u_mm": [k.root_u_mm for k in near],
+        "root_true_mm": numbers(done.root_mm_at(origins)),
+        "bevel_deg": [k.bevel_deg for k in near],
+        "bevel_u_deg": [k.bevel_u_deg for k in near],
+        "bevel_true_deg": numbers(done.bevel_deg_at(origins)),
+    }
+    assert required.bevel_nominal_deg * DEG == correction.bevel
+
+
+def _rounded(columns: dict[str, Float]) -> dict[str, Numbers]:
+    return {name: numbers(np.round(column, 6)) for name, column in columns.items()}

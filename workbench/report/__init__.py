@@ -6,5 +6,6 @@ from workbench.report.csv import csv
 from workbench.report.html import html
 from workbench.report.inspection import inspection
 from workbench.report.plan import plan
+from workbench.report.sensitivity import sensitivity
 
-__all__ = ["closed_loop", "correction", "csv", "html", "inspection", "plan"]
+__all__ = ["closed_loop", "correction", "csv", "html", "inspection", "plan", "sensitivity"]

@@ -1,0 +1,124 @@
+"""The stage `report.sensitivity`: which link of the chain costs how much, and what to improve first."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Chapter, Document, Edge, Toolpath
+from workbench.report.error_chain import Link, needs, thermal_mm
+from workbench.stage import stage
+from workbench.strict_json import strict_json
+from workbench.units import DEG
+
+PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
+Length = Annotated[float, Field(ge=0, le=100)]
+Angle = Annotated[float, Field(ge=0, le=20)]
+Deviations = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
+
+
+@stage("report.sensitivity")
+def sensitivity(
+    toolpath: Toolpath,
+    edge: Edge,
+    *,
+    root_tolerance_mm: Annotated[Deviations, Field(description="allowed deviations from the nominal root size")] = (
+        -0.5,
+        0.5,
+    ),
+    bevel_tolerance_deg: Annotated[Deviations, Field(description="allowed deviations from the nominal bevel angle")] = (
+        -1.0,
+        1.0,
+    ),
+    hand_eye_mm: Annotated[
+        float | None, Field(ge=0, le=100, description="of a point by the hand-eye pose; null: as its file predicts")
+    ] = None,
+    hand_eye_deg: Annotated[Angle, Field(description="of its direction about the feed")] = 0.05,
+    robot_accuracy_mm: Annotated[Length, Field(description="of the robot between scan and cut, along an axis")] = 0.1,
+    robot_repeatability_mm: Annotated[Length, Field(description="of the robot along an axis")] = 0.03,
+    robot_deg: Annotated[Angle, Field(description="of its orientation between scan and cut")] = 0.01,
+    tool_mm: Annotated[Length, Field(description="of the tool's measured place, along an axis")] = 0.2,
+    tool_deg: Annotated[Angle, Field(description="of its measured axis")] = 0.05,
+    turntable_mm: Annotated[Length, Field(description="of a point by the turntable's axis; 0: it stands")] = 0.0,
+    turntable_deg: Annotated[Angle, Field(description="of the part's direction by it")] = 0.0,
+    temperature_k: Annotated[
+        float, Field(ge=0, le=100, description="in kelvin: half the range between calibration and cut")
+    ] = 3.0,
+    drift_k: Annotated[float, Field(ge=0, le=100, description="in kelvin: half the range between the two cuts")] = 0.5,
+    wear_mm: Annotated[Length, Field(description="loss of the cutter's radius before it is replaced")] = 0.05,
+    inspection_mm: Annotated[Length, Field(description="u of an inspected root size")] = 0.006,
+    inspection_deg: Annotated[Angle, Field(description="u of an inspected bevel angle")] = 0.03,
+) -> tuple[Chapter, Document]:
+    """Tell what each link of the chain costs in this part's root size and bevel angle, and what to improve first.
+
+    Sensor, hand-eye, robot, tool, turntable, temperature, wear: each as a standard uncertainty of the bevel face's
+    place along its normal and of its direction; b . e / sin(bevel) is what it does to the root size. Twice: for a part
+    that is milled blindly, and for one whose finishing pass is corrected by a measured cut (`path.correct`), where what
+    both cuts share goes out. The link that costs most comes first; what it would have to be is told beside it.
+
+    Args:
+        toolpath: the path: bevel, layers, and how far from the robot's base the part lies.
+        edge: the scanned edge: its u is the sensor's share.
+        root_tolerance_mm, bevel_tolerance_deg: what must hold.
+        hand_eye_mm: standard uncertainty of a point as a length (three axes together).
+        hand_eye_deg, robot_accuracy_mm, robot_repeatability_mm, robot_deg, tool_mm, tool_deg: of the links.
+        turntable_mm, turntable_deg, temperature_k, drift_k, wear_mm: of the links.
+        inspection_mm, inspection_deg: of the measured cut.
+    """
+    from workbench.report.sensitivity_text import sensitivity_html
+
+    bevel, sine = toolpath.bevel_deg * DEG, math.sin(toolpath.bevel_deg * DEG)
+    part_mm = toolpath.part.hand_eye_u_mm if hand_eye_mm is None else hand_eye_mm
+    known = "given" if hand_eye_mm is not None else "its calibration" if part_mm is not None else "the paper's"
+    eye = PAPER_HAND_EYE_MM if part_mm is None else part_mm
+    sensor_mm, sensor_deg = _of_edge(edge, bevel)
+    reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
+    warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
+    # The correction's own mean rests on one run of the robot: what that run did by chance goes into the next.
+    chance = math.sqrt(1.0 + 1.0 / max(1.0, toolpath.edge_length_mm / 100.0))
+    uniform = wear_mm / math.sqrt(3.0)
+    links = (
+        Link("sensor", "the scanned edge", sensor_mm, sensor_deg, 0.0, "the measurement of the cut takes its place"),
+        Link("hand-eye", known, eye / math.sqrt(3.0), hand_eye_deg, 0.0, "both scans and both cuts share it"),
+        Link("robot, what repeats", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
+        Link("robot, what does not", "given", robot_repeatability_mm, 0.0, chance,
+             "new in the finishing pass, and a little of the first cut's"),
+        Link("tool", "given", tool_mm, tool_deg, 0.0, "both cuts share it"),
+        Link("turntable", "given", turntable_mm, turntable_deg, 0.0, "both cuts share it, if it stands between them"),
+        Link("temperature", f"{temperature_k:g} K over {reach / 1000.0:.2f} m of steel", warm, 0.0,
+             drifts / warm if warm > 0.0 else 0.0, "what changes between the cuts"),
+        Link("wear", "given", uniform, 0.0, 1.0 / (len(toolpath.layers) + 1), "only the finishing pass's own"),
+    )  # fmt: skip
+    measured = Link("measurement of the cut", "given", inspection_mm * sine, inspection_deg, 1.0, "it is new")
+    root_half, bevel_half = (min(-low, high) for low, high in (root_tolerance_mm, bevel_tolerance_deg))
+    blind = needs(links, False, bevel, root_half, bevel_half)
+    corrected = needs((*links, measured), True, bevel, root_half, bevel_half)
+    html, summary = sensitivity_html((*links, measured), blind, corrected)
+    document = {
+        "format": "bevel-sensitivity",
+        "version": 1,
+        "bevel_deg": toolpath.bevel_deg,
+        "links": [{"name": link.name, "source": link.source, "along_b_u_mm": link.along_b_mm,
+                   "tilt_u_deg": link.tilt_deg, "left": link.left} for link in (*links, measured)],
+        "characteristics": [
+            {"name": need.name, "unit": need.unit, "way": way, "tolerance_half_width": need.half_width,
+             "u": need.total, "holds": need.holds, "improve_first": chain[need.worst].name,
+             "links": [{"name": link.name, "u": u, "share": need.share(k), "allowed_u": need.allowed(k)}
+                       for k, (link, u) in enumerate(zip(chain, need.u, strict=True))]}
+            for way, chain, both in (("blind", links, blind), ("corrected", (*links, measured), corrected))
+            for need in both
+        ],
+    }  # fmt: skip
+    return (Chapter("Which link costs how much", html, summary=summary),
+            Document("sensitivity.json", strict_json(document)))  # fmt: skip
+
+
+def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
+    """u of the planned face along b, mm, and of its direction, deg: the scan's own."""
+    if edge.position_u_mm is None:
+        return 0.0, 0.0
+    u = np.hypot(edge.position_u_mm[:, 0] * math.cos(bevel), edge.position_u_mm[:, 1] * math.sin(bevel))
+    return float(np.nanmedian(u)), edge.normal_u / DEG

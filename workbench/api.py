@@ -21,16 +21,22 @@ from workbench.artefacts import (
     Gate,
     HandEye,
     Inspection,
+    Judgement,
     Layer,
     LayerEngagement,
     Mark,
     Moves,
     Part,
     PartNames,
+    PathCorrection,
     PathDeflection,
     PathGate,
     PointSet,
     Postures,
+    ProgramEvent,
+    ProgramMove,
+    ProgramMoves,
+    ProgramTool,
     Provenance,
     Recording,
     Requirements,
@@ -46,6 +52,8 @@ from workbench.artefacts import (
     Uncertainty,
     UncertaintySource,
     Verdict,
+    Violation,
+    conformity,
     frozen,
 )
 from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
@@ -67,6 +75,9 @@ from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.strict_json import read_json, strict_json
 from workbench.text_files import numbered_lines, read_text
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+
+if TYPE_CHECKING:
+    from workbench.result_files import HandEyeFile, PostureFile, StiffnessFile
 
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
     from workbench.robot import (
@@ -124,10 +135,12 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Float32",
     "Gate",
     "HandEye",
+    "HandEyeFile",
     "InputError",
     "InputFile",
     "Inspection",
     "Int",
+    "Judgement",
     "Layer",
     "LayerEngagement",
     "LoadingSetup",
@@ -138,12 +151,18 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "OutputError",
     "Part",
     "PartNames",
+    "PathCorrection",
     "PathDeflection",
     "PathGate",
     "PipelineError",
     "PointSet",
+    "PostureFile",
     "Postures",
+    "ProgramEvent",
     "ProgramJob",
+    "ProgramMove",
+    "ProgramMoves",
+    "ProgramTool",
     "Progress",
     "Provenance",
     "Recording",
@@ -154,6 +173,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Section",
     "Seed",
     "Shading",
+    "StiffnessFile",
     "Stretch",
     "Strokes",
     "Toolpath",
@@ -163,11 +183,13 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Uncertainty",
     "UncertaintySource",
     "Verdict",
+    "Violation",
     "WorkbenchError",
     "abb_angles",
     "bounding_volumes",
     "cell_triangles",
     "clearance_bound_mm",
+    "conformity",
     "dexterity",
     "forward_kinematics",
     "frozen",
@@ -202,7 +224,11 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
 
 
 def __getattr__(name: str) -> Any:
-    """Import the robot cell's names on first use."""
+    """Import the robot cell's names and the models of result files on first use."""
+    if name in __all__ and name.endswith("File"):
+        from workbench import result_files
+
+        return getattr(result_files, name)
     if name in __all__:
         from workbench import robot
 

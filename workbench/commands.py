@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from workbench.arguments import assignments
+from workbench.errors import ArgumentError, nearest
 
 
 def run(options: argparse.Namespace) -> int:
@@ -101,9 +102,22 @@ def stages(options: argparse.Namespace) -> int:
     return 0
 
 
+def _result_schema(name: str) -> dict[str, Any]:
+    from workbench.result_files import RESULT_FILES, result_schema
+
+    known = name if name.endswith(".json") else f"{name}.json"
+    if known not in RESULT_FILES:
+        raise ArgumentError(f"schema {name}", f"no such result file{nearest(known, RESULT_FILES)}")
+    return result_schema(known)
+
+
 def schema(options: argparse.Namespace) -> int:
-    """Print the JSON Schema of a pipeline."""
+    """Print the JSON Schema of a pipeline, or of a result file."""
     import json
+
+    if options.result is not None:
+        printed(print, json.dumps(_result_schema(options.result), indent=2))
+        return 0
 
     from workbench.pipeline.catalogue import catalogue
 

@@ -36,7 +36,7 @@ def check_parameters(model: type[BaseModel], given: Mapping[str, Any], where: st
     try:
         checked = model.model_validate_json(json.dumps(dict(given), default=jsonable))
     except ValidationError as error:
-        raise _complaint(error, given, where) from None
+        raise complaint(error, given, where) from None
     except (TypeError, ValueError, RecursionError) as error:
         raise PipelineError(where, f"a parameter is not a JSON value: {error}") from None
     return {name: getattr(checked, name) for name in known}
@@ -53,7 +53,7 @@ def jsonable(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
-def _complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
+def complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
     """The first thing that pydantic found, as place and expectation."""
     first = error.errors(include_url=False)[0]
     value: Any = given

@@ -58,10 +58,19 @@ BAD = {
     "a key twice": ('{"method": 1, "method": 2}', "stands twice"),
     "a list": ([1], "expected an object"),
     "no pose": ({"method": "m"}, "expected 'flange_from_profiler'"),
-    "misspelt pose": ({"flange_from_profilr": POSE.tolist()}, "did you mean 'flange_from_profiler'"),
+    "misspelt pose": (
+        {"flange_from_profilr": POSE.tolist()},
+        "expected 'flange_from_profiler', found 'flange_from_profilr'",
+    ),
     "misspelt covariance": (calibration(covarience=[]), "did you mean 'covariance'"),
-    "three rows": (calibration(flange_from_profiler=POSE[:3].tolist()), "expected 4 rows of 4"),
-    "ragged": (calibration(flange_from_profiler=[*POSE[:3].tolist(), [0, 0, 1]]), "expected 4 rows of 4"),
+    "three rows": (
+        calibration(flange_from_profiler=POSE[:3].tolist()),
+        "profiler: expected 4 entries",
+    ),
+    "ragged": (
+        calibration(flange_from_profiler=[*POSE[:3].tolist(), [0, 0, 1]]),
+        "profiler[3]: expected 4 entries",
+    ),
     "text": (calibration(flange_from_profiler=entry(POSE, 1, 2, "0.1")), "flange_from_profiler[1][2]"),
     "true": (calibration(flange_from_profiler=entry(POSE, 3, 3, True)), "flange_from_profiler[3][3]"),
     "null": (calibration(flange_from_profiler=entry(POSE, 0, 3, None)), "flange_from_profiler[0][3]"),
@@ -71,7 +80,7 @@ BAD = {
     ),
     "mirrored": (calibration(flange_from_profiler=(POSE @ np.diag([1, 1, -1, 1])).tolist()), "rigid motion"),
     "sheared": (calibration(flange_from_profiler=entry(POSE, 0, 1, POSE[0, 1] + 1e-5)), "rigid motion"),
-    "covariance 3 x 3": (calibration(covariance=np.eye(3).tolist()), "$.covariance: expected 6 rows"),
+    "covariance 3 x 3": (calibration(covariance=np.eye(3).tolist()), "$.covariance[0]: expected 6 entries"),
     "covariance not symmetric": (calibration(covariance=entry(COVARIANCE, 0, 3, 5e-6)), "expected a covariance"),
     "negative variance": (calibration(covariance=entry(COVARIANCE, 5, 5, -1e-9)), "expected a covariance"),
 }

@@ -45,6 +45,8 @@ class Part(PartNames):
     'A-8'
     """
 
+    __pydantic_config__: ClassVar[Any] = {"extra": "ignore"}  # files may hold more
+
     simulated: bool | None = None  # True: no real part was measured
     hand_eye: str | None = None  # the hand-eye calibration in use: its file, or 'the recording's own'
     hand_eye_calibrated_at: str | None = None  # ISO 8601

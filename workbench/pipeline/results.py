@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from workbench.artefacts import (
@@ -40,7 +40,7 @@ def inspection_document(inspection: Inspection) -> dict[str, Any]:
         "requirements": dataclasses.asdict(inspection.requirements),
         "uncertainty": dataclasses.asdict(inspection.uncertainty),
         "warnings": list(inspection.warnings),
-        **({"checks": [dataclasses.asdict(check) for check in inspection.checks]} if inspection.checks else {}),
+        "checks": [dataclasses.asdict(check) for check in inspection.checks],
         "sections": [_section(section) for section in inspection.sections],
         "profile": {f.name: getattr(inspection.profile, f.name) for f in dataclasses.fields(inspection.profile)},
     }
@@ -175,14 +175,22 @@ def result_files(artefacts: Iterable[Any], gates: Sequence[PathGate] = ()) -> di
     for artefact in artefacts:
         for kind, (name, document) in WRITERS.items():
             if isinstance(artefact, kind):
-                files[name] = strict_json(document(artefact))
+                files[name] = written(name, document(artefact))
         if isinstance(artefact, Toolpath) and (gate := _gate_of(artefact, gates)):
-            files["toolpath.json"] = strict_json(toolpath_document(artefact, gate))
+            files["toolpath.json"] = written("toolpath.json", toolpath_document(artefact, gate))
         if isinstance(artefact, Document):
             if not is_plain_name(artefact.name) or artefact.name in (*files, RUN_FILE):
                 raise PipelineError(f"result {artefact.name!r}", "expected a file name of its own, without directories")
             files[artefact.name] = artefact.content
     return files
+
+
+def written(name: str, document: Mapping[str, Any]) -> bytes:
+    """The bytes of a result file, as its model has them where it has one."""
+    from workbench.result_files import RESULT_FILES
+
+    model = RESULT_FILES.get(name)
+    return model.written(document) if model else strict_json(document)
 
 
 def _gate_of(path: Toolpath, gates: Sequence[PathGate]) -> PathGate | None:

@@ -22,10 +22,9 @@ from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
-from workbench.pipeline.results import RUN_FILE, result_files
+from workbench.pipeline.results import RUN_FILE, result_files, written
 from workbench.pipeline.wiring import Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
-from workbench.strict_json import strict_json
 
 A = TypeVar("A")
 VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")
@@ -233,10 +232,11 @@ def _versions() -> dict[str, str]:
 
 def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
     """All result files of a run, `run.json` included."""
-    written = (made for step in checked.steps if step.write for made in results.artefacts[step.id])
-    files = result_files(written, [one for one in results if isinstance(one, PathGate)])
+    made = (made for step in checked.steps if step.write for made in results.artefacts[step.id])
+    files = result_files(made, [one for one in results if isinstance(one, PathGate)])
     made_of = provenance(checked, results)
-    files[RUN_FILE] = strict_json(
+    files[RUN_FILE] = written(
+        RUN_FILE,
         {
             "pipeline": made_of.pipeline,
             "versions": made_of.versions,
@@ -245,6 +245,6 @@ def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
             "stages": [{"name": name, "seconds": round(spent, 6)} for name, spent in results.seconds.items()],
             "warnings": results.warnings,
             "files": [*files, RUN_FILE],
-        }
+        },
     )
     return files

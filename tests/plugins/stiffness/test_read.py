@@ -33,14 +33,14 @@ def test_a_file_comes_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"joint_stiffness_nm_per_rad": [1e6, 0, 1e6, 1e6, 1e6, 1e6]}, "above 0, found 0 Nm/rad for joint 2"),
-        ({"joint_stiffness_nm_per_rad": [1e6, 1e6, 1e6, 1e6, 1e6, -3]}, "above 0, found -3 Nm/rad for joint 6"),
-        ({"joint_stiffness_nm_per_rad": [1e6] * 5}, "shape (6,)"),
-        ({"joint_stiffness_nm_per_rad": "soft"}, "shape (6,)"),
-        ({"covariance": [[1.0] * 6] * 5}, "shape (6, 6)"),
+        ({"joint_stiffness_nm_per_rad": [1e6, 0, 1e6, 1e6, 1e6, 1e6]}, "[1]: expected greater than 0, got 0"),
+        ({"joint_stiffness_nm_per_rad": [1e6, 1e6, 1e6, 1e6, 1e6, -3]}, "[5]: expected greater than 0, got -3"),
+        ({"joint_stiffness_nm_per_rad": [1e6] * 5}, "expected 6 entries, found 5"),
+        ({"joint_stiffness_nm_per_rad": "soft"}, "expected a valid array"),
+        ({"covariance": [[1.0] * 6] * 5}, "expected 6 entries, found 5"),
         ({"covariance": (-np.eye(6)).tolist()}, "positive semi-definite"),
         ({"covariance": (np.eye(6) + np.eye(6, k=1)).tolist()}, "symmetric"),
-        ({"covariance": None}, "finite numbers"),
+        ({"covariance": None}, "expected a valid array"),
     ],
 )
 def test_what_is_no_stiffness_is_refused(tmp_path: Path, change: Any, message: str) -> None:

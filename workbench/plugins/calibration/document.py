@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from workbench.api import DEG, Document, rpy_from_rotation, strict_json
+from workbench.api import DEG, Document, HandEyeFile, rpy_from_rotation
 from workbench.plugins.calibration.values import Calibration
 
 
@@ -28,4 +28,4 @@ def hand_eye_document(found: Calibration) -> Document:
         "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in found.frames_rejected],
         "warnings": found.warnings,
     }
-    return Document("handeye.json", strict_json(content))
+    return Document(HandEyeFile.NAME, HandEyeFile.written(content))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, Float, Postures, strict_json
+from workbench.api import DEG, AnyArray, Float, PostureFile, Postures
 from workbench.plugins.stiffness.feasible import CAUSES
 from workbench.plugins.stiffness.search import PostureMap
 from workbench.plugins.stiffness.standing import Case, Found
@@ -17,7 +17,7 @@ def posture_document(found: Found) -> bytes:
     """`points` are the layers' in their order; `travels` those of the moves through the air, which come in between."""
     made = found.postures
     air = made.layer == 0
-    return strict_json(
+    return PostureFile.written(
         {
             "format": "posture",
             "version": 1,

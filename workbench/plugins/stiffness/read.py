@@ -8,11 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, InputFile, read_json, stage, strict_json
+from workbench.api import Document, Float, InputError, InputFile, StiffnessFile, stage
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, JointStiffness
 
 Positive = Annotated[float, Field(gt=0, le=1e12)]
-KEYS = ("joint_stiffness_nm_per_rad", "covariance", "condition_number", "postures", "loads")
 
 
 @stage("stiffness.read")
@@ -40,22 +39,12 @@ def read(
 
 def read_stiffness(path: Path) -> JointStiffness:
     """The stiffness in a file; raises InputError with the place and what was expected."""
-    document = read_json(path)
-    missing = [key for key in KEYS[:2] if key not in document]
-    if missing:
-        raise InputError(f"{path}: $", f"expected the key '{missing[0]}'")
-    where = f"{path}: $.joint_stiffness_nm_per_rad"
-    k = _numbers(document["joint_stiffness_nm_per_rad"], (6,), where)
-    for joint, value in enumerate(k, 1):
-        if value <= 0:
-            raise InputError(where, f"expected stiffness above 0, found {value:g} Nm/rad for joint {joint}")
-    where = f"{path}: $.covariance"
-    covariance = _numbers(document["covariance"], (6, 6), where)
+    found = StiffnessFile.read(path)
+    covariance = np.array(found.covariance)
     if not _is_covariance(covariance):
-        raise InputError(where, "expected a symmetric positive semi-definite 6x6 matrix")
-    count = [document.get(key) for key in KEYS[2:]]
-    condition, postures, loads = (value if isinstance(value, int | float) else 0 for value in count)
-    return JointStiffness(k, covariance, float(condition), int(postures), int(loads), str(path))
+        raise InputError(f"{path}: $.covariance", "expected a symmetric positive semi-definite 6x6 matrix")
+    k, condition = np.array(found.joint_stiffness_nm_per_rad), found.condition_number or 0.0
+    return JointStiffness(k, covariance, condition, found.postures, found.loads, str(path))
 
 
 def _is_covariance(matrix: Float) -> bool:
@@ -72,8 +61,8 @@ def _is_covariance(matrix: Float) -> bool:
 def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
     """`stiffness.json` (docs/pipelines.md); `more`: what the identification adds."""
     return Document(
-        "stiffness.json",
-        strict_json(
+        StiffnessFile.NAME,
+        StiffnessFile.written(
             {
                 "format": "joint-stiffness",
                 "version": 1,
@@ -88,13 +77,3 @@ def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
             }
         ),
     )
-
-
-def _numbers(value: Any, shape: tuple[int, ...], where: str) -> Float:
-    try:
-        array = np.array(value, float)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(where, f"expected finite numbers of shape {shape}")
-    return array

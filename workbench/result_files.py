@@ -1,0 +1,350 @@
+"""Result files as pydantic models: what a run writes is checked by them, what it reads comes through them, and
+`workbench schema RESULT` prints them. Keys may be added to a file; what stands here must be there.
+
+Lengths in mm, angles in degrees where a name says so, null for what was not measured.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from workbench.artefacts import UNKNOWN_PART, Check, Part, Requirements, Uncertainty, Verdict
+from workbench.errors import InputError
+from workbench.parameters import complaint
+from workbench.strict_json import MAX_BYTES, read_json, strict_json
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Vector = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]
+Matrix = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
+Six = tuple[Number, Number, Number, Number, Number, Number]
+Matrix6 = tuple[Six, Six, Six, Six, Six, Six]
+Unknown = Number | None
+
+
+class Row(BaseModel):
+    """A part of a file; further keys are kept."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+class ResultFile(Row):
+    """A result file."""
+
+    NAME: ClassVar[str]
+
+    @classmethod
+    def written(cls, content: Mapping[str, Any]) -> bytes:
+        """The file's bytes: strict JSON that this model accepts. ValidationError: a defect of the caller."""
+        made = strict_json(dict(content))
+        cls.model_validate_json(made)
+        return made
+
+    @classmethod
+    def read(cls, path: Path, max_bytes: int = MAX_BYTES) -> Self:
+        """What a file says.
+
+        Raises:
+            InputError: it is no such file: the place in it and what was expected.
+        """
+        document = read_json(path, max_bytes)
+        try:
+            return cls.model_validate_json(json.dumps(document), strict=True)
+        except ValidationError as error:
+            raise _refusal(error, document, path) from None
+
+
+def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) -> InputError:
+    """The first thing that is wrong: its place, what was expected, and the nearest known name."""
+    found_wrong = error.errors(include_url=False)
+    first = found_wrong[0]
+    if first["type"] == "missing":
+        *above, last = first["loc"]
+        holder: Any = document
+        for key in above:
+            holder = holder[key]
+        place = "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in above)
+        if isinstance(last, int):
+            alike = (e["loc"][-1] for e in found_wrong if e["loc"][:-1] == first["loc"][:-1])
+            most = max([last, *(k for k in alike if isinstance(k, int))])
+            return InputError(f"{path}: {place}", f"expected {most + 1} entries, found {len(holder)}")
+        near = difflib.get_close_matches(str(last), holder, n=1)
+        return InputError(f"{path}: {place}", f"expected '{last}'" + (f", found '{near[0]}'" if near else ""))
+    found = complaint(error, document, "$")
+    return InputError(f"{path}: {found.where}", found.expected)
+
+
+class SectionRow(Row):
+    """An inspected section: its plane in the base, the values in it, their standard uncertainties."""
+
+    index: Annotated[int, Field(ge=1)]
+    arc_length_mm: Number
+    origin_mm: Vector
+    tangent: Vector
+    normal: Vector
+    across: Vector
+    root_mm: Unknown
+    root_u_mm: Unknown
+    bevel_deg: Unknown
+    bevel_u_deg: Unknown
+    verdict: Verdict
+    reason: str
+
+
+class ProfileColumns(Row):
+    """Values along the whole edge, a column each."""
+
+    arc_length_mm: list[Number]
+    position_mm: list[tuple[Unknown, Unknown, Unknown]]
+    root_mm: list[Unknown]
+    root_u_mm: list[Unknown]
+    bevel_deg: list[Unknown]
+    bevel_u_deg: list[Unknown]
+
+
+class InspectionFile(ResultFile):
+    """`inspection.json`: a milled bevel as measured, against its requirements."""
+
+    NAME: ClassVar[str] = "inspection.json"
+    format: Literal["bevel-inspection"]
+    version: Literal[1]
+    frame: Literal["base"]
+    verdict: Verdict
+    reason: str
+    guard_factor: NotNegative
+    part: Part
+    requirements: Requirements
+    uncertainty: Uncertainty
+    checks: list[Check]
+    warnings: list[str]
+    sections: list[SectionRow]
+    profile: ProfileColumns
+
+
+class CutterRow(Row):
+    """The milling tool."""
+
+    diameter_mm: Positive
+    flutes: Annotated[int, Field(ge=1)]
+    flute_length_mm: Positive
+
+
+class PathPoint(Row):
+    """A point of a layer; its frame as in docs/conventions.md."""
+
+    arc_length_mm: Number
+    position_mm: Vector
+    quaternion_wxyz: Quaternion
+    feed_mm_s: Positive
+    cutting: bool
+    measured: bool
+    width_mm: NotNegative
+
+
+class TravelPoint(Row):
+    """A point of a move between layers."""
+
+    position_mm: Vector
+    quaternion_wxyz: Quaternion
+    feed_mm_s: Positive
+
+
+class LayerRow(Row):
+    """A layer, in cutting order."""
+
+    index: Annotated[int, Field(ge=1)]
+    height_mm: Number
+    points: list[PathPoint]
+
+
+class TravelRow(Row):
+    """The moves before a layer, or after the last one."""
+
+    points: list[TravelPoint]
+
+
+class ToolpathFile(ResultFile):
+    """`toolpath.json`: a milling path in layers."""
+
+    NAME: ClassVar[str] = "toolpath.json"
+    format: Literal["bevel-toolpath"]
+    version: Literal[1]
+    frame: Literal["base", "workobject"]
+    base_from_workobject: Matrix | None = None
+    part: Part
+    cutter: CutterRow
+    edge_length_mm: Positive
+    refused: list[str]
+    warnings: list[str]
+    layers: list[LayerRow]
+    travels: list[TravelRow]
+
+
+class HandEyeFile(ResultFile):
+    """`handeye.json`: the pose of the profiler on the flange. Other programs may give the pose alone."""
+
+    NAME: ClassVar[str] = "handeye.json"
+    flange_from_profiler: Matrix
+    part: Part = Field(default=UNKNOWN_PART, description="sensor, robot and date of the recording of the sphere")
+    translation_mm: Vector | None = None
+    rotation_rpy_deg: Vector | None = None
+    covariance: Matrix6 | None = Field(default=None, description="tx ty tz in mm, then a rotation vector in rad")
+    sphere_center_mm: Vector | None = None
+    sphere_diameter_mm: Positive | None = None
+    time_offset_s: Unknown = None
+    time_offset_u_s: Unknown = None
+    volume_u_mm: Annotated[float, Field(ge=0, lt=1e3)] | None = Field(
+        default=None, description="predicted RMS error of a point over the field of view"
+    )
+    residual_rms_mm: NotNegative | None = None
+    method: str | None = None
+    frames_used: list[int] = []
+    frames_rejected: list[dict[str, Any]] = []
+    warnings: list[str] = []
+
+
+class StiffnessFile(ResultFile):
+    """`stiffness.json`: joint stiffness of a robot."""
+
+    NAME: ClassVar[str] = "stiffness.json"
+    joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+    covariance: Matrix6
+    condition_number: Unknown = None
+    postures: int = 0
+    loads: int = 0
+
+
+class PosturePoint(Row):
+    """How robot, cutter and turntable stand at a point."""
+
+    cutter_rotation_deg: Number
+    turntable_deg: Number
+    joints_deg: Six
+    displacement_mm: Any
+    clearance_mm: Unknown
+
+
+class PostureMap(Row):
+    """Mean displacement over cutter rotation and turntable, null where infeasible, and why."""
+
+    cutter_rotation_deg: list[Number]
+    turntable_deg: list[Number]
+    mean_displacement_mm: list[list[Unknown]]
+    cause: list[list[str | None]]
+
+
+class PostureFile(ResultFile):
+    """`posture.json`: postures of every point of a path."""
+
+    NAME: ClassVar[str] = "posture.json"
+    part: Part
+    points: list[PosturePoint]
+    map: PostureMap
+
+
+class StationRow(Row):
+    """A place along the edge and by how much the finishing pass is corrected there."""
+
+    arc_length_mm: Number
+    along_n_mm: Unknown
+    along_n_u_mm: Unknown
+    along_m_mm: Unknown
+    along_m_u_mm: Unknown
+    tilt_deg: Unknown
+    tilt_u_deg: Unknown
+
+
+class CorrectionFile(ResultFile):
+    """`correction.json`: what the finishing pass was moved and turned by."""
+
+    NAME: ClassVar[str] = "correction.json"
+    format: Literal["path-correction"]
+    version: Literal[1]
+    stations: list[StationRow]
+    allowance_mm: Number
+    refused: str | None
+
+
+class CornerRow(Row):
+    """A corner of a groove in a section."""
+
+    name: str
+    position_mm: Vector
+    u_mm: tuple[NotNegative, NotNegative]
+    column: Unknown
+
+
+class GrooveSection(Row):
+    """A section of a groove; sizes stand in further keys, each with its standard uncertainty (docs/pipelines.md)."""
+
+    index: Annotated[int, Field(ge=1)]
+    arc_length_mm: Number
+    origin_mm: Vector
+    tangent: Vector
+    corners: list[CornerRow]
+    verdict: Verdict
+
+
+class GrooveFile(ResultFile):
+    """`groove.json`: a groove as measured."""
+
+    NAME: ClassVar[str] = "groove.json"
+    format: Literal["groove-inspection"]
+    version: Literal[1]
+    frame: Literal["base"]
+    type: Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
+    sections: list[GrooveSection]
+    part: Part
+    requirements: dict[str, Any]
+    uncertainty: dict[str, Any]
+    checks: list[Check]
+    verdict: Verdict
+    reason: str
+
+
+class InputRow(Row):
+    """A file that a run read."""
+
+    name: str
+    path: str
+    sha256: str
+
+
+class StageRow(Row):
+    """A stage that ran."""
+
+    name: str
+    seconds: NotNegative
+
+
+class RunFile(ResultFile):
+    """`run.json`: what a run did and what it rests on."""
+
+    NAME: ClassVar[str] = "run.json"
+    pipeline: dict[str, Any]
+    versions: dict[str, str]
+    seed: int
+    inputs: list[InputRow]
+    stages: list[StageRow]
+    warnings: list[str]
+    files: list[str] = []
+
+
+RESULT_FILES: dict[str, type[ResultFile]] = {
+    model.NAME: model
+    for model in (InspectionFile, ToolpathFile, HandEyeFile, PostureFile, StiffnessFile, CorrectionFile, GrooveFile,
+                  RunFile)
+}  # fmt: skip
+
+
+def result_schema(name: str) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the result file `name`."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **RESULT_FILES[name].model_json_schema()}

@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from workbench.report import along, aside
 from workbench.report.certificate import decision_rule
 from workbench.report.deviations import deviations, laid_out
 from workbench.report.drawing import section_drawings
+from workbench.report.plot import Figure
 from workbench.report.tables import set_aside
 
 

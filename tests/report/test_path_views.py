@@ -90,8 +90,7 @@ def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
     axes = figures[0].axes[0]
     final = p.toolpath.layers[-1]
     np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), np.c_[final.arc_length_mm, final.feed_mm_s])
-    bars = [path.get_extents() for path in axes.collections[0].get_paths()]
-    assert [(bar.x0, bar.x1) for bar in bars] == [(0.0, 89.0), (123.0, 200.0)]
+    assert axes.bars == [(0.0, 89.0), (123.0, 200.0)]
     assert axes.get_ylim()[1] > 10.0
 
 

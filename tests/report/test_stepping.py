@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from workbench.report import stepping
+from workbench.report.plot import Figure
 
 BETA = np.radians(40.0)
 
@@ -49,12 +49,12 @@ def test_no_text_lies_on_another_or_outside(planned, monkeypatch):
         path = dataclasses.replace(p.toolpath, layers=layers)
         stepping.stepping_drawing(p.cloud, p.edge, path, stepping.stepped_section(p.edge, path))
         figure = figures.pop()
-        figure.canvas.draw()
-        boxes = [text.get_window_extent() for text in figure.axes[0].texts if text.get_text()]
-        for k, box in enumerate(boxes):
-            assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
-            assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
-            assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+        boxes = [text.get_box() for text in figure.axes[0].texts]
+        for k, (left, top, right, bottom) in enumerate(boxes):
+            assert 0.0 <= left < right <= figure.width
+            assert 0.0 <= top < bottom <= figure.height
+            for x0, y0, x1, y1 in boxes[k + 1 :]:
+                assert x1 <= left or right <= x0 or y1 <= top or bottom <= y0
 
 
 def test_no_drawing_where_nothing_is_cut(planned):

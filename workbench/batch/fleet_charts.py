@@ -13,7 +13,7 @@ from workbench.batch.capability import capability
 from workbench.batch.control import ControlChart
 from workbench.batch.fleet_table import Characteristic
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
-from workbench.report.figures import styled, svg
+from workbench.report.style import styled, svg
 from workbench.units import Float, Int
 
 COLUMNS = 3  # of small charts side by side

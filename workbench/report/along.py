@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import Edge, Inspection, Section
-from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE, VERDICTS
-from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
+from workbench.report.colours import INK, LIMIT, MEASURED, TOLERANCE, VERDICTS
+from workbench.report.figures import hatch_hidden, mark_sections, svg
+from workbench.report.plot import Axes, Figure
 from workbench.report.values import COVERAGE, alike
 from workbench.units import Bool, Float
 
@@ -77,23 +76,22 @@ def gaps(s: Float, seen: Bool) -> list[tuple[float, float]]:
 
 def _chart(what: Characteristic, edge: Edge, inspection: Inspection) -> bytes:
     s = inspection.profile.arc_length_mm
-    with styled():
-        figure = Figure(figsize=(10, 3.3))
-        axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
-        axes.set_xlim(0.0, float(s[-1]))
-        _draw_tolerance(axes, what, s, inspection.guard_factor)
-        mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
-        hatch_hidden(axes, hidden_stretches(edge))
-        _draw_measured(axes, what, s)
-        axes.set_xlabel("arc length along the lower edge, mm")
-        axes.set_ylabel(f"{what.label}, {what.unit.strip()}")
-        return svg(figure)
+    figure = Figure(figsize=(10, 3.3))
+    axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
+    axes.set_xlim(0.0, float(s[-1]))
+    _draw_tolerance(axes, what, s, inspection.guard_factor)
+    mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
+    hatch_hidden(axes, hidden_stretches(edge))
+    _draw_measured(axes, what, s)
+    axes.set_xlabel("arc length along the lower edge, mm")
+    axes.set_ylabel(f"{what.label}, {what.unit.strip()}")
+    return svg(figure)
 
 
 def _draw_tolerance(axes: Axes, what: Characteristic, s: Float, guard_factor: float) -> None:
     """Tolerance zone, its limits and the nominal value; inside it the limits less the guard band."""
     lower, upper = (what.nominal + deviation for deviation in what.tolerance)
-    axes.axhspan(lower, upper, color=TOLERANCE, linewidth=0, zorder=0.1)
+    axes.axhspan(lower, upper, color=TOLERANCE, zorder=0.1)
     guard = guard_factor * what.u
     low, middle, high = alike(lower, what.nominal, upper)
     for level, name, inside in ((upper, f"upper limit {high}", -1.0), (lower, f"lower limit {low}", 1.0)):
@@ -107,20 +105,17 @@ def _draw_tolerance(axes: Axes, what: Characteristic, s: Float, guard_factor: fl
 def _draw_measured(axes: Axes, what: Characteristic, s: Float) -> None:
     """The measured value with its expanded uncertainty, and the sections' values on it."""
     expanded = COVERAGE * what.u
-    axes.fill_between(
-        s, what.value - expanded, what.value + expanded, color=MEASURED, alpha=0.25, linewidth=0, zorder=2
-    )
+    axes.fill_between(s, what.value - expanded, what.value + expanded, color=MEASURED, alpha=0.25, zorder=2)
     axes.plot(s, what.value, color=MEASURED, linewidth=1.1, zorder=3)
     for section, value, u in what.at_sections:
         axes.errorbar(
-            section.arc_length_mm, value, COVERAGE * u, fmt="o", markersize=4, capsize=2.5, linewidth=1.0,
+            section.arc_length_mm, value, COVERAGE * u, markersize=4, capsize=2.5, linewidth=1.0,
             color=VERDICTS[section.verdict], zorder=4,
         )  # fmt: skip
 
 
 def _label_level(axes: Axes, level: float, text: str) -> None:
     axes.annotate(
-        text, (1.0, level), (6, 0), xycoords=("axes fraction", "data"), textcoords="offset points", va="center",
-        fontsize=8, color=INK if text.startswith("nominal") else LIMIT, annotation_clip=False,
+        text, (1.0, level), (6, 0), xycoords=("axes fraction", "data"), va="center",
+        fontsize=8, color=INK if text.startswith("nominal") else LIMIT,
     )  # fmt: skip
-    axes.tick_params(colors=GREY, labelcolor=INK)

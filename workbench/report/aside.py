@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection
 from workbench.report.along import hidden_stretches
 from workbench.report.colours import FACES, INK, REJECTED
 from workbench.report.develop import developed
-from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
+from workbench.report.figures import hatch_hidden, mark_sections, svg
+from workbench.report.plot import Figure
 from workbench.report.sample import Points, frame_arc_length_mm, overview, rejected
 from workbench.units import Float, Int
 
@@ -38,25 +38,24 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
     low, high = faces[:, 2].min() - MARGIN_MM, faces[:, 2].max() + MARGIN_MM
     s = edge.arc_length_mm
     shown = (out[:, 2] > low) & (out[:, 2] < high) & (out[:, 0] >= s[0]) & (out[:, 0] <= s[-1])
-    with styled():
-        figure = Figure(figsize=(10, 2.7))
-        axes = figure.add_axes((0.068, 0.18, 0.8, 0.71))
-        axes.set(xlim=(0.0, s[-1]), ylim=(low, high))
-        pass_index = cloud.pass_index[points.frame]
-        for label, each in product(np.setdiff1d(points.label, [UNLABELLED]), np.unique(pass_index)):
-            face = (points.label == label) & (pass_index == each)
-            if face.any():
-                band = _band(points.frame[face], kept[face])
-                axes.fill_between(*band, color=FACES[int(label)], alpha=0.3, linewidth=0)
-        mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
-        hatch_hidden(axes, hidden_stretches(edge))
-        few = out[shown][:: max(1, int(shown.sum()) // REJECTS)]
-        axes.plot(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2, markeredgewidth=0, rasterized=True)
-        if len(edge.burr_stations):
-            axes.plot(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
-        axes.set_xlabel("arc length along the lower edge, mm")
-        axes.set_ylabel("v across the edge, mm")
-        return PlanView(svg(figure), step, int((~shown).sum()))
+    figure = Figure(figsize=(10, 2.7))
+    axes = figure.add_axes((0.068, 0.18, 0.8, 0.71))
+    axes.set(xlim=(0.0, s[-1]), ylim=(low, high))
+    pass_index = cloud.pass_index[points.frame]
+    for label, each in product(np.setdiff1d(points.label, [UNLABELLED]), np.unique(pass_index)):
+        face = (points.label == label) & (pass_index == each)
+        if face.any():
+            band = _band(points.frame[face], kept[face])
+            axes.fill_between(*band, color=FACES[int(label)], alpha=0.3)
+    mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
+    hatch_hidden(axes, hidden_stretches(edge))
+    few = out[shown][:: max(1, int(shown.sum()) // REJECTS)]
+    axes.plot(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
+    if len(edge.burr_stations):
+        axes.plot(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
+    axes.set_xlabel("arc length along the lower edge, mm")
+    axes.set_ylabel("v across the edge, mm")
+    return PlanView(svg(figure), step, int((~shown).sum()))
 
 
 def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:

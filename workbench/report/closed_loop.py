@@ -35,7 +35,7 @@ def closed_loop(
     Raises:
         InputError: no section, or a path without layers.
     """
-    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.closed_loop_text import closed_loop_html, closed_loop_summary, contradictions
     from workbench.report.loop import compared, loop_chart
     from workbench.report.scenes import loop_scene

@@ -23,7 +23,7 @@ def correction(
         corrected: inspection of the finished part; the same as `first`: not yet finished.
         blind: inspection of a part that was milled without looking; the same as another: there is none.
     """
-    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.correction_text import correction_html, correction_summary
 
     finished = {

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import Inspection, PathCorrection
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.report.along import gaps
 from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
-from workbench.report.figures import hatch_hidden, styled, svg
+from workbench.report.figures import hatch_hidden, svg
+from workbench.report.plot import Axes, Figure
 from workbench.report.template import data_address, render
 from workbench.report.values import COVERAGE, span
 from workbench.units import DEG, Float
@@ -86,56 +85,54 @@ def _chart(found: PathCorrection) -> bytes:
     """SVG of shift and tilt along the edge, and of what was corrected."""
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     s = found.arc_length_mm[over]
-    with styled():
-        figure = Figure(figsize=(10, 4.2))
-        top, below = figure.subplots(2, 1, sharex=True)
-        figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
-        for axes, value, u, by, scale in (
-            (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
-            (below, found.turn, found.turn_u, found.tilt, DEG),
-        ):
-            _band(axes, s, value[over] / scale, u[over] / scale, MEASURED)
-            axes.plot(s, -by[over] / scale, color=INK, linewidth=1.0, dashes=(5, 3))
-            axes.axhline(0.0, color=INK, linewidth=0.5)
-            hatch_hidden(axes, gaps(s, found.cut[over]))
-        for limit in (-found.allowance_mm, found.allowance_mm):
-            top.axhline(limit, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
-        top.set_xlim(float(s[0]), float(s[-1]))
-        top.set_ylabel("shift of the cut, mm")
-        below.set_ylabel("tilt of the cut, °")
-        below.set_xlabel("arc length along the lower edge, as planned, mm")
-        return svg(figure)
+    figure = Figure(figsize=(10, 4.2))
+    top, below = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
+    for axes, value, u, by, scale in (
+        (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
+        (below, found.turn, found.turn_u, found.tilt, DEG),
+    ):
+        _band(axes, s, value[over] / scale, u[over] / scale, MEASURED)
+        axes.plot(s, -by[over] / scale, color=INK, linewidth=1.0, dashes=(5, 3))
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+        hatch_hidden(axes, gaps(s, found.cut[over]))
+    for limit in (-found.allowance_mm, found.allowance_mm):
+        top.axhline(limit, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
+    top.set_xlim(float(s[0]), float(s[-1]))
+    top.set_ylabel("shift of the cut, mm")
+    below.set_ylabel("tilt of the cut, °")
+    below.set_xlabel("arc length along the lower edge, as planned, mm")
+    return svg(figure)
 
 
 def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
     """SVG of root size and bevel angle less what was asked, of each part."""
-    with styled():
-        figure = Figure(figsize=(10, 4.2))
-        top, below = figure.subplots(2, 1, sharex=True)
-        figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
-        for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
-            name, unit = key.split("_")
-            for part, one in finished.items():
-                needs, profile = one.requirements, one.profile
-                nominal = getattr(needs, f"{name}_nominal_{unit}")
-                u = getattr(profile, f"{name}_u_{unit}")
-                _band(axes, profile.arc_length_mm, getattr(profile, key) - nominal, u, COLOURS[part], part)
-            axes.axhspan(*getattr(needs, f"{name}_tolerance_{unit}"), color=TOLERANCE, linewidth=0, zorder=0.4)
-            axes.axhline(0.0, color=INK, linewidth=0.5)
-        for one in finished.values():
-            for section in one.sections:
-                if section.root_mm is not None:
-                    top.plot(section.arc_length_mm, section.root_mm - one.requirements.root_nominal_mm, "o",
-                             markersize=3.5, color=VERDICTS[section.verdict], zorder=4)  # fmt: skip
-        top.legend(frameon=False, ncols=2)
-        top.set_ylabel("root size\nless asked, mm")
-        below.set_ylabel("bevel angle\nless asked, °")
-        below.set_xlabel("arc length along the lower edge, mm")
-        return svg(figure)
+    figure = Figure(figsize=(10, 4.2))
+    top, below = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
+    for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
+        name, unit = key.split("_")
+        for part, one in finished.items():
+            needs, profile = one.requirements, one.profile
+            nominal = getattr(needs, f"{name}_nominal_{unit}")
+            u = getattr(profile, f"{name}_u_{unit}")
+            _band(axes, profile.arc_length_mm, getattr(profile, key) - nominal, u, COLOURS[part], part)
+        axes.axhspan(*getattr(needs, f"{name}_tolerance_{unit}"), color=TOLERANCE, zorder=0.4)
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+    for one in finished.values():
+        for section in one.sections:
+            if section.root_mm is not None:
+                top.plot(section.arc_length_mm, section.root_mm - one.requirements.root_nominal_mm, "o",
+                         markersize=3.5, color=VERDICTS[section.verdict], zorder=4)  # fmt: skip
+    top.legend()
+    top.set_ylabel("root size\nless asked, mm")
+    below.set_ylabel("bevel angle\nless asked, °")
+    below.set_xlabel("arc length along the lower edge, mm")
+    return svg(figure)
 
 
 def _band(axes: Axes, s: Float, value: Float, u: Float, colour: str, label: str | None = None) -> None:
-    axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=colour, alpha=0.25, linewidth=0)
+    axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=colour, alpha=0.25)
     axes.plot(s, value, color=colour, linewidth=1.0, label=label)
 
 

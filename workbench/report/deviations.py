@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Section
 from workbench.report.colours import FACES, GREY, INK
 from workbench.report.develop import in_section
+from workbench.report.plot import Axes
 from workbench.report.sample import frame_arc_length_mm, of_section
 from workbench.units import DEG, AnyArray, Bool, Float
 
@@ -83,12 +83,11 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
     strip.set(ylim=(-limit, limit), xlim=(min(0.0, float(along.min())), float(along.max())), xticks=[])
     strip.set_yticks([-limit, 0.0, limit], [f"−{limit:g}", "0", f"{limit:g}"])
     strip.tick_params(labelsize=6.5, length=2, pad=1.5)
-    strip.spines["bottom"].set_visible(False)
+    strip.spine_hidden = True
     for face in (ROOT_FACE, BEVEL_FACE):
         of_face = label == face
         strip.plot(
-            along[of_face], off[of_face], ".", color=FACES[face], markersize=1.4, markeredgewidth=0, alpha=0.6,
-            rasterized=True,
+            along[of_face], off[of_face], ".", color=FACES[face], markersize=1.4, alpha=0.6,
         )  # fmt: skip
     strip.axhline(0.0, color=INK, linewidth=0.5)
-    strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2, loc="left")
+    strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2)

@@ -11,14 +11,13 @@ import math
 import textwrap
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection
 from workbench.report.colours import FACES, GREY, INK, SIGNS, VERDICTS
 from workbench.report.deviations import LaidOut, deviation_limit, draw_deviations, laid_out
 from workbench.report.dimensions import dimension_angle, dimension_height
-from workbench.report.figures import styled, svg
+from workbench.report.figures import svg
+from workbench.report.plot import Axes, Figure
 from workbench.report.values import decimals, measured
 from workbench.units import DEG, Float
 
@@ -39,19 +38,18 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
         decimals(s.bevel_u_deg for s in inspection.sections),
     )
     rows = math.ceil(len(all_drawn) / COLUMNS)
-    with styled():
-        figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
-        grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
-        figure.subplots_adjust(0.048, 0.16 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
-        limit = deviation_limit(all_drawn)
-        for axes, drawn in zip(grid.flat, all_drawn, strict=False):
-            _draw(axes, drawn, window, places)
-            draw_deviations(axes, drawn, limit)
-        for axes in grid.flat[len(all_drawn) :]:
-            axes.set_visible(False)
-        figure.supxlabel("u along the root face's outward normal, mm", fontsize=9)
-        figure.supylabel("v from the lower to the upper side, mm", fontsize=9, x=0.004)
-        return svg(figure)
+    figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
+    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
+    figure.subplots_adjust(0.048, 0.16 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
+    limit = deviation_limit(all_drawn)
+    for axes, drawn in zip(grid.flat, all_drawn, strict=False):
+        _draw(axes, drawn, window, places)
+        draw_deviations(axes, drawn, limit)
+    for axes in grid.flat[len(all_drawn) :]:
+        axes.set_visible(False)
+    figure.supxlabel("u along the root face's outward normal, mm", fontsize=9)
+    figure.supylabel("v from the lower to the upper side, mm", fontsize=9, x=0.004)
+    return svg(figure)
 
 
 def _window(all_drawn: list[LaidOut]) -> tuple[Float, Float]:
@@ -70,24 +68,23 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.tick_params(labelsize=8)
     axes.annotate(
-        f"{section.index}", (0, 1), (0, 3), xycoords="axes fraction", textcoords="offset points",
+        f"{section.index}", (0, 1), (0, 3), xycoords="axes fraction",
         fontsize=11, fontweight="bold",
     )  # fmt: skip
     axes.annotate(
-        f"at {section.arc_length_mm:.1f} mm", (0, 1), (16, 3), xycoords="axes fraction",
-        textcoords="offset points", color=GREY,
+        f"at {section.arc_length_mm:.1f} mm", (0, 1), (16, 3), xycoords="axes fraction", color=GREY,
     )  # fmt: skip
     axes.annotate(
         f"{SIGNS[section.verdict]} {section.verdict}", (1, 1), (0, 3), xycoords="axes fraction",
-        textcoords="offset points", ha="right", color=VERDICTS[section.verdict], fontweight="bold",
+        ha="right", color=VERDICTS[section.verdict], fontweight="bold",
     )  # fmt: skip
     if section.root_mm is None or section.bevel_deg is None:
         text = textwrap.fill(section.reason or "not measured", 24)
-        axes.text(0.97, 0.5, text, transform=axes.transAxes, ha="right", va="center", color=GREY)
+        axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", color=GREY)
         return
     for label in np.unique(drawn.label):
         uv = drawn.uv_mm[drawn.label == label]
-        axes.plot(*uv.T, ".", color=FACES[int(label)], markersize=3.2, markeredgewidth=0, alpha=0.6, rasterized=True)
+        axes.plot(uv[:, 0], uv[:, 1], ".", color=FACES[int(label)], markersize=3.2, alpha=0.6)
     size = float(high[1] - low[1])
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)

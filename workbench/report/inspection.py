@@ -38,7 +38,7 @@ def inspection(
     Raises:
         InputError: no section, or an edge of which nothing was measured.
     """
-    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.along import angle_chart, root_chart
     from workbench.report.aside import plan_view
     from workbench.report.certificate import certificate_html

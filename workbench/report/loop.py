@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import EdgeProfile, Inspection, Section, Toolpath
 from workbench.report.along import gaps
 from workbench.report.colours import INK, LIMIT, MEASURED, VERDICTS
-from workbench.report.figures import hatch_hidden, mark_sections, styled, svg
+from workbench.report.figures import hatch_hidden, mark_sections, svg
 from workbench.report.planned import frames_in_base
+from workbench.report.plot import Axes, Figure
 from workbench.report.values import COVERAGE
 from workbench.units import DEG, Bool, Float
 
@@ -44,19 +43,18 @@ def compared(inspection: Inspection, toolpath: Toolpath) -> list[Compared]:
 def loop_chart(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> bytes:
     """SVG of the deviations from what was asked, along the edge: measured with uncertainty, planned as crosses."""
     profile = inspection.profile
-    with styled():
-        figure = Figure(figsize=(10, 4.4))
-        root, bevel = figure.subplots(2, 1, sharex=True)
-        figure.subplots_adjust(0.1, 0.115, 0.985, 0.945, hspace=0.16)
-        _draw_deviation(root, profile, rows, "root", "mm", toolpath.root_mm)
-        _draw_deviation(bevel, profile, rows, "bevel", "deg", toolpath.bevel_deg)
-        root.set_ylabel("root size\nless asked, mm")
-        bevel.set_ylabel("bevel angle\nless asked, °")
-        for axes in (root, bevel):
-            axes.yaxis.set_label_coords(-0.062, 0.5)
-        mark_sections(root, [r.section.arc_length_mm for r in rows], [str(r.section.index) for r in rows])
-        bevel.set_xlabel("arc length along the lower edge of the milled part, mm")
-        return svg(figure)
+    figure = Figure(figsize=(10, 4.4))
+    root, bevel = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.115, 0.985, 0.945, hspace=0.16)
+    _draw_deviation(root, profile, rows, "root", "mm", toolpath.root_mm)
+    _draw_deviation(bevel, profile, rows, "bevel", "deg", toolpath.bevel_deg)
+    root.set_ylabel("root size\nless asked, mm")
+    bevel.set_ylabel("bevel angle\nless asked, °")
+    for axes in (root, bevel):
+        axes.y_label_at = -0.062
+    mark_sections(root, [r.section.arc_length_mm for r in rows], [str(r.section.index) for r in rows])
+    bevel.set_xlabel("arc length along the lower edge of the milled part, mm")
+    return svg(figure)
 
 
 def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name: str, unit: str, asked: float) -> None:
@@ -65,13 +63,13 @@ def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name
     off, wide = getattr(profile, value_name) - asked, COVERAGE * getattr(profile, u_name)
     axes.set_xlim(float(s[0]), float(s[-1]))
     axes.axhline(0.0, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
-    axes.fill_between(s, off - wide, off + wide, color=MEASURED, alpha=0.25, linewidth=0)
+    axes.fill_between(s, off - wide, off + wide, color=MEASURED, alpha=0.25)
     axes.plot(s, off, color=MEASURED, linewidth=1.0)
     for row in rows:
         at, value, planned = row.section.arc_length_mm, getattr(row.section, value_name), getattr(row, value_name)
         if value is not None:
             axes.errorbar(
-                at, value - asked, COVERAGE * (getattr(row.section, u_name) or 0.0), fmt="o", markersize=4,
+                at, value - asked, COVERAGE * (getattr(row.section, u_name) or 0.0), markersize=4,
                 capsize=2.5, linewidth=1.0, color=VERDICTS[row.section.verdict], zorder=4,
             )  # fmt: skip
         if planned is not None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, Toolpath
 from workbench.report.along import hidden_stretches
 from workbench.report.colours import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE
-from workbench.report.figures import hatch_hidden, styled, svg
+from workbench.report.figures import hatch_hidden, svg
+from workbench.report.plot import Axes, Figure
 from workbench.report.procedure import shown_stretch
 from workbench.report.ramp import layer_colours
 from workbench.report.sample import face_ends
@@ -32,78 +31,75 @@ def edges_in_plane(cloud: Cloud, edge: Edge) -> bytes:
     curves = (edge.position_mm[here], upper[here])
     origin, axes = _plane(np.vstack(curves), edge.tangent[here], edge.normal[here])
     vertices = face_ends(cloud, edge, ROOT_FACE, stretch.frames)
-    with styled():
-        figure = Figure(figsize=(5.2, 2.9))
-        in_plane, off = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (2.0, 1.0)})
-        figure.subplots_adjust(0.14, 0.155, 0.985, 0.975, hspace=0.14)
-        for curve, points, colour, name in zip(
-            curves, vertices, (LOWER_EDGE, UPPER_EDGE), ("lower edge", "upper edge"), strict=True
-        ):
-            along, across, out = axes @ (curve - origin).T
-            dots = axes @ (points.position_mm - origin).T
-            in_plane.plot(dots[0], dots[1], ".", color=colour, markersize=1.6, markeredgewidth=0, rasterized=True)
-            in_plane.plot(along, across, color=INK, linewidth=0.7)
-            if np.isfinite(along).any():
-                middle = float(np.nanmedian(across))
-                in_plane.annotate(
-                    name, (0.5, middle), (0, -9), xycoords=("axes fraction", "data"), textcoords="offset points",
-                    ha="center", va="center", color=colour, fontsize=8,
-                )  # fmt: skip
-            off.plot(along, out, color=colour, linewidth=1.1)
-        in_plane.margins(x=0.01, y=0.22)
-        low, high = off.get_ylim()
-        off.set_ylim(min(low, -LEAST_OFF_MM), max(high, LEAST_OFF_MM))
-        in_plane.set_ylabel("across, mm")
-        off.set_ylabel("off it, mm")
-        off.set_xlabel("along the end face's plane, mm")
-        for axes_of in (in_plane, off):
-            axes_of.yaxis.set_label_coords(-0.11, 0.5)
-        return svg(figure)
+    figure = Figure(figsize=(5.2, 2.9))
+    in_plane, off = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    figure.subplots_adjust(0.14, 0.155, 0.985, 0.975, hspace=0.14)
+    for curve, points, colour, name in zip(
+        curves, vertices, (LOWER_EDGE, UPPER_EDGE), ("lower edge", "upper edge"), strict=True
+    ):
+        along, across, out = axes @ (curve - origin).T
+        dots = axes @ (points.position_mm - origin).T
+        in_plane.plot(dots[0], dots[1], ".", color=colour, markersize=1.6)
+        in_plane.plot(along, across, color=INK, linewidth=0.7)
+        if np.isfinite(along).any():
+            middle = float(np.nanmedian(across))
+            in_plane.annotate(
+                name, (0.5, middle), (0, -9), xycoords=("axes fraction", "data"),
+                ha="center", va="center", color=colour, fontsize=8,
+            )  # fmt: skip
+        off.plot(along, out, color=colour, linewidth=1.1)
+    in_plane.margins(x=0.01, y=0.22)
+    low, high = off.get_ylim()
+    off.set_ylim(min(low, -LEAST_OFF_MM), max(high, LEAST_OFF_MM))
+    in_plane.set_ylabel("across, mm")
+    off.set_ylabel("off it, mm")
+    off.set_xlabel("along the end face's plane, mm")
+    for axes_of in (in_plane, off):
+        axes_of.y_label_at = -0.11
+    return svg(figure)
 
 
 def feed_chart(edge: Edge, toolpath: Toolpath) -> bytes:
     """SVG of the feed along the final layer; where it cuts stands along the bottom."""
     final = toolpath.layers[-1]
     s, feed = final.arc_length_mm, final.feed_mm_s
-    with styled():
-        figure = Figure(figsize=(10, 2.6))
-        axes = figure.add_axes((0.068, 0.19, 0.8, 0.74))
-        axes.set(xlim=(float(s.min()), float(s.max())), ylim=(0.0, 1.12 * float(feed.max())))
-        hatch_hidden(axes, hidden_stretches(edge))
-        axes.step(s, feed, where="pre", color=MEASURED, linewidth=1.2)
-        _mark_cutting(axes, s, final.cutting)
-        axes.axhline(toolpath.v_slow_mm_s, color=LIMIT, linewidth=0.8, dashes=(4, 2.5), zorder=0.8)
-        axes.annotate(
-            f"cutting feed {toolpath.v_slow_mm_s:g} mm/s", (1.0, toolpath.v_slow_mm_s), (6, 0),
-            xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8, color=LIMIT,
-        )  # fmt: skip
-        axes.set_xlabel(ALONG)
-        axes.set_ylabel("feed, mm/s")
-        return svg(figure)
+    figure = Figure(figsize=(10, 2.6))
+    axes = figure.add_axes((0.068, 0.19, 0.8, 0.74))
+    axes.set(xlim=(float(s.min()), float(s.max())), ylim=(0.0, 1.12 * float(feed.max())))
+    hatch_hidden(axes, hidden_stretches(edge))
+    axes.step(s, feed, color=MEASURED, linewidth=1.2)
+    _mark_cutting(axes, s, final.cutting)
+    axes.axhline(toolpath.v_slow_mm_s, color=LIMIT, linewidth=0.8, dashes=(4, 2.5), zorder=0.8)
+    axes.annotate(
+        f"cutting feed {toolpath.v_slow_mm_s:g} mm/s", (1.0, toolpath.v_slow_mm_s), (6, 0),
+        xycoords=("axes fraction", "data"), va="center", fontsize=8, color=LIMIT,
+    )  # fmt: skip
+    axes.set_xlabel(ALONG)
+    axes.set_ylabel("feed, mm/s")
+    return svg(figure)
 
 
 def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> bytes:
     """SVG of radial depth, axial depth and chip area along each layer, as milled in simulation."""
     count = len(toolpath.layers)
-    with styled():
-        figure = Figure(figsize=(10, 4.6))
-        rows = figure.subplots(len(ENGAGED), 1, sharex=True)
-        figure.subplots_adjust(0.068, 0.105, 0.868, 0.98, hspace=0.16)
-        for axes, (name, label) in zip(rows, ENGAGED, strict=True):
-            for layer in engagement.layers:
-                colour = layer_colours(np.array([layer.index]), count)[0] / 255.0
-                axes.plot(layer.arc_length_mm, getattr(layer, name), color=colour, linewidth=1.1)
-            axes.set_ylabel(label)
-            axes.set_ylim(bottom=0.0)
-        rows[0].axhline(toolpath.depth_of_cut_mm, color=LIMIT, linewidth=0.8, dashes=(4, 2.5))
-        rows[0].annotate(
-            f"depth of cut {toolpath.depth_of_cut_mm:g} mm", (1.0, toolpath.depth_of_cut_mm), (6, 0), va="center",
-            xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8, color=LIMIT,
-        )  # fmt: skip
-        for axes in rows:
-            hatch_hidden(axes, hidden_stretches(edge))
-        rows[-1].set_xlabel(ALONG)
-        return svg(figure)
+    figure = Figure(figsize=(10, 4.6))
+    rows = figure.subplots(len(ENGAGED), 1, sharex=True)
+    figure.subplots_adjust(0.068, 0.105, 0.868, 0.98, hspace=0.16)
+    for axes, (name, label) in zip(rows, ENGAGED, strict=True):
+        for layer in engagement.layers:
+            colour = layer_colours(np.array([layer.index]), count)[0] / 255.0
+            axes.plot(layer.arc_length_mm, getattr(layer, name), color=colour, linewidth=1.1)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0.0)
+    rows[0].axhline(toolpath.depth_of_cut_mm, color=LIMIT, linewidth=0.8, dashes=(4, 2.5))
+    rows[0].annotate(
+        f"depth of cut {toolpath.depth_of_cut_mm:g} mm", (1.0, toolpath.depth_of_cut_mm), (6, 0), va="center",
+        xycoords=("axes fraction", "data"), fontsize=8, color=LIMIT,
+    )  # fmt: skip
+    for axes in rows:
+        hatch_hidden(axes, hidden_stretches(edge))
+    rows[-1].set_xlabel(ALONG)
+    return svg(figure)
 
 
 def _plane(points_mm: Float, tangent: Float, normal: Float) -> tuple[Float, Float]:
@@ -121,5 +117,5 @@ def _plane(points_mm: Float, tangent: Float, normal: Float) -> tuple[Float, Floa
 def _mark_cutting(axes: Axes, s: Float, cutting: Bool) -> None:
     """Bars along the bottom over the stretches that are cut."""
     change = np.flatnonzero(np.diff(np.r_[False, cutting, False]))
-    bars = [(float(s[a]), float(s[b - 1] - s[a])) for a, b in zip(change[::2], change[1::2], strict=True)]
-    axes.broken_barh(bars, (0.0, 0.035), transform=axes.get_xaxis_transform(), color=GREY, linewidth=0)
+    bars = [(float(s[a]), float(s[b - 1])) for a, b in zip(change[::2], change[1::2], strict=True)]
+    axes.bars_below(bars, 0.035, color=GREY)

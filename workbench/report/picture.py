@@ -1,26 +1,26 @@
-"""A view in space as a picture: the points by `geometry.splat`, lines, planes and words over them by matplotlib."""
+"""A view in space as a picture: the points by `geometry.splat`, lines, planes and words over them by pillow."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import maximum_filter
 
 from workbench.geometry.splat import Camera, draw_cloud
 from workbench.report.colours import INK
-from workbench.report.figures import styled
 from workbench.report.scene import AXES, View, aspect, extent
 from workbench.units import AnyArray, Bool, Float, Float32
 
-DPI, LINE_PT, WORD_PT, DOT_PT = 150, 1.4, 11.0, 2.9
-CLOUD_COLOURS, COLOURS = 48, 256  # of the cloud; and of the picture, with what is drawn over it
+FINER = 2  # lines are drawn so many times as large, then made smaller: smooth
+LINE_PX, WORD_PX, DOT_PX, HEAD_PX = 3 * FINER, 23 * FINER, 3.0 * FINER, 12 * FINER  # width, height, radius, length
+COLOURS = 256  # of the picture
+NEAREST, QUICKLY = Image.Resampling.NEAREST, Image.Quantize.FASTOCTREE
+TINT = 0.13  # opacity of a plane
 MARGIN = 0.06  # of the picture, left free around what is in it
 FAINT = 0.25  # opacity of an outline behind the part
 STEP_PX, GAP_PX, NOISE_MM = 3.0, 7, 0.2  # an outline is looked at this often for what hides it; and how closely
@@ -36,39 +36,19 @@ def picture(view: View) -> bytes:
     camera = camera_of(view)
     cloud = draw_cloud(view.points_mm, view.colour.astype(np.uint8), camera)
     near = maximum_filter(np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX)  # gaps between points hide as well
-    with styled():
-        figure = Figure(figsize=(camera.width_px / DPI, camera.height_px / DPI), dpi=DPI)
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.imshow(
-            _in_few_colours(Image.fromarray(cloud.rgb), CLOUD_COLOURS).convert("RGB"),
-            extent=(0, camera.width_px, camera.height_px, 0),
-            interpolation="nearest",
-        )
-        axes.set(xlim=(0, camera.width_px), ylim=(camera.height_px, 0))
-        axes.set_axis_off()
-        for line, colour in view.lines():
-            _draw_line(axes, camera.project(line), colour[1:] / 255.0)
-        dots = camera.project(view.dots_mm)
-        axes.scatter(dots[:, 0], dots[:, 1], s=DOT_PT**2, c=view.dot_colour / 255.0, linewidths=0, zorder=3)
-        for corners, colour, name in zip(view.planes_mm, view.plane_colour / 255.0, view.names, strict=True):
-            _draw_plane(axes, camera, near, corners, colour, name)
-        if view.axes_length_mm:
-            _draw_axes(axes, camera, view.axes * view.axes_length_mm)
-        return png(figure)
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as PNG with a palette: a third of the size."""
-    raw, out = io.BytesIO(), io.BytesIO()
-    figure.savefig(raw, format="rgba")
-    width, height = figure.canvas.get_width_height()
-    image = Image.frombuffer("RGBA", (width, height), raw.getvalue(), "raw", "RGBA", 0, 1).convert("RGB")
-    _in_few_colours(image, COLOURS).save(out, format="png")
+    image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
+    draw = ImageDraw.Draw(image, "RGBA")
+    for line, colour in view.lines():
+        _draw_line(draw, camera.project(line), colour[1:])
+    for (x, y, _), shade in zip(FINER * camera.project(view.dots_mm), view.dot_colour, strict=True):
+        draw.ellipse((x - DOT_PX, y - DOT_PX, x + DOT_PX, y + DOT_PX), fill=_shade(shade))
+    for corners, colour, name in zip(view.planes_mm, view.plane_colour, view.names, strict=True):
+        _draw_plane(draw, camera, near, corners, colour, name)
+    if view.axes_length_mm:
+        _draw_axes(draw, camera, view.axes * view.axes_length_mm)
+    out = io.BytesIO()
+    image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png")
     return out.getvalue()
-
-
-def _in_few_colours(image: Image.Image, count: int) -> Image.Image:
-    return image.quantize(count, dither=Image.Dither.NONE)
 
 
 def camera_of(view: View) -> Camera:
@@ -81,30 +61,31 @@ def camera_of(view: View) -> Camera:
     return Camera(screen, screen.T @ ((low + high) / 2), scale, width, height)
 
 
-def _draw_line(axes: Axes, seen: Float, colour: AnyArray) -> None:
+def _draw_line(draw: ImageDraw.ImageDraw, seen: Float, colour: AnyArray) -> None:
     """A line of pixels (k, 3), a colour (k - 1, 3) for each of its segments."""
-    segments = np.stack([seen[:-1, :2], seen[1:, :2]], axis=1)
-    axes.add_collection(LineCollection(list(segments), colors=colour, linewidths=LINE_PT, capstyle="round"))
+    at = FINER * seen[:, :2]
+    changes = np.flatnonzero((np.diff(colour.astype(int), axis=0) != 0).any(axis=1)) + 1
+    for piece in np.split(np.arange(len(colour)), changes):
+        ends = at[piece[0] : piece[-1] + 2]
+        draw.line([*map(tuple, ends.tolist())], fill=_shade(colour[piece[0]]), width=LINE_PX, joint="curve")
 
 
-def _draw_plane(axes: Axes, camera: Camera, near: Float32, corners: Float, colour: AnyArray, name: str) -> None:
+def _draw_plane(
+    draw: ImageDraw.ImageDraw, camera: Camera, near: Float32, corners: Float, colour: AnyArray, name: str
+) -> None:
     """A plane's outline, faint where the part hides it, with a tint and its name."""
     seen = camera.project(corners[[0, 1, 2, 3, 0]])
-    axes.fill(seen[:, 0], seen[:, 1], facecolor=(*colour, 0.13), edgecolor="none", zorder=2.5)
+    draw.polygon([*map(tuple, (FINER * seen[:4, :2]).tolist())], fill=_shade(colour, TINT))
     for start, end in pairwise(seen):
         steps = max(2, round(np.hypot(*(end - start)[:2]) / STEP_PX))
         way = start + np.linspace(0.0, 1.0, steps)[:, None] * (end - start)
         behind = _hidden((way[:-1] + way[1:]) / 2.0, near)
         for run in np.split(np.arange(len(behind)), np.flatnonzero(np.diff(behind)) + 1):
-            ends = way[[run[0], run[-1] + 1]]
-            opacity = FAINT if behind[run[0]] else 1.0
-            axes.plot(
-                ends[:, 0], ends[:, 1], color=(*colour, opacity), linewidth=LINE_PT, zorder=4, solid_capstyle="butt"
-            )
-    place = camera.project((corners[3] + 0.04 * (corners[3] - corners[0]))[None])[0]
-    axes.annotate(
-        name, place[:2], (0, 2), textcoords="offset points", color=INK, fontsize=WORD_PT, ha="center", zorder=5
-    )
+            ends = FINER * way[[run[0], run[-1] + 1], :2]
+            shade = _shade(colour, FAINT if behind[run[0]] else 1.0)
+            draw.line([*map(tuple, ends.tolist())], fill=shade, width=LINE_PX)
+    x, y, _ = FINER * camera.project((corners[3] + 0.04 * (corners[3] - corners[0]))[None])[0]
+    draw.text((x, y), name, font=_font(), fill=INK, anchor="mb")
 
 
 def _hidden(seen: Float, near_mm: Float32) -> Bool:
@@ -114,11 +95,22 @@ def _hidden(seen: Float, near_mm: Float32) -> Bool:
     return np.asarray(near_mm[row, column] > seen[:, 2] + NOISE_MM)
 
 
-def _draw_axes(axes: Axes, camera: Camera, ends_mm: Float) -> None:
+def _draw_axes(draw: ImageDraw.ImageDraw, camera: Camera, ends_mm: Float) -> None:
     """t, n, m as arrows from the view's origin."""
-    start, ends = camera.project(np.zeros((1, 3)))[0], camera.project(ends_mm)
-    arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0, "linewidth": LINE_PT}
-    for end, name in zip(ends, AXES, strict=True):
-        axes.annotate("", end[:2], start[:2], arrowprops=arrow, zorder=6)
-        place = start + 1.15 * (end - start)
-        axes.annotate(name, place[:2], color=INK, fontsize=WORD_PT, ha="center", va="center", zorder=6)
+    start = FINER * camera.project(np.zeros((1, 3)))[0, :2]
+    for end, name in zip(FINER * camera.project(ends_mm)[:, :2], AXES, strict=True):
+        along = (end - start) / max(1e-9, float(np.hypot(*(end - start))))
+        across = np.array([-along[1], along[0]])
+        draw.line([tuple(start), tuple(end - HEAD_PX / 2 * along)], fill=INK, width=LINE_PX)
+        head = (end, end - HEAD_PX * along + HEAD_PX / 3 * across, end - HEAD_PX * along - HEAD_PX / 3 * across)
+        draw.polygon([tuple(corner) for corner in head], fill=INK)
+        draw.text(tuple(start + 1.15 * (end - start)), name, font=_font(), fill=INK, anchor="mm")
+
+
+def _shade(colour: AnyArray, opacity: float = 1.0) -> tuple[int, ...]:
+    return (*map(int, colour), round(255 * opacity))
+
+
+@cache
+def _font() -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
+    return ImageFont.load_default(WORD_PX)  # comes with pillow: the same everywhere

@@ -44,7 +44,7 @@ def plan(
     Raises:
         InputError: a milled edge, or a path without layers.
     """
-    # Matplotlib and jinja2 cost time to import: only where a report is made.
+    # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
     from workbench.report.path_views import path_views
     from workbench.report.picture import pictures

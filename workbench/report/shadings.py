@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Shading
 from workbench.report.colours import GREY, face_shades, rgb
@@ -33,7 +32,7 @@ def by_deviation(name: str, points: Points, cloud: Cloud, edge: Edge, root_mm: A
     limit = round_limit(np.abs(off[known])) if known.any() else 0.05
     index = np.full(len(off), UNKNOWN, np.uint8)
     index[known] = np.round((np.clip(off[known] / limit, -1.0, 1.0) + 1.0) * STEPS)
-    palette = np.vstack([_diverging()(np.linspace(0.0, 1.0, 2 * STEPS + 1))[:, :3] * 255.0, [rgb(GREY)]])
+    palette = np.vstack([_diverging(), [rgb(GREY)]])
     return Shading(name, index, palette.astype(np.uint8), _legend(limit, palette))
 
 
@@ -71,8 +70,11 @@ def always(value: float) -> Along:
     return lambda where_mm: np.full(len(where_mm), value)
 
 
-def _diverging() -> LinearSegmentedColormap:
-    return LinearSegmentedColormap.from_list("deviation", [BELOW, NONE, ABOVE])
+def _diverging() -> Float:
+    """(2 STEPS + 1, 3) red, green, blue from below over none to above."""
+    ends = np.array([rgb(BELOW), rgb(NONE), rgb(ABOVE)], float)
+    at = np.linspace(0.0, 2.0, 2 * STEPS + 1)
+    return np.stack([np.interp(at, np.arange(3.0), ends[:, k]) for k in range(3)], axis=1)
 
 
 def _legend(limit_mm: float, palette: Float) -> tuple[tuple[str, str], ...]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from workbench.artefacts import Cloud, Edge, Layer, Toolpath
-from workbench.report.colours import FACES, GREY, INK, PALE
+from workbench.report.colours import FACES, GREY, INK
 from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
-from workbench.report.figures import styled, svg
+from workbench.report.figures import svg
 from workbench.report.planned import frames_in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
+from workbench.report.plot import Axes, Figure
 from workbench.report.ramp import layer_colours
 from workbench.report.sample import around, frame_arc_length_mm
 from workbench.report.values import decimals, measured
@@ -76,20 +75,19 @@ def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Step
     top, left = stepped.thickness_mm, -float(stepped.cuts[-1].upper[0])
     inch = max(left / 1.8, top / 3.2)  # mm of the part in an inch of the drawing: dimensions and texts have their room
     size, width, height = SIZE_IN * inch, LEFT_IN + RIGHT_IN, top / inch + BELOW_IN + ABOVE_IN
-    with styled():
-        figure = Figure(figsize=(width + 0.65, height + 0.5))
-        axes = figure.add_axes(
-            (0.6 / (width + 0.65), 0.45 / (height + 0.5), width / (width + 0.65), height / (height + 0.5))
-        )
-        axes.set(xlim=(-LEFT_IN * inch, RIGHT_IN * inch), ylim=(-BELOW_IN * inch, top + ABOVE_IN * inch))
-        axes.locator_params(integer=True)
-        _draw_stock(axes, stepped, LEFT_IN * inch)
-        _draw_points(axes, cloud, edge, stepped)
-        _draw_layers(axes, toolpath, stepped, size)
-        _draw_dimensions(axes, edge, toolpath, stepped, size)
-        axes.set_xlabel("u along the end face's outward normal, mm")
-        axes.set_ylabel("v from the lower to the upper side, mm")
-        return svg(figure)
+    figure = Figure(figsize=(width + 0.65, height + 0.5))
+    axes = figure.add_axes(
+        (0.6 / (width + 0.65), 0.45 / (height + 0.5), width / (width + 0.65), height / (height + 0.5))
+    )
+    axes.set(xlim=(-LEFT_IN * inch, RIGHT_IN * inch), ylim=(-BELOW_IN * inch, top + ABOVE_IN * inch))
+    axes.integer = True
+    _draw_stock(axes, stepped, LEFT_IN * inch)
+    _draw_points(axes, cloud, edge, stepped)
+    _draw_layers(axes, toolpath, stepped, size)
+    _draw_dimensions(axes, edge, toolpath, stepped, size)
+    axes.set_xlabel("u along the end face's outward normal, mm")
+    axes.set_ylabel("v from the lower to the upper side, mm")
+    return svg(figure)
 
 
 def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | None:
@@ -110,9 +108,10 @@ def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
     corner, final = stepped.upper_edge, stepped.cuts[-1]
     reach = 1.2 * width
     plate = np.array([[0.0, 0.0], corner, corner + reach * stepped.inward, reach * stepped.inward])
-    axes.fill(*plate.T, facecolor="#eef0f2", edgecolor="none", zorder=0.2)
+    axes.fill(*plate.T, facecolor="#eef0f2", zorder=0.2)
     waste = np.array([final.lower, corner, final.upper])
-    axes.fill(*waste.T, facecolor="white", edgecolor=PALE, hatch="////", linewidth=0.0, zorder=0.3)
+    axes.fill(*waste.T, facecolor="white", zorder=0.3)
+    axes.fill(*waste.T, hatch="////", zorder=0.3)
     axes.plot(*np.array([[0.0, 0.0], corner, corner + reach * stepped.inward]).T, color=GREY, linewidth=0.9, zorder=1.5)
     lower = np.array([[0.0, 0.0], reach * stepped.inward])
     axes.plot(*lower.T, color=GREY, linewidth=0.7, dashes=(6, 3), zorder=1.5)  # not scanned: parallel to the upper one
@@ -123,9 +122,10 @@ def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None
     start = frame_arc_length_mm(cloud, edge)[points.frame]
     laid_out = developed(points.position_mm, start, edge)
     for face in np.unique(points.label):
+        u, v = laid_out[points.label == face, 1:].T
         axes.plot(
-            *laid_out[points.label == face, 1:].T, ".", color=FACES[int(face)], markersize=2.6, markeredgewidth=0,
-            alpha=0.6, rasterized=True, zorder=2,
+            u, v, ".", color=FACES[int(face)], markersize=2.6,
+            alpha=0.6, zorder=2,
         )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) 
         axes.plot(*np.array([cut.upper, end]).T, color=colour, linewidth=0.6, zorder=1)
         if cut.layer.index in named:
             axes.annotate(
-                f"{cut.layer.index}", tuple(beyond), (-5, -1), textcoords="offset points", ha="right", va="center",
+                f"{cut.layer.index}", tuple(beyond), (-5, -1), ha="right", va="center",
                 fontsize=8, color=INK, fontweight="bold" if final else "normal",
             )  # fmt: skip
 

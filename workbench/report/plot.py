@@ -1,0 +1,668 @@
+"""Charts as SVG, written directly: the few words of matplotlib that the report needs, in a hundredth of the time.
+
+`Figure` and `Axes` take what matplotlib's classes of these names take for the same arguments; what is not here is
+refused as an unknown argument. Lengths on paper are in points (1/72 inch), places in a figure in shares of it, from the
+lower left corner. The bytes depend on the data alone.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from workbench.report.colours import GREY, INK, PALE, rgb
+from workbench.units import AnyArray, Float
+
+FONT = "DejaVu Sans, Verdana, Arial, sans-serif"
+SIZE, SMALL = 9.0, 8.0  # of text
+TICK, PAD = 3.5, 3.5  # length of ticks, distance of their labels
+MARGIN = 0.05  # of the data's span, free on both sides of it
+DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
+SHADES = 31  # of a dot's opacity
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
+TICKS_EACH_PT = {"x": 62.0, "y": 26.0}  # room that a tick's label needs
+
+Colour: TypeAlias = str | Sequence[float] | AnyArray
+Limits: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A line or markers, as drawn."""
+
+    xy: Float
+    marker: str
+
+    def get_xydata(self) -> Float:
+        """(n, 2) in the axes' units."""
+        return self.xy
+
+    def get_ydata(self) -> Float:
+        """(n,)"""
+        return self.xy[:, 1]
+
+    def get_marker(self) -> str:
+        """'' for lines."""
+        return self.marker
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Text:
+    """A text, as drawn."""
+
+    text: str
+    place: Callable[[], tuple[float, float, float, float]] = lambda: (0.0, 0.0, 0.0, 0.0)
+
+    def get_text(self) -> str:
+        """As given."""
+        return self.text
+
+    def get_box(self) -> tuple[float, float, float, float]:
+        """Left, top, right, bottom on paper, about: the reader's machine chooses the font."""
+        return self.place()
+
+
+class Figure:
+    """A sheet of `figsize` inches with axes on it."""
+
+    def __init__(self, figsize: tuple[float, float]) -> None:
+        self.width, self.height = 72.0 * figsize[0], 72.0 * figsize[1]
+        self.axes: list[Axes] = []
+        self._labels: list[str] = []
+        self._grid: list[tuple[list[list[Axes]], Sequence[float]]] = []
+
+    def add_axes(self, rect: tuple[float, float, float, float]) -> Axes:
+        """Axes at (left, bottom, width, height)."""
+        self.axes.append(Axes(self, rect))
+        return self.axes[-1]
+
+    def subplots(self, rows: int = 1, columns: int = 1, *, squeeze: bool = True, sharex: bool = False,
+                 sharey: bool = False, height_ratios: Sequence[float] | None = None) -> Any:  # fmt: skip
+        """Axes in rows and columns, placed by `subplots_adjust`; inner ones of shared axes have no labels there."""
+        grid = [[self.add_axes((0, 0, 1, 1)) for _ in range(columns)] for _ in range(rows)]
+        first = grid[0][0]
+        for i, row in enumerate(grid):
+            for j, one in enumerate(row):
+                if sharex:
+                    one.shared["x"], one.labelled["x"] = first.shared["x"], i == rows - 1
+                if sharey:
+                    one.shared["y"], one.labelled["y"] = first.shared["y"], j == 0
+        self._grid.append((grid, height_ratios or [1.0] * rows))
+        self.subplots_adjust(0.125, 0.11, 0.9, 0.88)
+        return np.array(grid, dtype=object) if not squeeze else [one for row in grid for one in row]
+
+    def subplots_adjust(self, left: float, bottom: float, right: float, top: float, *, wspace: float = 0.2,
+                        hspace: float = 0.2) -> None:  # fmt: skip
+        """Where the subplots lie; `wspace`, `hspace`: between them, in shares of their mean size."""
+        for grid, ratios in self._grid:
+            rows, columns = len(grid), len(grid[0])
+            width = (right - left) / (columns + wspace * (columns - 1))
+            height = (top - bottom) / (rows + hspace * (rows - 1))
+            up = top
+            for row, ratio in zip(grid, ratios, strict=True):
+                high = height * rows * ratio / sum(ratios)
+                for j, one in enumerate(row):
+                    one.rect = (left + j * width * (1.0 + wspace), up - high, width, high)
+                up -= high + hspace * height
+
+    def supxlabel(self, text: str, fontsize: float = SIZE) -> None:
+        """A label below all axes."""
+        self._labels.append(_text(text, self.width / 2, self.height - 3, fontsize, "center", "bottom"))
+
+    def supylabel(self, text: str, fontsize: float = SIZE, x: float = 0.0) -> None:
+        """A label left of all axes."""
+        self._labels.append(_text(text, x * self.width, self.height / 2, fontsize, "center", "top", rotation=90))
+
+    def svg(self) -> bytes:
+        """The file."""
+        hatch = (
+            f'<pattern id="h" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+            f'<path d="M0 0V6" stroke="{PALE}" stroke-width="1.6"/></pattern>'
+        )
+        clips, parts = [hatch], []
+        for k, one in enumerate(self.axes):
+            if one.visible:
+                left, top, width, height = map(_n, one.box)
+                clips.append(
+                    f'<clipPath id="c{k}"><rect x="{left}" y="{top}" width="{width}" height="{height}"/></clipPath>'
+                )
+                parts.append(one.drawn(f"c{k}"))
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(self.width)}pt" height="{_n(self.height)}pt" '
+            f'viewBox="0 0 {_n(self.width)} {_n(self.height)}" font-family="{FONT}">\n'
+            f"<defs>{''.join(clips)}</defs>\n" + "\n".join([*parts, *self._labels]) + "\n</svg>\n"
+        ).encode()
+
+
+@dataclass(slots=True, eq=False)
+class _Extent:
+    """What an axis shows: limits as set, or those of the data."""
+
+    given: Limits | None = None
+    low: float = math.inf
+    high: float = -math.inf
+    margin: float = MARGIN
+
+    def take(self, values: AnyArray) -> None:
+        """Let the axis show these."""
+        known = np.asarray(values, float)
+        known = known[np.isfinite(known)]
+        if known.size:
+            self.low, self.high = min(self.low, float(known.min())), max(self.high, float(known.max()))
+
+    def limits(self) -> Limits:
+        """As set, or of the data with a margin."""
+        if self.given:
+            return self.given
+        if self.low > self.high:
+            return 0.0, 1.0
+        room = self.margin * (self.high - self.low) or 0.05 * abs(self.high) or 0.05
+        return self.low - room, self.high + room
+
+
+@dataclass(slots=True, eq=False)
+class Axes:
+    """A chart: data in the axes' units, drawn from the lowest `zorder` to the highest."""
+
+    figure: Figure
+    rect: tuple[float, float, float, float]
+    visible: bool = True
+    shared: dict[str, _Extent] = field(default_factory=lambda: {"x": _Extent(), "y": _Extent()})
+    labelled: dict[str, bool] = field(default_factory=lambda: {"x": True, "y": True})
+    texts: list[Text] = field(default_factory=list)
+    bars: list[Limits] = field(default_factory=list)
+    labels: dict[str, str] = field(default_factory=lambda: {"x": "", "y": ""})
+    equal: bool = False
+    integer: bool = False
+    spine_hidden: bool = False
+    y_label_at: float | None = None
+    tick_size: float = SIZE
+    tick_length: float = TICK
+    tick_pad: float = PAD
+    ticks: dict[str, tuple[list[float], list[str]]] = field(default_factory=dict)
+    _lines: list[Line] = field(default_factory=list)
+    _legend: list[tuple[str, str]] = field(default_factory=list)
+    _later: list[tuple[float, bool, Any]] = field(default_factory=list)  # zorder, whether clipped, what draws it
+    _insets: list[Axes] = field(default_factory=list)
+
+    # Settings.
+
+    def set(self, *, xlim: Limits | None = None, ylim: Limits | None = None, aspect: str = "",
+            xticks: Sequence[float] | None = None) -> None:  # fmt: skip
+        """Limits; `aspect` "equal": one scale both ways; `xticks`: [] for none."""
+        for axis, limits in (("x", xlim), ("y", ylim)):
+            if limits is not None:
+                self.shared[axis].given = (float(limits[0]), float(limits[1]))
+        self.equal = self.equal or aspect == "equal"
+        if xticks is not None:
+            self.ticks["x"] = (list(xticks), [f"{x:g}" for x in xticks])
+
+    def set_xlim(self, low: float, high: float) -> None:
+        """What the axes show."""
+        self.set(xlim=(low, high))
+
+    def set_ylim(self, low: float | None = None, high: float | None = None, *, bottom: float | None = None) -> None:
+        """What the axes show; `bottom`: its lower end alone."""
+        low = bottom if low is None else low
+        now = self.shared["y"].limits()
+        self.set(ylim=(now[0] if low is None else low, now[1] if high is None else high))
+
+    def get_xlim(self) -> Limits:
+        """What the axes show."""
+        return self.shared["x"].limits()
+
+    def get_ylim(self) -> Limits:
+        """What the axes show."""
+        return self.shared["y"].limits()
+
+    def get_aspect(self) -> float | str:
+        """1 for one scale both ways."""
+        return 1.0 if self.equal else "auto"
+
+    def margins(self, *, x: float = MARGIN, y: float = MARGIN) -> None:
+        """Shares of the data's span that stay free."""
+        self.shared["x"].margin, self.shared["y"].margin = x, y
+
+    def set_visible(self, visible: bool) -> None:
+        """Whether anything is drawn."""
+        self.visible = visible
+
+    def set_xlabel(self, text: str) -> None:
+        """Below the axes."""
+        self.labels["x"] = text
+
+    def set_ylabel(self, text: str) -> None:
+        """Left of the axes."""
+        self.labels["y"] = text
+
+    def get_xlabel(self) -> str:
+        """Below the axes."""
+        return self.labels["x"]
+
+    def set_yticks(self, at: Sequence[float], names: Sequence[str]) -> None:
+        """Ticks at these values, with these names."""
+        self.ticks["y"] = (list(at), list(names))
+
+    def set_xticks(self, at: Sequence[float], names: Sequence[str]) -> None:
+        """Ticks at these values, with these names."""
+        self.ticks["x"] = (list(at), list(names))
+
+    def get_xticklabels(self) -> list[Text]:
+        """As drawn."""
+        return [Text(name) for name in self._ticks("x")[1]]
+
+    def tick_params(self, *, labelsize: float = SIZE, length: float = TICK, pad: float = PAD) -> None:
+        """How ticks look."""
+        self.tick_size, self.tick_length, self.tick_pad = labelsize, length, pad
+
+    def get_lines(self) -> list[Line]:
+        """What `plot` drew."""
+        return self._lines
+
+    def inset_axes(self, rect: tuple[float, float, float, float]) -> Axes:
+        """Axes at shares of these axes."""
+        left, bottom, width, height = self.rect
+        x, y, w, h = rect
+        made = Axes(self.figure, (left + x * width, bottom + y * height, w * width, h * height))
+        self._insets.append(made)
+        return made
+
+    def set_title(self, text: str, *, fontsize: float = SIZE, color: str = INK, pad: float = 6.0) -> None:
+        """Above the axes' left end."""
+        self.annotate(text, (0, 1), (0, pad), xycoords="axes fraction", textcoords="offset points", fontsize=fontsize,
+                      color=color, va="bottom")  # fmt: skip
+
+    # What is drawn.
+
+    def plot(self, x: Any, y: Any, marker: str = "", *, color: Colour = INK, linewidth: float = 1.5,
+             dashes: Sequence[float] = (), zorder: float = 2.0, markersize: float = 6.0, alpha: float = 1.0,
+             label: str | None = None, clip_on: bool = True) -> None:  # fmt: skip
+        """A line, broken where a point is not finite; or a marker at each: '.' (one picture of all), o, ^, x."""
+        xy = np.column_stack([np.asarray(x, float).ravel(), np.asarray(y, float).ravel()])
+        self._lines.append(Line(xy, marker))
+        self._take(xy[:, 0], xy[:, 1])
+        ink = _colour(color)
+        if label is not None:
+            self._legend.append((label, ink))
+
+        def drawn() -> str:
+            at = self._place(xy)
+            if marker == ".":
+                return _dots(at, self.box, ink, markersize / 4.0, alpha)  # matplotlib's "." is half as wide as its "o"
+            if marker:
+                return _markers(at[np.isfinite(at).all(axis=1)], marker, ink, markersize)
+            return f'<path d="{_path(at)}" fill="none" {_stroke(ink, linewidth, dashes, alpha)}/>'
+
+        self._later.append((zorder, clip_on, drawn))
+
+    def step(self, x: Float, y: Float, *, color: Colour = INK, linewidth: float = 1.5) -> None:
+        """A staircase: each value holds from the place before it to its own."""
+        xs, ys = np.repeat(x, 2)[:-1], np.repeat(y, 2)[1:]
+        self.plot(xs, ys, color=color, linewidth=linewidth)
+        self._lines[-1] = Line(np.column_stack([x, y]), "")
+
+    def fill(self, x: Any, y: Any, *, facecolor: Colour = "none", hatch: str = "", zorder: float = 1.0) -> None:
+        """A polygon, filled or hatched."""
+        xy = np.column_stack([x, y])
+        self._take(xy[:, 0], xy[:, 1])
+        self._later.append((zorder, True, lambda: f'<path d="{_path(self._place(xy))}Z" {_filled(facecolor, hatch)}/>'))
+
+    def fill_between(
+        self, x: Any, low: Any, high: Any, *, color: Colour, alpha: float = 1.0, zorder: float = 1.0
+    ) -> None:
+        """The area between two curves, broken where one is not finite."""
+        both = np.column_stack([np.asarray(x, float), np.asarray(low, float), np.asarray(high, float)])
+        self._take(both[:, 0], both[:, 1])
+        self._take(both[:, 0], both[:, 2])
+        pieces = [p for p in np.split(both, np.flatnonzero(~np.isfinite(both).all(axis=1)))]
+        whole = [p[np.isfinite(p).all(axis=1)] for p in pieces]
+
+        def drawn() -> str:
+            rings = (np.vstack([p[:, [0, 1]], p[::-1, [0, 2]]]) for p in whole if len(p) > 1)
+            d = "".join(f"{_path(self._place(ring))}Z" for ring in rings)
+            return f'<path d="{d}" fill="{_colour(color)}" fill-opacity="{_n(alpha)}"/>'
+
+        self._later.append((zorder, True, drawn))
+
+    def axhspan(self, low: float, high: float, *, color: Colour, zorder: float = 1.0) -> None:
+        """A band across the axes."""
+        self.shared["y"].take(np.array([low, high]))
+        self._later.append((zorder, True, lambda: self._rect(None, (low, high), _filled(color))))
+
+    def axvspan(
+        self, low: float, high: float, *, facecolor: Colour = "none", hatch: str = "", zorder: float = 1.0
+    ) -> None:
+        """A band up the axes."""
+        self.shared["x"].take(np.array([low, high]))
+        self._later.append((zorder, True, lambda: self._rect((low, high), None, _filled(facecolor, hatch))))
+
+    def axhline(self, at: float, *, color: Colour = INK, linewidth: float = 1.5, dashes: Sequence[float] = (),
+                zorder: float = 2.0) -> None:  # fmt: skip
+        """A line across the axes."""
+        self.shared["y"].take(np.array([at]))
+
+        def drawn() -> str:
+            left, _, width, _ = self.box
+            y = _n(self._y(at))
+            return f'<path d="M{_n(left)} {y}H{_n(left + width)}" {_stroke(_colour(color), linewidth, dashes)}/>'
+
+        self._later.append((zorder, True, drawn))
+
+    def axvline(self, at: float, *, color: Colour = INK, linewidth: float = 1.5, zorder: float = 2.0) -> None:
+        """A line up the axes."""
+
+        def drawn() -> str:
+            _, top, _, height = self.box
+            return f'<path d="M{_n(self._x(at))} {_n(top)}V{_n(top + height)}" {_stroke(_colour(color), linewidth)}/>'
+
+        self._later.append((zorder, True, drawn))
+
+    def bars_below(self, spans: Iterable[Limits], share: float, *, color: Colour) -> None:
+        """Bars along the bottom, so high in shares of the axes."""
+        self.bars = list(spans)
+
+        def drawn() -> str:
+            low, high = self.get_ylim()
+            up = (low, low + share * (high - low))
+            return "".join(self._rect(span, up, _filled(color)) for span in self.bars)
+
+        self._later.append((2.0, True, drawn))
+
+    def shades(self, colours: Sequence[Colour]) -> None:
+        """The axes filled from left to right with colours of the same width."""
+
+        def drawn() -> str:
+            left, top, width, height = self.box
+            one = width / len(colours)
+            return "".join(
+                f'<rect x="{_n(left + k * one)}" y="{_n(top)}" width="{_n(one + 0.3)}" height="{_n(height)}" '
+                f'fill="{_colour(colour)}"/>' for k, colour in enumerate(colours)
+            )  # fmt: skip
+
+        self._later.append((1.0, True, drawn))
+
+    def errorbar(self, x: float, y: float, half: float, *, color: Colour, markersize: float = 4.0, capsize: float = 2.5,
+                 linewidth: float = 1.0, zorder: float = 2.0) -> None:  # fmt: skip
+        """A value with its uncertainty."""
+        self._take([x, x], [y - half, y + half])
+
+        def drawn() -> str:
+            at, low, high = self._x(x), self._y(y - half), self._y(y + half)
+            caps = "".join(f"M{_n(at - capsize)} {_n(v)}H{_n(at + capsize)}" for v in (low, high))
+            ink = _colour(color)
+            return (f'<path d="M{_n(at)} {_n(low)}V{_n(high)}{caps}" fill="none" {_stroke(ink, linewidth)}/>'
+                    + _markers(np.array([[at, self._y(y)]]), "o", ink, markersize))  # fmt: skip
+
+        self._later.append((zorder, True, drawn))
+
+    def annotate(self, text: str, at: Any, offset: tuple[float, float] = (0.0, 0.0), *,
+                 xycoords: str | tuple[str, str] = "data", textcoords: str = "offset points", ha: str = "left",
+                 va: str = "baseline", fontsize: float = SIZE, color: Colour = INK, fontweight: str = "normal",
+                 rotation: float = 0.0, box: bool = False, zorder: float = 3.0) -> None:  # fmt: skip
+        """A text beside a place: in the axes' units, or in "axes fraction"; `box`: on white."""
+        if textcoords != "offset points":
+            raise ValueError(f"texts stand at 'offset points', not at '{textcoords}'")
+
+        def place() -> tuple[float, float, float, float]:
+            x, y = self._anchor(at, xycoords)
+            wide, high = _width(text, fontsize), 1.2 * fontsize * (text.count("\n") + 1)
+            left = x + offset[0] - {"left": 0.0, "center": 0.5, "right": 1.0}[ha] * wide
+            top = y - offset[1] - {"top": 0.0, "center": 0.5}.get(va, 1.0) * high
+            return left, top, left + wide, top + high
+
+        self.texts.append(Text(text, place))
+
+        def drawn() -> str:
+            x, y = self._anchor(at, xycoords)
+            return _text(
+                text, x + offset[0], y - offset[1], fontsize, ha, va, _colour(color), fontweight, rotation, box
+            )
+
+        self._later.append((zorder, False, drawn))
+
+    def arrow(self, tip: Sequence[float] | Float, tail: Sequence[float] | Float, *, both: bool = False,
+              color: Colour = INK, linewidth: float = 0.6, head: Limits = (3.2, 1.3)) -> None:  # fmt: skip
+        """An arrow in the axes' units, with a head at its tip or both ends; `head`: length and half its width."""
+        ends = np.array([tail, tip], float)
+        self._take(ends[:, 0], ends[:, 1])
+
+        def drawn() -> str:
+            (x0, y0), (x1, y1) = self._place(ends)
+            ink = _colour(color)
+            heads = _head(x1, y1, x1 - x0, y1 - y0, head) + (_head(x0, y0, x0 - x1, y0 - y1, head) if both else "")
+            line = f'<path d="M{_n(x0)} {_n(y0)}L{_n(x1)} {_n(y1)}" {_stroke(ink, linewidth)}/>' if linewidth else ""
+            return f'{line}<path d="{heads}" fill="{ink}"/>'
+
+        self._later.append((3.0, False, drawn))
+
+    def legend(self) -> None:
+        """Names of the labelled lines along the top."""
+        self._later.append((5.0, False, self._drawn_legend))
+
+    # How it is drawn.
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, width, height on paper; smaller where one scale is asked for both ways."""
+        left, bottom, width, height = self.rect
+        w, h = width * self.figure.width, height * self.figure.height
+        x, y = left * self.figure.width, self.figure.height * (1.0 - bottom - height)
+        if self.equal:
+            (x0, x1), (y0, y1) = self.get_xlim(), self.get_ylim()
+            scale = min(w / (x1 - x0), h / (y1 - y0))
+            shown = scale * (x1 - x0), scale * (y1 - y0)
+            x, y, (w, h) = x + (w - shown[0]) / 2, y + (h - shown[1]) / 2, shown
+        return x, y, w, h
+
+    def drawn(self, clip: str) -> str:
+        """The axes as SVG elements."""
+        parts = [("" if inside else "</g>", draw(), "" if inside else f'<g clip-path="url(#{clip})">')
+                 for _, inside, draw in sorted(self._later, key=lambda one: one[0])]  # fmt: skip
+        inside = "".join(text for part in parts for text in part)
+        body = f'<g clip-path="url(#{clip})">{inside}</g>'.replace(f'<g clip-path="url(#{clip})"></g>', "")
+        return f"<g>{body}{self._frame()}{''.join(one.drawn(clip) for one in self._insets)}</g>"
+
+    def _take(self, x: Any, y: Any) -> None:
+        self.shared["x"].take(x)
+        self.shared["y"].take(y)
+
+    def _x(self, value: float) -> float:
+        (low, high), (left, _, width, _) = self.get_xlim(), self.box
+        return left + width * (value - low) / (high - low)
+
+    def _y(self, value: float) -> float:
+        (low, high), (_, top, _, height) = self.get_ylim(), self.box
+        return top + height * (high - value) / (high - low)
+
+    def _place(self, xy: Float) -> Float:
+        """(n, 2) on paper."""
+        (x0, x1), (y0, y1), (left, top, width, height) = self.get_xlim(), self.get_ylim(), self.box
+        return np.column_stack([left + width / (x1 - x0) * (xy[:, 0] - x0), top + height / (y1 - y0) * (y1 - xy[:, 1])])
+
+    def _anchor(self, at: Any, coordinates: str | tuple[str, str]) -> tuple[float, float]:
+        of_x, of_y = (coordinates, coordinates) if isinstance(coordinates, str) else coordinates
+        left, top, width, height = self.box
+        x = left + width * float(at[0]) if of_x == "axes fraction" else self._x(float(at[0]))
+        y = top + height * (1.0 - float(at[1])) if of_y == "axes fraction" else self._y(float(at[1]))
+        return x, y
+
+    def _rect(self, across: Limits | None, up: Limits | None, filled: str) -> str:
+        left, top, width, height = self.box
+        x0, x1 = (self._x(v) for v in across) if across else (left, left + width)
+        y0, y1 = (self._y(v) for v in up[::-1]) if up else (top, top + height)
+        return f'<rect x="{_n(x0)}" y="{_n(y0)}" width="{_n(x1 - x0)}" height="{_n(y1 - y0)}" {filled}/>'
+
+    def _ticks(self, axis: str) -> tuple[list[float], list[str]]:
+        if axis in self.ticks:
+            return self.ticks[axis]
+        room = self.box[2 if axis == "x" else 3]
+        return nice_ticks(self.shared[axis].limits(), max(2, int(room / TICKS_EACH_PT[axis])), integer=self.integer)
+
+    def _frame(self) -> str:
+        """Left and lower border, ticks, their labels, and what the axes show."""
+        left, top, width, height = self.box
+        bottom = top + height
+        border = f"M{_n(left)} {_n(top)}V{_n(bottom)}" + ("" if self.spine_hidden else f"H{_n(left + width)}")
+        marks, names = "", ""
+        at, texts = self._ticks("x")
+        for value, text in zip(at, texts, strict=True):
+            x = self._x(value)
+            marks += f"M{_n(x)} {_n(bottom)}v{_n(self.tick_length)}"
+            if self.labelled["x"]:
+                names += _text(text, x, bottom + self.tick_length + self.tick_pad, self.tick_size, "center", "top")
+        at, texts = self._ticks("y")
+        widest = 0.0
+        for value, text in zip(at, texts, strict=True):
+            y = self._y(value)
+            marks += f"M{_n(left)} {_n(y)}h{_n(-self.tick_length)}"
+            if self.labelled["y"]:
+                widest = max(widest, _width(text, self.tick_size))
+                names += _text(text, left - self.tick_length - self.tick_pad, y, self.tick_size, "right", "center")
+        below = self.tick_length + self.tick_pad + self.tick_size + 4.0
+        if self.labels["x"] and self.labelled["x"]:
+            names += _text(self.labels["x"], left + width / 2, bottom + below, SIZE, "center", "top")
+        if self.labels["y"]:
+            off = self.tick_length + self.tick_pad + widest + 4.0
+            x = left - off if self.y_label_at is None else left + self.y_label_at * width
+            names += _text(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", rotation=90)
+        return f'<path d="{border}{marks}" fill="none" stroke="{GREY}" stroke-width="0.7"/>{names}'
+
+    def _drawn_legend(self) -> str:
+        left, top, width, _ = self.box
+        x, out = left + width, ""
+        for name, ink in reversed(self._legend):
+            x -= _width(name, SIZE)
+            out += _text(name, x, top + 8, SIZE, "left", "center")
+            out += f'<path d="M{_n(x - 24)} {_n(top + 8)}h18" {_stroke(ink, 1.5)}/>'
+            x -= 36
+        return out
+
+
+def nice_ticks(limits: Limits, most: int, *, integer: bool = False) -> tuple[list[float], list[str]]:
+    """Round values within the limits, at most so many, and their names with as many decimals as they need.
+
+    >>> nice_ticks((0.0, 77.0), 5)
+    ([0.0, 20.0, 40.0, 60.0], ['0', '20', '40', '60'])
+    """
+    low, high = limits
+    raw = (high - low) / most
+    decade = 10.0 ** math.floor(math.log10(raw))
+    steps = [s * decade for s in STEPS if s * decade >= raw * (1 - 1e-9) and (not integer or (s * decade) % 1 == 0)]
+    step = steps[0] if steps else 1.0
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    at = [k * step for k in range(first, last + 1)]
+    places = next((p for p in range(12) if abs(round(step, p) - step) < 1e-9 * step), 12)
+    return at, [f"{value:.{places}f}".replace("-", "−") if value else f"{0:.{places}f}" for value in at]
+
+
+def _n(value: float) -> str:
+    """A number of a path, as short as a hundredth of a point allows."""
+    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _colour(colour: Colour) -> str:
+    """'#rrggbb' of a name, or of shares of red, green and blue."""
+    return (
+        colour
+        if isinstance(colour, str)
+        else "#{:02x}{:02x}{:02x}".format(*(round(255 * float(c)) for c in colour[:3]))
+    )
+
+
+def _stroke(ink: str, width: float, dashes: Sequence[float] = (), alpha: float = 1.0) -> str:
+    dashed = f' stroke-dasharray="{" ".join(_n(width * d) for d in dashes)}"' if dashes else ""
+    faint = f' stroke-opacity="{_n(alpha)}"' if alpha < 1.0 else ""
+    return f'stroke="{ink}" stroke-width="{_n(width)}" stroke-linejoin="round"{dashed}{faint}'
+
+
+def _filled(colour: Colour, hatch: str = "") -> str:
+    return 'fill="url(#h)"' if hatch else f'fill="{_colour(colour)}"'
+
+
+def _path(at: Float) -> str:
+    """Lines through places (n, 2) on paper, begun anew after each that is not finite."""
+    known = np.asarray(np.isfinite(at).all(axis=1)).tolist()
+    rounded = np.round(at, 2)
+    out, pen = [], False
+    for (x, y), there in zip(rounded.tolist(), known, strict=True):
+        if there:
+            out.append(f"{'L' if pen else 'M'}{x:g} {y:g}")
+        pen = there
+    return "".join(out)
+
+
+def _markers(at: Float, marker: str, ink: str, size: float) -> str:
+    r = size / 2
+    if marker == "o":
+        return "".join(f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}" fill="{ink}"/>' for x, y in at)
+    if marker == "^":
+        d = "".join(f"M{_n(x)} {_n(y - r)}l{_n(r)} {_n(2 * r)}h{_n(-2 * r)}Z" for x, y in at)
+        return f'<path d="{d}" fill="{ink}"/>'
+    d = "".join(
+        f"M{_n(x - r)} {_n(y - r)}l{_n(2 * r)} {_n(2 * r)}m0 {_n(-2 * r)}l{_n(-2 * r)} {_n(2 * r)}" for x, y in at
+    )
+    return f'<path d="{d}" fill="none" {_stroke(ink, 1.0)}/>'
+
+
+def _head(x: float, y: float, dx: float, dy: float, head: Limits) -> str:
+    """An arrow's head at a place, in a direction."""
+    long, wide = head
+    size = math.hypot(dx, dy) or 1.0
+    ux, uy = dx / size, dy / size
+    left = (x - long * ux - wide * uy, y - long * uy + wide * ux)
+    right = (x - long * ux + wide * uy, y - long * uy - wide * ux)
+    return f"M{_n(x)} {_n(y)}L{_n(left[0])} {_n(left[1])}L{_n(right[0])} {_n(right[1])}Z"
+
+
+def _width(text: str, size: float) -> float:
+    """About how wide a text is."""
+    return 0.62 * size * max(map(len, text.split("\n")))
+
+
+def _text(text: str, x: float, y: float, size: float, ha: str, va: str, ink: str = INK, weight: str = "normal",
+          rotation: float = 0.0, box: bool = False) -> str:  # fmt: skip
+    """A text of one line or several, aligned about (x, y)."""
+    rows, step = text.split("\n"), 1.2 * size
+    first = {"baseline": 0.0, "bottom": -0.24 * size, "top": 0.78 * size, "center": 0.36 * size}[va]
+    first -= {"baseline": 1.0, "bottom": 1.0, "top": 0.0, "center": 0.5}[va] * step * (len(rows) - 1)
+    anchor = {"left": "start", "center": "middle", "right": "end"}[ha]
+    bold = f' font-weight="{weight}"' if weight != "normal" else ""
+    halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if box else ""
+    lines = "".join(f'<tspan x="0" y="{_n(first + k * step)}">{escape(row)}</tspan>' for k, row in enumerate(rows))
+    turned = f" rotate({_n(-rotation)})" if rotation else ""
+    return (f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
+            f'fill="{ink}"{bold}{halo}>{lines}</text>')  # fmt: skip
+
+
+def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: float, alpha: float) -> str:
+    """Many dots of one colour as a picture: where several lie on each other it is the more opaque."""
+    from PIL import Image
+
+    left, top, width, height = box
+    columns, rows = max(1, round(width * DOTS_PX)), max(1, round(height * DOTS_PX))
+    place = (at - (left, top)) * DOTS_PX
+    place = place[(np.abs(place) < 2 * max(rows, columns)).all(axis=1)]  # not a number is left out as well
+    r = radius * DOTS_PX
+    off = np.mgrid[-math.ceil(r) : math.ceil(r) + 1, -math.ceil(r) : math.ceil(r) + 1].reshape(2, -1)
+    cover = np.clip(r + 0.5 - np.hypot(*off), 0.0, 1.0)  # of the pixels about a dot
+    off, cover = off[:, cover > 0.0], cover[cover > 0.0]
+    x, y = (np.floor(place[:, k]).astype(np.int64)[:, None] + off[1 - k] for k in (0, 1))
+    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    weights = np.broadcast_to(cover, x.shape)[inside]
+    weight = np.bincount((y * columns + x)[inside], weights, minlength=rows * columns)
+    opacity = 1.0 - (1.0 - min(alpha, 0.999)) ** weight
+    image = Image.frombytes("P", (columns, rows), np.round(SHADES * opacity).astype(np.uint8).tobytes())
+    image.putpalette(rgb(ink) * (SHADES + 1))
+    out = io.BytesIO()
+    image.save(out, "png", transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1)))
+    data = base64.b64encode(out.getvalue()).decode()
+    return (f'<image x="{_n(left)}" y="{_n(top)}" width="{_n(width)}" height="{_n(height)}" preserveAspectRatio="none" '
+            f'href="data:image/png;base64,{data}"/>')  # fmt: skip

@@ -48,7 +48,7 @@ def test_values_by_hand(tmp_path: Path) -> None:
     assert bias["bias"] == pytest.approx(1.495 - 1.47)
     assert bias["u"] == pytest.approx((max(av2, 0) / 2 + ev2 / 4 + 0.01**2) ** 0.5)
     assert bias["largest_e_n"] == pytest.approx(0.05 / (2 * 2**0.5 * 0.01))
-    assert "Root size" in chapter.html
+    assert "Root face" in chapter.html
     assert "of the tolerance" in chapter.summary
 
 
@@ -155,3 +155,59 @@ def test_shipped_pipeline(command: Any, tmp_path: Path) -> None:
     assert (result["parts"], result["operators"], result["trials"]) == (["P1", "P2", "P3"], ["A", "B", "C"], 3)
     assert [one["limits"] for one in result["characteristics"]] == [[1.0, 2.0], [39.0, 41.0]]
     assert "Repeatability and reproducibility" in (tmp_path / "report.html").read_text()
+
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "gocator_gage_rr_minitab_ready.csv"
+OTHERS = {"part": "SN", "operator": "Who", "trial": "Run"}
+
+
+def test_any_characteristic_of_any_table(tmp_path: Path) -> None:
+    """A plain table with columns of its own: the same numbers as the same values in this project's columns."""
+    rng = np.random.default_rng(5)
+    gap = rng.normal(0, 1, 4)[:, None, None] + rng.normal(0, 0.1, 2)[:, None] + rng.normal(0, 0.05, (4, 2, 3))
+    cells = [(p, o, r) for p in range(4) for o in range(2) for r in range(3)]
+    plain = "Who,Run,SN,gap,flush\n" + "".join(f"{o},{r},{p},{gap[p, o, r]},{p}\n" for p, o, r in cells)
+    ours = rows(*(f"{p},{o},{r},1,{gap[p, o, r]}," for p, o, r in cells))
+    there, chapter = found(tmp_path, plain, characteristics=["gap"], columns=OTHERS, limits={"gap": [-5, 5]})
+    here, _ = found(tmp_path, ours, root_limits_mm=[-5, 5])
+    (mine,), (other,) = here["characteristics"], there["characteristics"]
+    assert (other["name"], other["unit"], other["limits"]) == ("gap", "mm", [-5, 5])
+    assert other["components"] == mine["components"]
+    assert chapter.summary.startswith("gap: GRR is")
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "message"),
+    [
+        ("Who,Run,SN,gap\n1,1,1,x\n", {"columns": OTHERS}, "line 2, gap: expected a finite number"),
+        ("Who,Run,SN,gapp\n1,1,1,1\n", {"columns": OTHERS}, "no column 'gap'; did you mean 'gapp'?"),
+        ("Who,Run,SN,gap\n1,1,1,1\n", {}, "name them with `columns`"),
+        ("Who,Run,SN,gap\n1,1,1,1\n1,1,1,2\n", {"columns": OTHERS}, "stands twice"),
+        ("Who,Run,SN,gap\n1,1,1,1\n1,2,1,2\n", {"columns": OTHERS, "limits": {"gab": [0, 1]}}, "'gab' is not one"),
+    ],
+)
+def test_a_plain_table_that_cannot_be_used(tmp_path: Path, text: str, settings: Any, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        study(study=written(tmp_path, text), characteristics=["gap"], **settings)
+    assert message in str(caught.value)
+
+
+def test_the_headline_agrees_with_the_categories(tmp_path: Path) -> None:
+    """Parts that hardly differ: a share of the tolerance that is fine does not make the gauge tell them apart."""
+    rng = np.random.default_rng(6)
+    lines = [f"{p},{o},{r},1,{1.5 + 0.01 * p + rng.normal(0, 0.01)}," for p in range(5) for o in "AB" for r in (1, 2)]
+    result, chapter = found(tmp_path, rows(*lines), root_limits_mm=[1.0, 2.0])
+    assert result["characteristics"][0]["distinct_categories"] < 5
+    assert "not acceptable: it tells" in chapter.summary
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the real gauge study is not here")
+def test_a_real_study_of_another_gauge() -> None:
+    """10 parts x 3 operators x 3 trials; the values that its ANOVA with pooled interaction has."""
+    document, _ = repeatability(study(study=REAL, characteristics=["C2_3_TP"],
+                                      columns={"part": "SN", "operator": "Operators", "trial": "Trials"}))  # fmt: skip
+    (one,) = json.loads(document.content)["characteristics"]
+    sd = {part["name"]: part["sd"] for part in one["components"]}
+    assert [sd[name] for name in ("EV", "AV", "GRR", "PV")] == pytest.approx(
+        [0.01472, 0.00477, 0.01547, 0.07100], abs=6e-6
+    )

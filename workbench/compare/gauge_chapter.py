@@ -12,7 +12,7 @@ from workbench.compare.agreement import COVERAGE
 from workbench.compare.gauge import Component
 from workbench.compare.gauge_pictures import gauge_picture
 from workbench.compare.gauge_values import Characteristic
-from workbench.compare.values import UNITS, Study
+from workbench.compare.values import Study
 
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
 LEAST_CATEGORIES = 5  # AIAG
@@ -39,15 +39,22 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
 
 
 def verdict_in_words(one: Characteristic) -> str:
-    """AIAG's judgement by the share of the tolerance, or else of the study variation."""
-    grr = one.gauge.of("GRR")
+    """AIAG's judgement by the share of the tolerance, or else of the study variation, and by the distinct categories.
+
+    A gauge is acceptable by both criteria or not at all.
+    """
+    grr, categories = one.gauge.of("GRR"), one.gauge.categories
     share, of = grr.tolerance_percent, "the tolerance"
     if share is None:
         share, of = grr.study_percent, "the study variation"
     if share is None:
         return "no tolerance and one part: nothing to judge it by"
     words = "acceptable" if share < GOOD_PERCENT else "may be acceptable, depending on use"
-    return f"GRR is {share:.1f} % of {of}: {words if share <= BAD_PERCENT else 'not acceptable'}"
+    if share > BAD_PERCENT:
+        words = "not acceptable"
+    elif categories is not None and categories < LEAST_CATEGORIES:
+        words = f"not acceptable: it tells {categories} categories of these parts apart, {LEAST_CATEGORIES} required"
+    return f"GRR is {share:.1f} % of {of}: {words}"
 
 
 def _summary(one: Characteristic) -> str:
@@ -60,7 +67,7 @@ def _facts(study: Study) -> list[tuple[str, str]]:
 
 
 def _characteristic(study: Study, one: Characteristic) -> Iterator[str]:
-    unit = UNITS[one.name]
+    unit = study.unit_of(one.name)
     yield html.heading(one.title)
     yield html.paragraph(f"{verdict_in_words(one)}. {_categories(one)}")
     yield html.table_html(HEAD, [_component(part) for part in one.gauge.components], f"Components, {unit}")
@@ -81,7 +88,7 @@ def _categories(one: Characteristic) -> str:
     found = one.gauge.categories
     if found is None:
         return "One part alone cannot show how many categories of parts the gauge tells apart."
-    enough = "" if found >= LEAST_CATEGORIES else f" (AIAG wants {LEAST_CATEGORIES} or more)"
+    enough = "" if found >= LEAST_CATEGORIES else f" (AIAG requires {LEAST_CATEGORIES} or more)"
     return f"Distinct categories of parts: {found}{enough}."
 
 
@@ -99,11 +106,11 @@ def _sections(study: Study, one: Characteristic) -> Iterator[str]:
                      _number(ev.sd, ".4f"), _number(av.sd, ".4f"), _number(grr.sd, ".4f"),
                      _number(grr.tolerance_percent, ".1f")))  # fmt: skip
     head = ("Section", "Arc length, mm", "Mean", "EV", "AV", "GRR", "GRR, % tolerance")
-    yield html.table_html(head, rows, f"By section, {UNITS[one.name]}")
+    yield html.table_html(head, rows, f"By section, {study.unit_of(one.name)}")
 
 
 def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
-    found, unit = one.agreement, UNITS[one.name]
+    found, unit = one.agreement, study.unit_of(one.name)
     if np.isfinite(found.observed_over_stated):
         yield html.paragraph(
             f"Observed repeatability over stated uncertainty: {found.observed_over_stated:.2f}. {NORMAL}"

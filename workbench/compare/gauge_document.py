@@ -34,6 +34,7 @@ def _characteristic(study: Study, one: Characteristic) -> dict[str, Any]:
     found = one.agreement
     return {
         "name": one.name,
+        "unit": study.unit_of(one.name),
         "limits": one.limits,
         "anova": [{**dataclasses.asdict(row), "mean_square": row.mean_square} for row in one.anova.sources],
         "interaction_pooled": one.anova.pooled,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from workbench.compare.agreement import COVERAGE
 from workbench.compare.gauge_values import Characteristic
 from workbench.compare.html import GREY, ORANGE, PALE, SERIES, styled, svg
-from workbench.compare.values import UNITS, Study
+from workbench.compare.values import Study
 
 MOST_OPERATORS = len(SERIES)  # beyond, colours would repeat: operators share one
 
@@ -19,14 +19,14 @@ def gauge_picture(study: Study, one: Characteristic) -> bytes:
     with styled():
         figure = Figure(figsize=(10, 6.6), layout="constrained")
         (components, values), (ranges, bias) = figure.subplots(2, 2)
-        _components(components, one)
+        _components(components, study, one)
         _values(values, study, one)
         _ranges(ranges, study, one)
         _bias(bias, study, one)
         return svg(figure)
 
 
-def _components(axes: Axes, one: Characteristic) -> None:
+def _components(axes: Axes, study: Study, one: Characteristic) -> None:
     """Standard deviations with their intervals."""
     shown = [part for part in one.gauge.components if part.sd is not None and part.interval is not None]
     for row, part in enumerate(shown):
@@ -37,7 +37,13 @@ def _components(axes: Axes, one: Characteristic) -> None:
     axes.invert_yaxis()
     limit = 3.0 * max(part.sd or 0.0 for part in shown)
     axes.set_xlim(0.0, max(min(limit, 1.05 * max((part.interval or (0, 0))[1] for part in shown)), 1e-9))
-    axes.set(title="Components of variation, standard deviation with 95 % interval", xlabel=UNITS[one.name])
+    end = axes.get_xlim()[1]
+    for row, part in enumerate(shown):
+        high = (part.interval or (0.0, 0.0))[1]
+        if high > end:  # said, not cut off without a word
+            axes.annotate(f"to {high:.3g} \u25b6", (end, row), (-2, 7), textcoords="offset points", ha="right",
+                          va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
+    axes.set(title="Components of variation, standard deviation with 95 % interval", xlabel=study.unit_of(one.name))
 
 
 def _values(axes: Axes, study: Study, one: Characteristic) -> None:
@@ -56,7 +62,7 @@ def _values(axes: Axes, study: Study, one: Characteristic) -> None:
         if low - 0.5 * (high - low) < limit < high + 0.5 * (high - low):
             axes.axhline(limit, color="#00664b", linewidth=0.9, linestyle="--")
     _by_section(axes, study)
-    axes.set(title="Measurements by section and operator", ylabel=UNITS[one.name])
+    axes.set(title="Measurements by section and operator", ylabel=study.unit_of(one.name))
     if 1 < count <= MOST_OPERATORS:
         axes.legend(ncols=count, fontsize=8, loc="best", handletextpad=0.1, columnspacing=0.8)
 
@@ -72,7 +78,7 @@ def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:
     axes.axhline(float(np.nanmean(spread)), color=GREY, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
     _by_section(axes, study)
-    axes.set(title="Range of the trials; line: its mean", ylabel=UNITS[one.name])
+    axes.set(title="Range of the trials; line: its mean", ylabel=study.unit_of(one.name))
 
 
 def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
@@ -90,7 +96,7 @@ def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
         axes.errorbar(at, found.bias[i], COVERAGE * found.bias_u[i], fmt=".", color=SERIES[i % MOST_OPERATORS],
                       linewidth=1.0, markersize=5, label=study.parts[i])  # fmt: skip
     _by_section(axes, study)
-    axes.set(ylabel=UNITS[one.name])
+    axes.set(ylabel=study.unit_of(one.name))
     if 1 < count <= MOST_OPERATORS:
         axes.legend(ncols=min(count, 3), fontsize=8, loc="best", title="part", title_fontsize=8)
 

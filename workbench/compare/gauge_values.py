@@ -9,7 +9,7 @@ import numpy as np
 from workbench.compare.agreement import Agreement
 from workbench.compare.anova import Anova
 from workbench.compare.gauge import Gauge
-from workbench.compare.values import TITLES, Study
+from workbench.compare.values import Study, title_of
 from workbench.errors import InputError
 from workbench.units import Int
 
@@ -26,7 +26,7 @@ class SectionGauge:
 
 @dataclass(frozen=True, slots=True)
 class Characteristic:
-    """Root size or bevel angle."""
+    """What was found of one characteristic."""
 
     name: str
     limits: tuple[float, float] | None
@@ -39,15 +39,17 @@ class Characteristic:
     @property
     def title(self) -> str:
         """Its name for a reader."""
-        return TITLES[self.name]
+        return title_of(self.name)
 
 
 def seen_everywhere(study: Study, name: str) -> tuple[Int, tuple[str, ...]]:
     """Positions of the sections where every recording has a value, and a word on those left out."""
     seen = np.isfinite(study.measured[name]).all(axis=(0, 1, 2))
     if not seen.any():
-        raise InputError(f"compare.repeatability: {TITLES[name].lower()}",
+        raise InputError(f"compare.repeatability: {title_of(name).lower()}",
                          "expected a section in which every recording has a value, found none")  # fmt: skip
     out = [str(study.section[k]) for k in np.flatnonzero(~seen)]
-    words = () if not out else (f"{TITLES[name].lower()}: section {', '.join(out)} left out: hidden in some recording",)
+    words = (
+        () if not out else (f"{title_of(name).lower()}: section {', '.join(out)} left out: hidden in some recording",)
+    )
     return np.flatnonzero(seen), words

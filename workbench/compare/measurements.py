@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workbench.compare.study_rows import study_rows
+from workbench.compare.study_rows import plain_rows, study_rows
 from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError
 from workbench.strict_json import read_json
@@ -51,6 +51,29 @@ def measurements_of(study: Path) -> list[Measurement]:
         _check_uncertainties(values, where)
         one.sections[int(section)] = values
     return list(found.values())
+
+
+def plain_measurements(study: Path, characteristics: Sequence[str], columns: Mapping[str, str]) -> list[Measurement]:
+    """The measurements in a table of other people's: a row a trial, a column a characteristic.
+
+    `columns` says what the table calls part, operator and trial; without a trial, rows count as they come.
+
+    Raises:
+        InputError: no such column, or a value that is no number, with line and column.
+    """
+    called = {name: columns.get(name, name) for name in ("part", "operator", "trial")}
+    found: list[Measurement] = []
+    seen: set[tuple[str, ...]] = set()
+    for where, row in plain_rows(study, [*called.values()], characteristics):
+        part, operator = row.get(called["part"], ONLY), row.get(called["operator"], ONLY)
+        if called["trial"] in row:
+            key = (part, operator, row[called["trial"]])
+            if key in seen:
+                raise InputError(where, f"trial {key[2]} of part '{part}' by operator '{operator}' stands twice")
+            seen.add(key)
+        values = {name: _number(row[name], f"{where}, {name}") if name in row else math.nan for name in characteristics}
+        found.append(Measurement(part, operator, where, {1: values}))
+    return found
 
 
 def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measurement:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench.compare.measurements import measurements_of, read_inspection
+from workbench.compare.measurements import measurements_of, plain_measurements, read_inspection
 from workbench.compare.study_tables import apart, balanced, limits_of, mean_of_seen, reference_of, sections_of, table_of
 from workbench.compare.values import CHARACTERISTICS, Study
 from workbench.errors import InputError
@@ -34,6 +34,21 @@ def study(
     bevel_limits_deg: Annotated[
         Limits | None, Field(description="lower and upper limit of the bevel angle; null: the inspections' own")
     ] = None,
+    characteristics: Annotated[
+        list[str], Field(max_length=100, description="columns of the study to analyse, whatever they measure")
+    ] = [],  # noqa: B006
+    columns: Annotated[
+        dict[Literal["part", "operator", "trial"], str],
+        Field(
+            description="what the study calls its columns `part`, `operator` and `trial`, where it is other people's"
+        ),
+    ] = {},  # noqa: B006
+    limits: Annotated[
+        dict[str, Limits], Field(description="lower and upper limit of each of the characteristics, where known")
+    ] = {},  # noqa: B006
+    unit: Annotated[
+        str, Field(min_length=1, max_length=12, description="of characteristics whose names end in no unit")
+    ] = "mm",
 ) -> Study:
     """Gather the measurements of a gauge study: parts x operators x trials, by section.
 
@@ -47,34 +62,47 @@ def study(
         reference_operator: the name under which the file lists reference measurements.
         root_limits_mm: tolerance limits, for the share of the tolerance.
         bevel_limits_deg: likewise.
+        characteristics: columns of a CSV that hold one value a trial: any gauge, any size.
+        columns: names of its other columns.
+        limits: of the characteristics.
+        unit: of the characteristics.
 
     Raises:
         InputError: unreadable, unbalanced, or fewer than two trials.
     """
     if (study is None) == (not inspections):
         raise InputError("compare.study", "expected either a study or a list of inspections")
-    found = measurements_of(study) if study is not None else [read_inspection(path) for path in inspections]
+    if characteristics and study is None:
+        raise InputError("compare.study", "expected a study, whose columns the characteristics are")
+    if unknown := [name for name in limits if name not in characteristics]:
+        raise InputError("compare.study.limits", f"'{unknown[0]}' is not one of the characteristics")
+    if study is not None and characteristics:
+        found = plain_measurements(study, characteristics, {str(key): name for key, name in columns.items()})
+    else:
+        found = measurements_of(study) if study is not None else [read_inspection(path) for path in inspections]
     where = str(study) if study is not None else "inspections"
     mine = [one for one in found if one.operator != reference_operator]
     others = [one for one in found if one.operator == reference_operator]
     cells = balanced(mine, where)
     parts, operators = list(dict.fromkeys(p for p, _ in cells)), list(dict.fromkeys(o for _, o in cells))
     sections = sections_of(mine)
+    known = dict.fromkeys(characteristics, "") or CHARACTERISTICS
     table = {name: table_of(cells, parts, operators, sections, name)
-             for name in ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())}  # fmt: skip
-    names = [name for name in CHARACTERISTICS if np.isfinite(table[name]).any()]
+             for name in ("arc_length_mm", *known, *known.values())}  # fmt: skip
+    names = [name for name in known if np.isfinite(table[name]).any()]
     if not names:
-        raise InputError(where, f"expected values of {' or '.join(CHARACTERISTICS)}, found none")
+        raise InputError(where, f"expected values of {' or '.join(known)}, found none")
     reference = reference_of(others, parts, sections, names)
-    limits = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg}
+    given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}
     return Study(
         parts=tuple(parts), operators=tuple(operators), trials=len(next(iter(cells.values()))), section=sections,
         arc_length_mm=mean_of_seen(table["arc_length_mm"], (0, 1, 2)),
         measured={name: table[name] for name in names},
-        stated_u={name: table[CHARACTERISTICS[name]] for name in names},
+        stated_u={name: table[known[name]] for name in names},
         reference={name: value for name, (value, _) in reference.items()},
         reference_u={name: u for name, (_, u) in reference.items()},
-        limits={name: held for name in names if (held := limits_of(limits[name], mine, name, where)) is not None},
+        limits={name: held for name in names if (held := limits_of(given.get(name), mine, name, where)) is not None},
+        unit=unit,
         files=tuple((one.where, one.digest) for one in found if one.digest),
         warnings=apart(table["arc_length_mm"]),
     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from workbench.compare.values import CHARACTERISTICS
@@ -35,7 +35,26 @@ def study_rows(path: Path) -> list[tuple[str, Mapping[str, str]]]:
     return rows
 
 
-def _csv_rows(path: Path) -> Iterator[tuple[str, Mapping[str, str]]]:
+def plain_rows(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[tuple[str, Mapping[str, str]]]:
+    """As `study_rows`, of a CSV with any columns: those `known` may be there, those `wanted` must."""
+
+    def check(names: list[str], where: str) -> None:
+        for name in wanted:
+            if name not in names:
+                raise InputError(where, f"no column '{name}'{nearest(name, names)}")
+        if not set(known) & set(names):
+            raise InputError(where, f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them "
+                                    "with `columns`")  # fmt: skip
+
+    rows = list(_csv_rows(path, check))
+    if not rows:
+        raise InputError(str(path), "expected at least one measurement")
+    return rows
+
+
+def _csv_rows(
+    path: Path, check: Callable[[list[str], str], None] | None = None
+) -> Iterator[tuple[str, Mapping[str, str]]]:
     lines = numbered_lines(read_text(path, MAX_BYTES))
     if not lines:
         return
@@ -46,7 +65,7 @@ def _csv_rows(path: Path) -> Iterator[tuple[str, Mapping[str, str]]]:
     if len(table) != len(lines):
         raise InputError(str(path), "expected one row a line")
     header = [name.strip() for name in table[0]]
-    _check_columns(header, f"{path}: line {lines[0][0]}")
+    (check or _check_columns)(header, f"{path}: line {lines[0][0]}")
     for (number, _), cells in zip(lines[1:], table[1:], strict=True):
         where = f"{path}: line {number}"
         if len(cells) != len(header):

@@ -45,7 +45,7 @@ def sections_of(mine: Sequence[Measurement]) -> tuple[int, ...]:
 def table_of(cells: Mapping[tuple[str, str], list[Measurement]], parts: list[str], operators: list[str],
            sections: tuple[int, ...], name: str) -> Float:  # fmt: skip
     """(P, O, R, S)."""
-    return np.array([[[[one.sections[s][name] for s in sections] for one in cells[p, o]] for o in operators]
+    return np.array([[[[one.sections[s].get(name, np.nan) for s in sections] for one in cells[p, o]] for o in operators]
                      for p in parts])  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def reference_of(others: Sequence[Measurement], parts: list[str], sections: tupl
                 seen = [one.sections[s] for one in mine if s in one.sections and np.isfinite(one.sections[s][name])]
                 if seen:
                     value[i, k] = np.mean([row[name] for row in seen])
-                    u[i, k] = np.mean([row[CHARACTERISTICS[name]] for row in seen])
+                    u[i, k] = np.mean([row.get(CHARACTERISTICS.get(name, ""), np.nan) for row in seen])
         found[name] = value, u
     return found
 

@@ -8,8 +8,13 @@ from dataclasses import dataclass
 from workbench.units import Float
 
 CHARACTERISTICS = {"root_mm": "root_u_mm", "bevel_deg": "bevel_u_deg"}  # and their standard uncertainties
-TITLES = {"root_mm": "Root size", "bevel_deg": "Bevel angle"}
-UNITS = {"root_mm": "mm", "bevel_deg": "deg"}
+TITLES = {"root_mm": "Root face", "bevel_deg": "Bevel angle"}
+UNITS = ("mm", "deg", "um")  # in which the name of a characteristic may end
+
+
+def title_of(name: str) -> str:
+    """A characteristic's name for a reader; one of other people's as they write it."""
+    return TITLES.get(name, name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,3 +36,9 @@ class Study:
     limits: Mapping[str, tuple[float, float]]  # lower and upper limit of the value, where known
     files: tuple[tuple[str, str], ...]  # path as given and SHA-256 of every inspection
     warnings: tuple[str, ...] = ()
+    unit: str = "mm"  # of characteristics whose names do not end in one
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a characteristic."""
+        suffix = name.rpartition("_")[2]
+        return suffix if suffix in UNITS else self.unit

@@ -5,6 +5,7 @@ from __future__ import annotations
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import (
+    parse_groove_recipe,
     parse_recipe,
     parse_sphere_recipe,
     parse_swept_recipe,
@@ -15,13 +16,22 @@ from workbench.synthetic.simulate import simulate_file, simulate_recording, trut
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.sphere_conditions import random_sphere_recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
-from workbench.synthetic.swept import SweptRecipe, SweptTruth, simulate_swept
+from workbench.synthetic.swept import (
+    GrooveRecipe,
+    GrooveTruth,
+    SweptRecipe,
+    SweptTruth,
+    simulate_groove,
+    simulate_swept,
+)
 from workbench.synthetic.truth import Truth, milled_truth, read_truth
 from workbench.synthetic.workpiece import Workpiece
 
 __all__ = [
     "CONDITIONS",
     "RAW_CONDITIONS",
+    "GrooveRecipe",
+    "GrooveTruth",
     "Recipe",
     "SphereRecipe",
     "SphereTruth",
@@ -30,6 +40,7 @@ __all__ = [
     "Truth",
     "Workpiece",
     "milled_truth",
+    "parse_groove_recipe",
     "parse_recipe",
     "parse_sphere_recipe",
     "parse_swept_recipe",
@@ -39,6 +50,7 @@ __all__ = [
     "read_recipe",
     "read_truth",
     "simulate_file",
+    "simulate_groove",
     "simulate_recording",
     "simulate_sphere",
     "simulate_swept",

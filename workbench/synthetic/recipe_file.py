@@ -12,7 +12,7 @@ from workbench.errors import InputError, nearest
 from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
-from workbench.synthetic.swept.recipe import SweptRecipe
+from workbench.synthetic.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -22,13 +22,15 @@ def read_recipe(path: str | Path) -> Recipe:
     return parse_recipe(read_any_json(Path(path)), source=str(path))
 
 
-def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | SweptRecipe:
+def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | AnyRecipe:
     """The recipe in the JSON file `path`: by its `format` of a part or a sphere, by its `simulator` a swept part."""
     document = read_any_json(Path(path))
     if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
         return parse_sphere_recipe(document, source=str(path))
     if isinstance(document, Mapping) and "simulator" in document:
-        return parse_swept_recipe(document, source=str(path))
+        part = document.get("part")
+        groove = isinstance(part, Mapping) and part.get("kind") == "groove"
+        return (parse_groove_recipe if groove else parse_swept_recipe)(document, source=str(path))
     return parse_recipe(document, source=str(path))
 
 
@@ -43,8 +45,13 @@ def parse_sphere_recipe(document: Any, source: str = "recipe") -> SphereRecipe:
 
 
 def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
-    """The recipe of a swept part that `document` describes; InputError as for `read_recipe`."""
+    """The recipe of a swept plate that `document` describes; InputError as for `read_recipe`."""
     return _parse(SweptRecipe, document, source)
+
+
+def parse_groove_recipe(document: Any, source: str = "recipe") -> GrooveRecipe:
+    """The recipe of a swept groove that `document` describes; InputError as for `read_recipe`."""
+    return _parse(GrooveRecipe, document, source)
 
 
 def _parse(model: type[M], document: Any, source: str) -> M:

@@ -19,12 +19,20 @@ from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.synthetic.sphere import SphereTruth, write_sphere
 from workbench.synthetic.sphere_recipe import SphereRecipe
-from workbench.synthetic.swept import SweptRecipe, SweptTruth, simulate_swept
+from workbench.synthetic.swept import (
+    GrooveRecipe,
+    GrooveTruth,
+    SweptRecipe,
+    SweptTruth,
+    simulate_groove,
+    simulate_swept,
+)
 from workbench.synthetic.truth import Truth, build_truth
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
+AnyTruth = Truth | SphereTruth | SweptTruth | GrooveTruth
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
@@ -62,9 +70,7 @@ def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
     return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
 
 
-def simulate_file(
-    recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None
-) -> Truth | SphereTruth | SweptTruth:
+def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> AnyTruth:
     """Write the recording of the recipe at `recipe_path` to `out_path`, its truth to `<out_path>.truth.json`.
 
     Both files appear whole or not at all. `progress` is told frames done and frames in all.
@@ -77,8 +83,8 @@ def simulate_file(
 
 
 def write_simulation(
-    recipe: Recipe | SphereRecipe | SweptRecipe, out_path: str | Path, progress: Progress | None = None
-) -> Truth | SphereTruth | SweptTruth:
+    recipe: Recipe | SphereRecipe | SweptRecipe | GrooveRecipe, out_path: str | Path, progress: Progress | None = None
+) -> AnyTruth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
     beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
@@ -86,10 +92,10 @@ def write_simulation(
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
-        truth: Truth | SphereTruth | SweptTruth
+        truth: AnyTruth
         if isinstance(recipe, SphereRecipe):
             truth = write_sphere(recipe, beside[0])
-        elif isinstance(recipe, SweptRecipe):
+        elif isinstance(recipe, SweptRecipe | GrooveRecipe):
             truth = _write_swept(recipe, beside[0], progress)
         else:
             truth = _write_recording(recipe, beside[0], progress)
@@ -116,11 +122,15 @@ def _pass_index(counts: Any) -> Int:
     return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
 
 
-def _write_swept(recipe: SweptRecipe, path: Path, progress: Progress | None) -> SweptTruth:
+def _write_swept(recipe: SweptRecipe | GrooveRecipe, path: Path, progress: Progress | None) -> SweptTruth | GrooveTruth:
     """The HDF5 file of a swept part, which is simulated in memory."""
     import h5py
 
-    recording, truth = simulate_swept(recipe, progress)
+    truth: SweptTruth | GrooveTruth
+    if isinstance(recipe, GrooveRecipe):
+        recording, truth = simulate_groove(recipe, progress)
+    else:
+        recording, truth = simulate_swept(recipe, progress)
     grids = {"x": recording.x_mm, "z": recording.z_mm, "intensity": recording.intensity}
     require_space(path, sum(grid.nbytes for grid in grids.values() if grid is not None))
     with h5py.File(path, "w") as file:

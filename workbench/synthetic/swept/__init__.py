@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from workbench.synthetic.swept.recipe import SweptRecipe
-from workbench.synthetic.swept.simulate import simulate_swept
-from workbench.synthetic.swept.truth import SweptTruth
+from workbench.synthetic.swept.recipe import GrooveRecipe, SweptRecipe
+from workbench.synthetic.swept.simulate import simulate_groove, simulate_swept
+from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth
 
-__all__ = ["SweptRecipe", "SweptTruth", "simulate_swept"]
+__all__ = ["GrooveRecipe", "GrooveTruth", "SweptRecipe", "SweptTruth", "simulate_groove", "simulate_swept"]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from workbench.synthetic.swept.recipe import EdgeBurr, SweptPart
-from workbench.synthetic.swept.section import ROOT, Shape, chain_of, shape_of
+from workbench.synthetic.swept.section import Chain
 from workbench.synthetic.swept.spine import Curve, Frames
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
-STEP_STRAIGHT_MM, STEP_BENT_MM, STEP_ROUGH_MM = 0.5, 0.3, 0.25
+STEP_STRAIGHT_MM, STEP_BENT_MM = 0.5, 0.3  # between stations
 OTHER = 255  # face of clamps and burrs
 
 
@@ -28,6 +27,7 @@ class Hits:
     s: Float  # (k,) along the spine
     across_mm: Float  # (k,) across the face, from its lower end
     share: Float  # (k,) the same as a share of the face
+    normal: Float  # (k, 3) of the triangle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +58,9 @@ class Mesh:
         hit &= np.isfinite(reach)
         place = self.place[index]
         at = place[:, 0] + uv[:, :1] * (place[:, 1] - place[:, 0]) + uv[:, 1:] * (place[:, 2] - place[:, 0])
-        return Hits(np.where(hit, reach, np.inf), np.where(hit, cosine, 0.0),
-                    np.where(hit, self.face[index], OTHER).astype(np.uint8), at[:, 0], at[:, 1], at[:, 2])  # fmt: skip
+        face = np.where(hit, self.face[index], OTHER).astype(np.uint8)
+        reach, cosine = np.where(hit, reach, np.inf), np.where(hit, cosine, 0.0)
+        return Hits(reach, cosine, face, at[:, 0], at[:, 1], at[:, 2], normal)
 
     def open_way(self, start: Float, end: Float, threads: int = 1) -> Bool:
         """Whether nothing stands between `start` (k, 3) on the part and `end` (k, 3)."""
@@ -78,39 +79,14 @@ def _rays(start: Float, way: Float) -> Any:
     return o3d.core.Tensor(np.concatenate([start, way], axis=1).astype(np.float32))
 
 
-def build_mesh(curve: Curve, rng: np.random.Generator) -> Mesh:
-    """The mesh of a part: the swept section, its burrs and clamps."""
-    part = curve.part
-    frames, shape = stations(curve)
-    chain = chain_of(part, shape)
-    points = chain.points.copy()
-    relief = relief_of(part, curve.length, float(shape.corner[:, 2, 1].max()), rng)
-    on_root = np.zeros(points.shape[1], dtype=bool)
-    on_root[:-1] |= chain.face == ROOT
-    on_root[1:] |= chain.face == ROOT
-    if relief is not None:
-        points[:, on_root, 0] += relief.at(frames.s[:, None], points[:, on_root, 1])
-    vertices = swept(frames, points)
-    width = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    along_chain = np.concatenate([np.zeros((len(width), 1)), np.cumsum(width, axis=1)], axis=1)
-    place = np.stack([np.broadcast_to(frames.s[:, None], along_chain.shape), along_chain, chain.across], axis=2)
-    pieces = [_sheet(vertices, place, chain.face.astype(np.uint8))]
-    pieces += [_burr(curve, burr, rng) for burr in part.burrs]
-    pieces += [_clamp(curve, block.from_mm, block.to_mm, block.reach_in_mm, block.reach_out_mm, block.height_mm)
-               for block in part.clamps]  # fmt: skip
-    return _mesh(pieces)
-
-
-def stations(curve: Curve) -> tuple[Frames, Shape]:
-    """Frames and sharp sections at the stations of the mesh."""
-    part = curve.part
-    twisted = part.twist_deg.lowest != part.twist_deg.highest
-    step = STEP_STRAIGHT_MM if part.spine.shape == "straight" and not twisted else STEP_BENT_MM
-    if part.roughness.sd_mm > 0:
-        step = min(step, STEP_ROUGH_MM)
+def stations(curve: Curve, step_mm: float = STEP_STRAIGHT_MM) -> Frames:
+    """The stations of a mesh, at most `step_mm` apart, closer on a bent or twisted part."""
+    twist = curve.part.twist_deg
+    bent = curve.part.spine.shape != "straight" or twist.lowest != twist.highest
+    step = min(step_mm, STEP_BENT_MM) if bent else step_mm
     s = np.linspace(0.0, curve.length, max(2, math.ceil(curve.length / step) + 1))
-    frames = curve.frames(np.append(s[:-1], s[-1] if not curve.closed else s[-1] - 1e-9))
-    return frames, shape_of(part, np.asarray(s), curve.length)
+    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
+    return replace(frames, s=s)
 
 
 def swept(frames: Frames, points: Float) -> Float:
@@ -145,21 +121,19 @@ def gaussian_relief(sd_mm: float, correlation_mm: float, size: tuple[int, int], 
     return Relief(sd_mm * smooth / smooth.std(), correlation_mm / 3.0)
 
 
-def relief_of(part: SweptPart, length: float, height: float, rng: np.random.Generator) -> Relief | None:
-    """The roughness of the end face, at least twice as large as the face so that it does not repeat."""
-    rough = part.roughness
-    if rough.sd_mm == 0:
-        return None
-    step = rough.correlation_mm / 3.0
-    return gaussian_relief(
-        rough.sd_mm, rough.correlation_mm, (math.ceil(1.1 * length / step) + 8, math.ceil(2 * height / step) + 8), rng
-    )
-
-
 Piece = tuple[Float, Int, AnyArray, Float]  # vertices, triangles, faces, places of the vertices
 
 
-def _sheet(vertices: Float, place: Float, face: AnyArray) -> Piece:
+def chain_sheet(frames: Frames, chain: Chain, points: Float | None = None) -> Piece:
+    """The surface that a chain sweeps; `points` where they are not the chain's own."""
+    points = chain.points if points is None else points
+    width = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    along_chain = np.concatenate([np.zeros((len(width), 1)), np.cumsum(width, axis=1)], axis=1)
+    place = np.stack([np.broadcast_to(frames.s[:, None], along_chain.shape), along_chain, chain.across], axis=2)
+    return sheet(swept(frames, points), place, chain.face.astype(np.uint8))
+
+
+def sheet(vertices: Float, place: Float, face: AnyArray) -> Piece:
     """Triangles of a grid of vertices (k, j, 3), `face` (j - 1,) of its strips."""
     rows, columns = vertices.shape[:2]
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
@@ -169,51 +143,8 @@ def _sheet(vertices: Float, place: Float, face: AnyArray) -> Piece:
     return vertices.reshape(-1, 3), triangles, np.tile(np.tile(face, rows - 1), 2), place.reshape(-1, 3)
 
 
-def _burr(curve: Curve, burr: EdgeBurr, rng: np.random.Generator) -> Piece:
-    """A ridge of triangular section with a ragged crest that runs out at its ends."""
-    s = np.arange(burr.from_mm, burr.to_mm + 1e-9, 0.25).clip(0, curve.length)
-    part = curve.part
-    shape = shape_of(part, s, curve.length)
-    knots = rng.uniform(1 - burr.ragged, 1, max(2, math.ceil((burr.to_mm - burr.from_mm) / 0.7)))
-    height = burr.height_mm * np.interp(s, np.linspace(burr.from_mm, burr.to_mm, len(knots)), knots)
-    height *= np.clip(np.minimum(s - s[0], s[-1] - s) / 0.5, 0, 1)
-    corner = shape.corner[:, 1] if burr.edge == "lower" else shape.corner[:, 2]
-    down = -1.0 if burr.edge == "lower" else 1.0
-    wide, zero = np.full(len(s), burr.width_mm), np.zeros(len(s))
-    if burr.direction == "in_plane":  # prolongs the root face; behind it the ridge falls back to the plate
-        ring = [(zero, -down * 0.02 + zero), (zero, down * height), (-wide, zero)]
-    else:
-        ring = [(zero, -down * wide), (height, zero), (zero, zero)]
-    points = np.stack([corner + np.stack(p, axis=1) for p in ring], axis=1)
-    if down > 0:
-        points = points[:, ::-1]
-    vertices = swept(curve.frames(s), points)
-    place = np.zeros((*vertices.shape[:2], 3)) + 0.0
-    place[..., 0] = s[:, None]
-    face = ROOT if burr.direction == "in_plane" else OTHER
-    return _sheet(vertices[:, ::-1], place, np.full(len(ring) - 1, face, dtype=np.uint8))
-
-
-def _clamp(curve: Curve, start: float, stop: float, inward: float, outward: float, height: float) -> Piece:
-    """A box round the edge, from below the plate to above it."""
-    middle = curve.frames(np.array([(start + stop) / 2]))
-    shape = shape_of(curve.part, np.array([(start + stop) / 2]).clip(0, curve.length), curve.length)
-    top = float(shape.corner[0, -2, 1])
-    a = np.array([-inward, outward])
-    b = np.array([-1.0, top + height])
-    t = np.array([start - stop, stop - start]) / 2
-    grid = np.stack(np.meshgrid(a, b, t, indexing="ij"), axis=-1).reshape(-1, 3)
-    vertices = middle.position + grid[:, :1] * middle.n + grid[:, 1:2] * middle.m + grid[:, 2:] * middle.t
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    corners = vertices[triangles]
-    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flip = np.einsum("ij,ij->i", outwards, corners.mean(axis=1) - vertices.mean(axis=0)) < 0
-    triangles[flip] = triangles[flip][:, ::-1]
-    return vertices, triangles, np.full(len(triangles), OTHER, dtype=np.uint8), np.zeros((len(vertices), 3))
-
-
-def _mesh(pieces: list[Piece]) -> Mesh:
+def mesh_of(pieces: list[Piece]) -> Mesh:
+    """One mesh of many pieces."""
     import open3d
 
     o3d: Any = open3d  # its stubs know less than it does

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.synthetic.recipe import Placement
-from workbench.synthetic.swept.recipe import SweptRecipe, Way
+from workbench.synthetic.swept.recipe import AnyRecipe, Way
 from workbench.synthetic.swept.spine import Curve
 from workbench.units import DEG, Float
 
@@ -34,7 +34,7 @@ def placed(placement: Placement) -> Float:
     return pose_from(rotation_from_rpy(roll, pitch, yaw), np.array(placement.position_mm))
 
 
-def moves(recipe: SweptRecipe, curve: Curve) -> list[Motion]:
+def moves(recipe: AnyRecipe, curve: Curve) -> list[Motion]:
     """The motion of every pass, one after the other in time."""
     start, motions = 1.0, []
     for index, way in enumerate(recipe.passes):
@@ -43,7 +43,7 @@ def moves(recipe: SweptRecipe, curve: Curve) -> list[Motion]:
     return motions
 
 
-def recorded_hand_eye(recipe: SweptRecipe) -> Float:
+def recorded_hand_eye(recipe: AnyRecipe) -> Float:
     """flange_from_profiler as the recording states it."""
     robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 12])
     true = placed(robot.flange_from_profiler)
@@ -51,7 +51,7 @@ def recorded_hand_eye(recipe: SweptRecipe) -> Float:
     return pose_from(turn @ true[:3, :3], true[:3, 3] + rng.standard_normal(3) * robot.hand_eye_error_mm)
 
 
-def _move(recipe: SweptRecipe, curve: Curve, way: Way, start_s: float, rng: np.random.Generator) -> Motion:
+def _move(recipe: AnyRecipe, curve: Curve, way: Way, start_s: float, rng: np.random.Generator) -> Motion:
     robot = recipe.robot
     turns = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(way.way_mm)))])  # way gone at each turning point
     count = math.floor(turns[-1] / robot.frame_pitch_mm + 1e-9) + 1
@@ -82,7 +82,7 @@ def _pose_times(way: Way, time: Float, rate_hz: float, margin_s: float) -> Float
     return np.arange(time[0] - margin_s - 0.7 / rate_hz, time[-1] + margin_s + 1.5 / rate_hz, 1.0 / rate_hz)
 
 
-def _unrecorded(recipe: SweptRecipe, gone: Float, whole: float, rng: np.random.Generator) -> Float:
+def _unrecorded(recipe: AnyRecipe, gone: Float, whole: float, rng: np.random.Generator) -> Float:
     """What the robot does but does not say (n, 3), in the base: drift, a smooth error, vibration."""
     robot = recipe.robot
     way = rng.standard_normal(3)
@@ -93,7 +93,7 @@ def _unrecorded(recipe: SweptRecipe, gone: Float, whole: float, rng: np.random.G
     )
 
 
-def _poses(recipe: SweptRecipe, curve: Curve, way: Way, s: Float, gone: Float) -> Float:
+def _poses(recipe: AnyRecipe, curve: Curve, way: Way, s: Float, gone: Float) -> Float:
     """part_from_profiler (n, 4, 4): the scanner's stance in the edge's frame (n, t, m), swaying."""
     low, high = min(way.way_mm), max(way.way_mm)
     if way.follow == "line":
@@ -121,7 +121,7 @@ def _poses(recipe: SweptRecipe, curve: Curve, way: Way, s: Float, gone: Float) -
     return pose_from(rotation, place + np.einsum("kij,kj->ki", axes, target) - rotation @ aim)
 
 
-def _stance(recipe: SweptRecipe, way: Way) -> tuple[Float, Float]:
+def _stance(recipe: AnyRecipe, way: Way) -> tuple[Float, Float]:
     """Rotation (3, 3) of the profiler in the edge's axes (n, t, m), and the point it aims at, in the profiler."""
     scanner, tip = recipe.scanner, way.elevation_deg * DEG
     look = np.array([-math.cos(tip), 0.0, -math.sin(tip)])

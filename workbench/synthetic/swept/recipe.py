@@ -193,7 +193,7 @@ class Way(Strict):
     """One pass: s at which it starts, turns back or ends, and how the scanner looks at the edge."""
 
     way_mm: Annotated[tuple[Number, ...], Field(min_length=2, max_length=50)]
-    elevation_deg: Annotated[float, Field(gt=-90, lt=90)] = 40.0
+    elevation_deg: Annotated[float, Field(gt=-90, lt=180)] = 40.0
     oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     aim_mm: Pair = (-2.0, 4.0)
@@ -231,8 +231,79 @@ class SweptRobot(Strict):
     time_offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
 
 
-class SweptRecipe(Strict):
-    """A synthetic recording in full. The same recipe gives the same numbers."""
+class Tack(Strict):
+    """A tack weld: half of an ellipsoid on the root of the groove."""
+
+    at_mm: Number
+    length_mm: Annotated[float, Field(gt=0, le=200)] = 12.0
+    width_mm: Annotated[float, Field(gt=0, le=50)] = 4.0
+    height_mm: Annotated[float, Field(gt=0, le=20)] = 2.0
+
+
+class Spatter(Strict):
+    """Drops on the upper surfaces and the flanks, anywhere within `reach_mm` of the groove's middle."""
+
+    per_100_mm: NonNegative = 0.0
+    radius_mm: tuple[Annotated[float, Field(gt=0, le=3)], Annotated[float, Field(gt=0, le=3)]] = (0.2, 0.8)
+    reach_mm: Positive = 12.0
+
+
+class Reflection(Strict):
+    """Patches of a flank in which the other flank is seen: the range is too long by a share of the way between them."""
+
+    flank: Literal["left", "right", "both"] = "both"
+    share: Share = 0.0
+    patch_mm: Annotated[float, Field(ge=0.2, le=20)] = 2.0
+    depth_share: Annotated[float, Field(gt=0, le=2)] = 0.5
+
+
+class GroovePart(Strict):
+    """Two plates with a gap; a counts across the groove from its middle, left is a < 0, b up from the left plate."""
+
+    kind: Literal["groove"]
+    groove: Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"] = "V"
+    bevelled: Literal["left", "right"] = "left"
+    spine: Spine = Spine()
+    twist_deg: Along = Course(start=0.0, end=0.0)
+    thickness_mm: Along = Course(start=10.0, end=10.0)
+    gap_mm: Along = Course(start=2.0, end=2.0)
+    root_face_left_mm: Along = Course(start=2.0, end=2.0)
+    root_face_right_mm: Along = Course(start=2.0, end=2.0)
+    bevel_left_deg: Along = Course(start=30.0, end=30.0)
+    bevel_right_deg: Along = Course(start=30.0, end=30.0)
+    under_depth_mm: Annotated[float, Field(gt=0, le=100)] = 4.0
+    under_deg: Annotated[float, Field(ge=5, le=70)] = 30.0
+    root_radius_mm: Annotated[float, Field(ge=0.5, le=30)] = 6.0
+    misalignment_mm: Along = Course(start=0.0, end=0.0)
+    upper_radius_mm: Small = 0.0
+    texture: Texture = Texture()
+    reach_mm: Positive = 30.0
+    background_mm: NonNegative | None = None
+    tacks: tuple[Tack, ...] = ()
+    spatter: Spatter = Spatter()
+    reflections: Reflection = Reflection()
+    base_from_part: Placement = Placement(position_mm=(1500.0, 0.0, 800.0))
+
+    @model_validator(mode="after")
+    def _sound(self) -> GroovePart:
+        if self.gap_mm.lowest < 0:
+            raise ValueError("gap_mm must not fall below 0 along the edge")
+        if self.groove == "I":
+            return self
+        under = self.under_depth_mm if self.groove in ("X", "K") else 0.0
+        for name in ("left", "right"):
+            root, bevel = getattr(self, f"root_face_{name}_mm"), getattr(self, f"bevel_{name}_deg")
+            if root.lowest < 0 or root.highest + under > 0.9 * self.thickness_mm.lowest:
+                raise ValueError(
+                    f"root_face_{name}_mm must stay within 0 and 0.9 thickness_mm, less what lies under it"
+                )
+            if bevel.lowest < 3 or bevel.highest > 70:
+                raise ValueError(f"bevel_{name}_deg must stay between 3 and 70 along the edge")
+        return self
+
+
+class ScanRecipe(Strict):
+    """What all recipes of this simulator share."""
 
     simulator: Literal["swept"]
     format: Literal["bevel-recipe"] = "bevel-recipe"
@@ -240,15 +311,29 @@ class SweptRecipe(Strict):
     title: str = ""
     part_id: str | None = None
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    part: SweptPart = SweptPart()
     scanner: SweptScanner = SweptScanner()
     losses: Losses = Losses()
     robot: SweptRobot = SweptRobot()
     passes: Annotated[tuple[Way, ...], Field(min_length=1, max_length=20)]
 
     @model_validator(mode="after")
-    def _bounded(self) -> SweptRecipe:
+    def _bounded(self) -> ScanRecipe:
         way = sum(abs(b - a) for w in self.passes for a, b in zip(w.way_mm, w.way_mm[1:], strict=False))
         if way / self.robot.frame_pitch_mm > _MOST_FRAMES:
             raise ValueError(f"at most {_MOST_FRAMES} frames in all")
         return self
+
+
+class SweptRecipe(ScanRecipe):
+    """A synthetic recording of a plate's edge in full. The same recipe gives the same numbers."""
+
+    part: SweptPart = SweptPart()
+
+
+class GrooveRecipe(ScanRecipe):
+    """A synthetic recording of a groove in full: `part` has the kind `groove`."""
+
+    part: GroovePart
+
+
+AnyRecipe = SweptRecipe | GrooveRecipe

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.synthetic.swept.recipe import SweptRecipe, SweptScanner
+from workbench.synthetic.swept.recipe import AnyRecipe, SweptScanner
 from workbench.synthetic.swept.section import ROOT
 from workbench.synthetic.swept.sensor import Profiles
 from workbench.units import AnyArray, Bool, Float
@@ -14,7 +14,7 @@ FULL = 20000.0  # brightness of a full pixel that looks square at a face
 DARK = 0.3  # speckle dims a pixel's signal, and raises its noise, no further
 
 
-def returned(profiles: Profiles, recipe: SweptRecipe, pattern: Float,
+def returned(profiles: Profiles, recipe: AnyRecipe, pattern: Float,
              rng: np.random.Generator) -> tuple[Float, AnyArray]:  # fmt: skip
     """Ranges (n, M), NaN where there is no return, and brightness (n, M) uint16."""
     scanner, noise, losses = recipe.scanner, recipe.scanner.noise, recipe.losses
@@ -50,7 +50,7 @@ def _correlated(white: Float, keep: float) -> Float:
     return np.asarray(lfilter([fresh], [1, -keep], white, axis=1, zi=(1 - fresh) * white[:, :1])[0])
 
 
-def lost(profiles: Profiles, recipe: SweptRecipe, rng: np.random.Generator) -> Bool:
+def lost(profiles: Profiles, recipe: AnyRecipe, rng: np.random.Generator) -> Bool:
     """Returns that are lost one by one, in blocks, or as the last columns of the root face."""
     losses, shape = recipe.losses, profiles.range_mm.shape
     gone = rng.random(shape) < losses.single_share

@@ -7,7 +7,9 @@ plate. w is the wave of the root face, which lets bevel and surfaces stay where 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,9 +17,9 @@ from workbench.synthetic.swept.recipe import SweptPart
 from workbench.synthetic.swept.spine import along
 from workbench.units import DEG, Float, Int
 
-LOWER, ROOT, BEVEL, UPPER = range(4)  # faces of a mesh, in the order of the chain
+LOWER, ROOT, BEVEL, UPPER, UNDER = range(5)  # faces of a mesh; UNDER: the bevel below the root face of an X groove
 FACE_STEP_MM = 0.5  # greatest width of a strip of a face: with the mesh's step it bounds what triangles miss of a twist
-_ARC_POINTS = 9  # of a rounded corner: 8 facets of 0.5 mm and 90 deg leave 2.4 micrometres, on the rounding only
+_ARC_SAG_MM = 2e-4  # of the facets of a rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +31,17 @@ class Shape:
     bevel: Float  # (k,) rad; NaN on a raw edge
     lower_lean: Float  # (k,) rad: of the lower surface, positive where the plate's inside hangs lower
     upper_lean: Float  # (k,) rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """What a chain is made of: sharp corners at k stations, then what becomes of them."""
+
+    corner: Float  # (k, c, 2)
+    faces: tuple[int, ...]  # (c - 1,)
+    radii: tuple[float, ...]  # (c,) mm; 0 at both ends
+    bows: Mapping[int, float] = field(default_factory=dict)  # face -> height of its middle over the chord, mm
+    rough: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +75,17 @@ def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
     return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel, low, high)
 
 
-def chain_of(part: SweptPart, shape: Shape) -> Chain:
-    """The section's polyline: faces in strips, bowed, corners rounded by arcs."""
-    corner, faces = shape.corner, shape.faces
-    radii = [0.0, part.lower_radius_mm, *([part.middle_radius_mm] if BEVEL in faces else []), part.upper_radius_mm, 0.0]
+def outline_of(part: SweptPart, shape: Shape) -> Outline:
+    """The outline of a plate's edge."""
+    middle = (part.middle_radius_mm,) if BEVEL in shape.faces else ()
+    radii = (0.0, part.lower_radius_mm, *middle, part.upper_radius_mm, 0.0)
     bows = {ROOT: part.root_bow_mm, BEVEL: part.bevel_bow_mm}
+    return Outline(shape.corner, shape.faces, radii, bows, rough=part.roughness.sd_mm > 0)
+
+
+def chain_of(outline: Outline) -> Chain:
+    """The section's polyline: faces in strips, bowed, corners rounded by arcs."""
+    corner, faces, radii, bows = outline.corner, outline.faces, outline.radii, outline.bows
     side = corner[:, 1:] - corner[:, :-1]
     width = np.linalg.norm(side, axis=2)
     way = side / width[:, :, None]
@@ -77,9 +96,9 @@ def chain_of(part: SweptPart, shape: Shape) -> Chain:
     points, across, labels = [], [], []
     for i, face in enumerate(faces):
         start, stop = trim[:, i] / width[:, i], 1 - trim[:, i + 1] / width[:, i]
-        if (start > stop).any():
+        if (start > stop + 1e-9).any():
             raise ValueError("a rounding is wider than its face")
-        strips = _strips(face, float(width[:, i].max()), bows.get(face, 0.0), part.roughness.sd_mm)
+        strips = _strips(face, float(width[:, i].max()), bows.get(face, 0.0), outline.rough)
         share = start[:, None] + (stop - start)[:, None] * strips
         outward = np.stack([way[:, i, 1], -way[:, i, 0]], axis=1)
         bulge = 4 * bows.get(face, 0.0) * share * (1 - share)
@@ -88,31 +107,33 @@ def chain_of(part: SweptPart, shape: Shape) -> Chain:
         labels += [face] * (len(strips) - 1)
         if i + 1 < len(faces):
             if radii[i + 1] > 0:
-                points.append(_arc(points[-1][:, -1], way[:, i], way[:, i + 1], radii[i + 1]))
-                middle = (_ARC_POINTS - 2) // 2
-                across.append(np.repeat([[1.0] * middle + [0.0] * (_ARC_POINTS - 2 - middle)], len(corner), axis=0))
-                labels += [face] * (_ARC_POINTS // 2) + [faces[i + 1]] * (_ARC_POINTS - 1 - _ARC_POINTS // 2)
+                arc = _arc(points[-1][:, -1], way[:, i], way[:, i + 1], radii[i + 1])
+                points.append(arc)
+                inner, half = arc.shape[1], arc.shape[1] // 2
+                across.append(np.repeat([[1.0] * half + [0.0] * (inner - half)], len(corner), axis=0))
+                labels += [face] * (half + 1) + [faces[i + 1]] * (inner - half)
             else:  # the next face begins where this one ends: a strip of no width parts them
                 labels += [face]
     return Chain(np.concatenate(points, axis=1), np.array(labels), np.concatenate(across, axis=1))
 
 
-def _strips(face: int, width: float, bow: float, roughness: float) -> Float:
+def _strips(face: int, width: float, bow: float, rough: bool) -> Float:
     """Shares of a face at which its strips part. Surfaces are seen for some mm beside the edge only."""
     if face in (LOWER, UPPER):
         # plane strips, but on a twisted part: narrow near the edge, wide behind it
         near = np.array([0.0, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 15, 20, 30])
         near = near[near < 0.8 * width] / width
         return np.concatenate([near, [1.0]]) if face == UPPER else np.concatenate([[0.0], 1.0 - near[::-1]])
-    step = 0.25 if roughness > 0 else 0.1 if bow != 0 else FACE_STEP_MM
+    step = 0.25 if rough else 0.1 if bow != 0 else FACE_STEP_MM
     return np.linspace(0.0, 1.0, max(2, int(np.ceil(width / step)) + 1))
 
 
 def _arc(start: Float, way_in: Float, way_out: Float, radius: float) -> Float:
-    """Inner points (k, _ARC_POINTS - 2, 2) of the arc that leaves `start` along `way_in` and ends along `way_out`."""
+    """Inner points (k, p, 2) of the arc that leaves `start` along `way_in` and ends along `way_out`."""
     turn = np.arctan2(way_in[:, 0] * way_out[:, 1] - way_in[:, 1] * way_out[:, 0], (way_in * way_out).sum(axis=1))
     left = np.stack([-way_in[:, 1], way_in[:, 0]], axis=1)
-    angle = np.linspace(0, 1, _ARC_POINTS)[1:-1] * turn[:, None]
+    facets = math.ceil(float(np.abs(turn).max()) * math.sqrt(radius / (8 * _ARC_SAG_MM))) + 1
+    angle = np.linspace(0, 1, facets + 1)[1:-1] * turn[:, None]
     # the chain turns left (towards the plate) or, on a concave corner, right
     sign = np.sign(turn)[:, None, None]
     forward, sideways = np.sin(np.abs(angle))[..., None], (1 - np.cos(angle))[..., None]

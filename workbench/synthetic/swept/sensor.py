@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.synthetic.swept.mesh import OTHER, Hits, Mesh, Relief
-from workbench.synthetic.swept.recipe import SweptPart, SweptScanner
-from workbench.synthetic.swept.section import BEVEL, ROOT
+from workbench.synthetic.swept.recipe import SweptScanner
 from workbench.units import AnyArray, Bool, Float
 
 SUBRAYS = 9  # odd: half of a footprint is filled just where its middle is
@@ -28,41 +28,50 @@ class Profiles:
     share: Float  # (n, M) across the face
 
 
-def see(mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float, texture: list[Relief] | None,
-        rng: np.random.Generator) -> Profiles:  # fmt: skip
+Spoil = Callable[[Hits, Float, Float, np.random.Generator], Float]  # hits, points (k, 3), ways (k, 3) -> what is added
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """The part before the scanner."""
+
+    mesh: Mesh
+    scanner: SweptScanner
+    texture: Mapping[int, Relief]  # by face
+    spoil: Spoil  # what ghosts and reflections add to the ranges
+    rng: np.random.Generator
+
+
+def see(view: View, pose: Float) -> Profiles:
     """The profiles of n frames with poses part_from_profiler (n, 4, 4)."""
-    frames, columns = len(pose), scanner.columns
+    frames, columns = len(pose), view.scanner.columns
     index = np.repeat(np.arange(frames), columns)
-    column = np.tile(np.arange(columns, dtype=float), frames)
-    centre = _look(mesh, part, scanner, pose, index, column, texture, rng)
+    centre = _look(view, pose, index, np.tile(np.arange(columns, dtype=float), frames))
     grid = {name: getattr(centre, name).reshape(frames, columns) for name in Profiles.__slots__}
-    if scanner.footprint > 0:
-        _pixels_at_edges(grid, mesh, part, scanner, pose, texture, rng)
+    if view.scanner.footprint > 0:
+        _pixels_at_edges(view, grid, pose)
     return Profiles(**grid)
 
 
-def _look(mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float, index: AnyArray, column: Float,
-          texture: list[Relief] | None, rng: np.random.Generator) -> Profiles:  # fmt: skip
+def _look(view: View, pose: Float, index: AnyArray, column: Float) -> Profiles:
     """Rays by frame `index` (k,) and fractional `column` (k,)."""
+    scanner, mesh = view.scanner, view.mesh
     start, way = _lines(scanner, column)
     rotation, translation = pose[:, :3, :3], pose[:, :3, 3]
     start, way = _turned(rotation, start, index) + translation[index], _turned(rotation, way, index)
     hits = mesh.cast(start, way)
     found = np.isfinite(hits.reach) & (hits.reach <= scanner.far_mm - scanner.near_mm)
     found &= hits.cosine > np.cos(np.radians(scanner.max_incidence_deg))
-    point = start[found] + hits.reach[found, None] * way[found]
-    laser = translation + rotation @ _eyes(scanner)
-    camera = translation + rotation @ _camera(scanner)
-    which = index[found]
-    lit = mesh.open_way(point, laser[which])
-    lit[lit] = mesh.open_way(point[lit], camera[which[lit]])
+    point = start + np.where(found, hits.reach, 0.0)[:, None] * way
+    laser, camera = translation + rotation @ _eyes(scanner), translation + rotation @ _camera(scanner)
+    lit = mesh.open_way(point[found], laser[index[found]])
+    lit[lit] = mesh.open_way(point[found][lit], camera[index[found][lit]])
     found[found] = lit
     reach = np.where(found, hits.reach + scanner.near_mm, np.nan)
-    if texture is not None:
-        reach -= _relief(hits, texture) / np.maximum(hits.cosine, LEAST_COSINE)
-    reach += _ghosts(part, hits, rng)
-    return Profiles(reach, hits.cosine, found.astype(float), np.where(found, hits.face, OTHER).astype(np.uint8), hits.s,
-                    hits.share)  # fmt: skip
+    reach -= _relief(hits, view.texture) / np.maximum(hits.cosine, LEAST_COSINE)
+    reach += view.spoil(hits, point, way, view.rng)
+    face = np.where(found, hits.face, OTHER).astype(np.uint8)
+    return Profiles(reach, hits.cosine, found.astype(float), face, hits.s, hits.share)
 
 
 def column_places(scanner: SweptScanner, column: Float, range_mm: Float) -> Float:
@@ -96,36 +105,22 @@ def _turned(rotation: Float, vector: Float, index: AnyArray) -> Float:
     return np.asarray(np.matmul(rotation[index], vector[:, :, None])[..., 0])
 
 
-def _relief(hits: Hits, texture: list[Relief]) -> Float:
+def _relief(hits: Hits, texture: Mapping[int, Relief]) -> Float:
     height = np.zeros(len(hits.s))
-    for face, relief in enumerate(texture):
+    for face, relief in texture.items():
         on = hits.face == face
         height[on] = relief.at(hits.s[on], hits.across_mm[on])
     return height
 
 
-def _ghosts(part: SweptPart, hits: Hits, rng: np.random.Generator) -> Float:
-    off = np.zeros(len(hits.s))
-    for ghost in part.ghosts:
-        face = ROOT if ghost.face == "root" else BEVEL
-        on = (hits.face == face) & (hits.s >= ghost.from_mm) & (hits.s <= ghost.to_mm)
-        on &= (hits.share >= ghost.across[0]) & (hits.share <= ghost.across[1])
-        if ghost.probability < 1:
-            on &= rng.random(len(on)) < ghost.probability
-        off[on] += ghost.offset_mm
-    return off
-
-
-def _pixels_at_edges(grid: dict[str, AnyArray], mesh: Mesh, part: SweptPart, scanner: SweptScanner, pose: Float,
-                     texture: list[Relief] | None, rng: np.random.Generator) -> None:  # fmt: skip
+def _pixels_at_edges(view: View, grid: dict[str, AnyArray], pose: Float) -> None:
     """Columns that may see an edge, in place: several rays over the footprint, their fill, mean, or mixture."""
+    scanner = view.scanner
     frame, column = np.nonzero(_at_edges(grid["range_mm"]))
     if not len(frame):
         return
     offsets = ((np.arange(SUBRAYS) + 0.5) / SUBRAYS - 0.5) * scanner.footprint
-    rays = _look(
-        mesh, part, scanner, pose, np.repeat(frame, SUBRAYS), (column[:, None] + offsets).ravel(), texture, rng
-    )
+    rays = _look(view, pose, np.repeat(frame, SUBRAYS), (column[:, None] + offsets).ravel())
     ranges = rays.range_mm.reshape(-1, SUBRAYS)
     order = np.argsort(ranges, axis=1)  # NaN last
     ranges = np.take_along_axis(ranges, order, axis=1)
@@ -135,7 +130,7 @@ def _pixels_at_edges(grid: dict[str, AnyArray], mesh: Mesh, part: SweptPart, sca
     two = gaps.max(axis=1) > JUMP_MM
     near = np.where(two, cut, seen)
     keep_far = two & (seen - near > near)
-    mixed = two & (rng.random(len(seen)) < scanner.mixed_share)
+    mixed = two & (view.rng.random(len(seen)) < scanner.mixed_share)
     first = np.where(keep_far & ~mixed, near, 0)
     last = np.where(two & ~mixed & ~keep_far, near, seen)
     place = np.arange(SUBRAYS)

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import InputError
-from workbench.synthetic.swept.mesh import Relief, build_mesh, gaussian_relief, relief_of
+from workbench.synthetic.swept.groove import RIGHT, is_square
+from workbench.synthetic.swept.groove_mesh import groove_mesh
+from workbench.synthetic.swept.mesh import Mesh, Relief, gaussian_relief
 from workbench.synthetic.swept.motion import Motion, moves, recorded_hand_eye
-from workbench.synthetic.swept.recipe import SweptPart, SweptRecipe
+from workbench.synthetic.swept.plate_mesh import plate_mesh, relief_of
+from workbench.synthetic.swept.recipe import AnyRecipe, GroovePart, GrooveRecipe, SweptPart, SweptRecipe, Texture
 from workbench.synthetic.swept.returns import fixed_pattern, returned
-from workbench.synthetic.swept.section import BEVEL, ROOT, shape_of
-from workbench.synthetic.swept.sensor import Profiles, column_places, see
+from workbench.synthetic.swept.section import BEVEL, ROOT, UNDER, UPPER, shape_of
+from workbench.synthetic.swept.sensor import Profiles, Spoil, View, column_places, see
 from workbench.synthetic.swept.spine import Curve, curve_of
-from workbench.synthetic.swept.truth import SweptTruth, truth_of
+from workbench.synthetic.swept.spoiled import ghosts_of, reflections_of
+from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
 from workbench.units import AnyArray, Float, Float32
 
 BLOCK_FRAMES = 128
@@ -29,11 +35,34 @@ def simulate_swept(recipe: SweptRecipe, progress: Progress | None = None) -> tup
         InputError: the section cannot be built, such as a rounding that is wider than its face.
     """
     part, curve = recipe.part, curve_of(recipe.part)
+    with _section_refused():
+        mesh = plate_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
+    recording, seen = _scanned(recipe, curve, mesh, ghosts_of(part.ghosts), partial(_edge_seen, part=part), progress)
+    return recording, truth_of(recipe, curve, _relief(part, curve, recipe.seed), seen)
+
+
+def simulate_groove(recipe: GrooveRecipe, progress: Progress | None = None) -> tuple[Recording, GrooveTruth]:
+    """As `simulate_swept`, of a groove."""
+    part, curve = recipe.part, curve_of(recipe.part)
+    with _section_refused():
+        mesh = groove_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
+    spoil = reflections_of(part.reflections, mesh, np.random.default_rng([recipe.seed, 25]))
+    recording, seen = _scanned(recipe, curve, mesh, spoil, partial(_groove_seen, part=part), progress)
+    return recording, groove_truth(recipe, curve, seen)
+
+
+@contextmanager
+def _section_refused() -> Iterator[None]:
     try:
-        mesh = build_mesh(curve, np.random.default_rng([recipe.seed, 21]))
+        yield
     except ValueError as error:
         raise InputError("recipe: part", str(error)) from None
-    textures = _textures(part, np.random.default_rng([recipe.seed, 22]))
+
+
+def _scanned(recipe: AnyRecipe, curve: Curve, mesh: Mesh, spoil: Spoil, edge_seen: Callable[[Profiles], Float],
+             progress: Progress | None) -> tuple[Recording, list[Float]]:  # fmt: skip
+    """The recording, and for each pass where along the spine its frames see the edge."""
+    textures = _textures(recipe.part.texture, np.random.default_rng([recipe.seed, 22]))
     pattern = fixed_pattern(recipe.scanner, np.random.default_rng([recipe.seed, 23]))
     motions = moves(recipe, curve)
     total, done = sum(len(m.time_s) for m in motions), 0
@@ -43,36 +72,36 @@ def simulate_swept(recipe: SweptRecipe, progress: Progress | None = None) -> tup
         for first in range(0, len(motion.time_s), BLOCK_FRAMES):
             rng = np.random.default_rng([recipe.seed, 24, number, first])
             poses = motion.part_from_profiler[first : first + BLOCK_FRAMES]
-            profiles = see(mesh, part, recipe.scanner, poses, textures, rng)
+            profiles = see(View(mesh, recipe.scanner, textures, spoil, rng), poses)
             ranges, bright = returned(profiles, recipe, pattern, rng)
             found = _coordinates(recipe, ranges)
             x.append(found[0])
             z.append(found[1])
             light.append(bright)
-            here.append(_edge_seen(profiles, part))
+            here.append(edge_seen(profiles))
             done += len(poses)
             if progress is not None:
                 progress(done, total)
         seen.append(np.concatenate(here))
     recording = _recording(recipe, motions, np.concatenate(x), np.concatenate(z), np.concatenate(light))
-    return recording, truth_of(recipe, curve, _relief(curve, recipe), seen)
+    return recording, seen
 
 
-def _relief(curve: Curve, recipe: SweptRecipe) -> Relief | None:
+def _relief(part: SweptPart, curve: Curve, seed: int) -> Relief | None:
     """The roughness of the root face: the same numbers as the mesh's."""
-    shape = shape_of(curve.part, np.array([0.0]), curve.length)
-    return relief_of(
-        curve.part, curve.length, float(shape.corner[:, 2, 1].max()), np.random.default_rng([recipe.seed, 21])
-    )
+    shape = shape_of(part, np.array([0.0]), curve.length)
+    return relief_of(part, curve.length, float(shape.corner[:, 2, 1].max()), np.random.default_rng([seed, 21]))
 
 
-def _textures(part: SweptPart, rng: np.random.Generator) -> list[Relief] | None:
-    if part.texture.sd_mm == 0:
-        return None
-    return [gaussian_relief(part.texture.sd_mm, part.texture.correlation_mm, (1021, 509), rng) for _ in range(4)]
+def _textures(texture: Texture, rng: np.random.Generator) -> dict[int, Relief]:
+    """A field a face."""
+    if texture.sd_mm == 0:
+        return {}
+    faces = (*range(UNDER + 1), *range(RIGHT, RIGHT + UNDER + 1))
+    return {face: gaussian_relief(texture.sd_mm, texture.correlation_mm, (509, 251), rng) for face in faces}
 
 
-def _coordinates(recipe: SweptRecipe, ranges: Float) -> tuple[Float32, Float32]:
+def _coordinates(recipe: AnyRecipe, ranges: Float) -> tuple[Float32, Float32]:
     scanner = recipe.scanner
     x = column_places(scanner, np.arange(scanner.columns, dtype=float), ranges)
     x = np.where(np.isnan(ranges), np.nan, x)
@@ -91,7 +120,18 @@ def _edge_seen(profiles: Profiles, part: SweptPart) -> Float:
     return np.asarray(profiles.s[np.arange(len(lowest)), lowest][enough])
 
 
-def _recording(recipe: SweptRecipe, motions: list[Motion], x: Float32, z: Float32, light: AnyArray) -> Recording:
+def _groove_seen(profiles: Profiles, part: GroovePart) -> Float:
+    """Where along the spine those frames see the groove that return from both upper surfaces and all bevels."""
+    on = np.isfinite(profiles.range_mm)
+    faces = [UPPER, UPPER + RIGHT]
+    faces += [BEVEL + at for at, side in ((0, "left"), (RIGHT, "right")) if not is_square(part, side)]
+    enough = np.all([(on & (profiles.face == face)).sum(axis=1) >= 2 for face in faces], axis=0)
+    used = on & np.isin(profiles.face, faces)
+    middle = np.where(used, profiles.s, 0.0).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
+    return np.asarray(middle[enough])
+
+
+def _recording(recipe: AnyRecipe, motions: list[Motion], x: Float32, z: Float32, light: AnyArray) -> Recording:
     def passes(counts: list[int]) -> AnyArray:
         return np.repeat(np.arange(len(counts)), counts)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.synthetic.recipe import Course
-from workbench.synthetic.swept.recipe import Spine, SweptPart
+from workbench.synthetic.swept.recipe import GroovePart, Spine, SweptPart
 from workbench.units import DEG, Float
 
 _GAUSS_AT, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(5)
@@ -31,7 +31,7 @@ class Frames:
 class Curve:
     """A spine with its arc length: s over the parameter u, densely."""
 
-    part: SweptPart
+    part: SweptPart | GroovePart
     u: Float
     s: Float
     closed: bool
@@ -61,7 +61,7 @@ class Curve:
         return np.asarray(self.s[node] + _gauss(self.part.spine, self.u[node], half))
 
 
-def curve_of(part: SweptPart) -> Curve:
+def curve_of(part: SweptPart | GroovePart) -> Curve:
     """The spine of a part, tabled."""
     spine = part.spine
     stop = _parameter_range(spine)

@@ -2,54 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
+from workbench.synthetic.swept.groove import GrooveSizes, groove_sizes
 from workbench.synthetic.swept.mesh import Relief
 from workbench.synthetic.swept.motion import placed
-from workbench.synthetic.swept.recipe import SweptRecipe
+from workbench.synthetic.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
 from workbench.synthetic.swept.section import shape_of, virtual_edges
 from workbench.synthetic.swept.spine import Curve, along
 from workbench.units import DEG, Bool, Float
 
 STATION_MM = 0.25
+_PLACES = ("arc_length_mm", "position_mm", "tangent", "normal", "across")
 LOCAL_MM = 10.0  # the end face of a rough part is its least-squares plane over this much to both sides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SweptTruth:
-    """The part as built, at stations along the virtual lower edge; arrays have one row a station."""
+class Stations:
+    """Places along an edge or a groove; arrays have one row a station."""
 
-    recipe: SweptRecipe
     closed: bool
-    arc_length_mm: Float  # (n,) along the lower edge, from the part's start
-    position_mm: Float  # (n, 3) lower edge in the base
-    upper_position_mm: Float  # (n, 3) upper edge of the root face, or of the end face of a raw part
+    arc_length_mm: Float  # (n,) along the lower edge, or the groove's middle, from the part's start
+    position_mm: Float  # (n, 3) lower edge, or the groove's middle, in the base
     tangent: Float  # (n, 3) t = m x n
-    normal: Float  # (n, 3) outward normal of the root face or end face
-    across: Float  # (n, 3)
-    root_mm: Float  # (n,) NaN on a raw part
-    bevel_deg: Float  # (n,) NaN on a raw part
-    thickness_mm: Float  # (n,)
-    spine_mm: Float  # (n,) s of the stations
     seen: Bool  # (n,)
+    spine_mm: Float  # (n,) s of the stations
 
     def at(self, position_mm: Float, values: Float) -> Float:
         """`values` (n, ...) of the stations, in the sections of base points (..., 3): linear between stations."""
         first, share = self._place(position_mm)
         return self._between(values, first, share)
-
-    def root_mm_at(self, position_mm: Float) -> Float:
-        """Root size (...,) in the sections of base points (..., 3)."""
-        return self.at(position_mm, self.root_mm)
-
-    def bevel_deg_at(self, position_mm: Float) -> Float:
-        """Bevel angle (...,) in the sections of base points (..., 3)."""
-        return self.at(position_mm, self.bevel_deg)
 
     def arc_length_mm_at(self, position_mm: Float) -> Float:
         """Arc length (...,) of the sections of base points (..., 3), from the part's start."""
@@ -78,10 +65,30 @@ class SweptTruth:
         share = share.reshape(share.shape + (1,) * (values.ndim - 1))
         return np.asarray(values[first] + share * (values[first + 1] - values[first]))
 
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweptTruth(Stations):
+    """The part as built, at stations along the virtual lower edge; arrays have one row a station."""
+
+    recipe: SweptRecipe
+    upper_position_mm: Float  # (n, 3) upper edge of the root face, or of the end face of a raw part
+    normal: Float  # (n, 3) outward normal of the root face or end face
+    across: Float  # (n, 3)
+    root_mm: Float  # (n,) NaN on a raw part
+    bevel_deg: Float  # (n,) NaN on a raw part
+    thickness_mm: Float  # (n,)
+
+    def root_mm_at(self, position_mm: Float) -> Float:
+        """Root size (...,) in the sections of base points (..., 3)."""
+        return self.at(position_mm, self.root_mm)
+
+    def bevel_deg_at(self, position_mm: Float) -> Float:
+        """Bevel angle (...,) in the sections of base points (..., 3)."""
+        return self.at(position_mm, self.bevel_deg)
+
     def document(self) -> dict[str, Any]:
         """The content of a truth file: strict JSON, null for what is not."""
-        names = ("arc_length_mm", "position_mm", "upper_position_mm", "tangent", "normal", "across", "root_mm",
-                 "bevel_deg", "thickness_mm")  # fmt: skip
+        names = (*_PLACES, "upper_position_mm", "root_mm", "bevel_deg", "thickness_mm")
         return {
             "format": "bevel-truth",
             "version": 1,
@@ -133,6 +140,55 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     )  # fmt: skip
 
 
+SIZES = tuple(field.name for field in fields(GrooveSizes) if field.name != "corners")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GrooveTruth(Stations):
+    """A groove as built, at stations along its middle, at the level of the left plate's lower surface."""
+
+    recipe: GrooveRecipe
+    normal: Float  # (n, 3) across the groove, from the left plate to the right one
+    across: Float  # (n, 3) up
+    sizes: GrooveSizes  # (n,) each
+
+    def document(self) -> dict[str, Any]:
+        """The content of a truth file: strict JSON, null for what is not."""
+        corners = {}
+        for name, place in self.sizes.corners.items():
+            base = self.position_mm + place[:, :1] * self.normal + place[:, 1:] * self.across
+            corners[name] = {"section_mm": _rounded(place), "position_mm": _rounded(base)}
+        return {
+            "format": "groove-truth",
+            "version": 1,
+            "frame": "base",
+            "simulator": "swept",
+            "seed": self.recipe.seed,
+            "type": self.recipe.part.groove,
+            "closed": self.closed,
+            **{name: _rounded(getattr(self, name)) for name in _PLACES},
+            **{name: _rounded(getattr(self.sizes, name)) for name in SIZES},
+            "corners": corners,
+            "seen": self.seen.tolist(),
+            "base_from_part": placed(self.recipe.part.base_from_part).tolist(),
+            "flange_from_profiler": placed(self.recipe.robot.flange_from_profiler).tolist(),
+            "recipe": self.recipe.model_dump(mode="json"),
+        }
+
+
+def groove_truth(recipe: GrooveRecipe, curve: Curve, seen_s: list[Float]) -> GrooveTruth:
+    """The truth of a groove; `seen_s` as for `truth_of`."""
+    s = np.linspace(0.0, curve.length, round(curve.length / STATION_MM) + 1)
+    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
+    base = placed(recipe.part.base_from_part)
+    turn = base[:3, :3].T
+    return GrooveTruth(
+        closed=curve.closed, arc_length_mm=s, position_mm=frames.position @ turn + base[:3, 3], tangent=frames.t @ turn,
+        seen=_seen(s, seen_s, recipe, curve), spine_mm=s, recipe=recipe, normal=frames.n @ turn,
+        across=frames.m @ turn, sizes=groove_sizes(recipe.part, s, curve.length),
+    )  # fmt: skip
+
+
 def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Float:
     """Shift `lower` and `upper` to the face's local least-squares plane, in place; its lean (n,) in rad."""
     share = np.linspace(0.0, 1.0, 64)
@@ -148,7 +204,7 @@ def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Floa
     return np.asarray(np.arctan2(slope, width))
 
 
-def _seen(s: Float, seen_s: list[Float], recipe: SweptRecipe, curve: Curve) -> Bool:
+def _seen(s: Float, seen_s: list[Float], recipe: ScanRecipe, curve: Curve) -> Bool:
     """Stations within three quarters of the frame pitch of a frame that sees the edge."""
     seen = np.zeros(len(s), dtype=bool)
     for at in seen_s:

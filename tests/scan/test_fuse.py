@@ -63,7 +63,7 @@ def test_a_dense_stream_of_poses(recording: Recording) -> None:
         time_s=np.arange(12) / 60,
         pass_index=np.full(12, 3),
         robot_time_s=time,
-        robot_position_mm=np.cumsum(rng.normal(size=(45, 3)), axis=0),
+        robot_position_mm=1000.0 + np.cumsum(rng.normal(size=(45, 3)), axis=0),
         robot_quaternion_wxyz=sign * np.roll(turn.as_quat(), 1, axis=1),
         robot_pass=np.full(45, 3),
     )
@@ -75,7 +75,7 @@ def test_a_dense_stream_of_poses(recording: Recording) -> None:
 
 
 def test_another_calibration_takes_the_place_of_the_recorded_one(recording: Recording, tmp_path: Path) -> None:
-    pose = pose_from(rotation_from_rpy(0.2, 0.1, -0.3), np.array([1.0, 2.0, 3.0]))
+    pose = pose_from(rotation_from_rpy(0.2, 0.1, -0.3), np.array([100.0, 2.0, 3.0]))
     covariance = np.diag([1e-4] * 3 + [1e-8] * 3)
     content: dict[str, Any] = {"flange_from_profiler": pose.tolist(), "covariance": covariance.tolist()}
     path = tmp_path / "handeye.json"

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from workbench.artefacts import Cloud, Recording
+from workbench.checks import checked_limits, judge_recording, refuse_failed, without_copies
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
@@ -15,19 +18,34 @@ from workbench.units import Bool, Float
 
 
 @stage("scan.fuse")
-def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
+def fuse(
+    recording: Recording,
+    *,
+    hand_eye: InputFile | None = None,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of checks by name, where the default ones do not fit (docs/checks.md)"),
+    ] = {},  # noqa: B006  (never changed)
+) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
     base_from_profiler = base_from_flange(t) @ flange_from_profiler. The flange's pose is interpolated within each
     scanning pass: position linearly, orientation by slerp. Nothing is copied: the cloud keeps the scanner's grid
     (frame x column, profiler coordinates in mm) with a pose a frame, and its frames stand pass after pass.
 
+    First the recording is judged (docs/checks.md): what it contradicts itself in is refused, with the suspicion named.
+    Frames and passes that only repeat others bit for bit are left out.
+
     Args:
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
+        limits: limits of checks by name. A check that passes only by a wider limit than the default is named in the
+            results, and a path then ends with status 1.
 
     Raises:
-        InputError: no calibration at all, or an improper one; a recording on the profiler's own clock.
+        InputError: no calibration at all, or an improper one; a recording on the profiler's own clock, or one that
+            fails a check.
+        PipelineError: `limits` names no check, or gives it no number.
     """
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
@@ -35,7 +53,9 @@ def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
     part = dataclasses.replace(recording.part, hand_eye=hand_eye.name if hand_eye else "the recording's own",
                                hand_eye_calibrated_at=calibration.calibrated_at,
                                hand_eye_u_mm=calibration.volume_u_mm)  # fmt: skip
-    recording = pass_after_pass(recording)
+    checks = judge_recording(recording, calibration.flange_from_profiler, checked_limits(limits, "scan.fuse.limits"))
+    refuse_failed(checks, recording.source)
+    recording = pass_after_pass(without_copies(recording))
     return Cloud(
         x_mm=recording.x_mm,
         z_mm=recording.z_mm,
@@ -47,6 +67,7 @@ def fuse(recording: Recording, *, hand_eye: InputFile | None = None) -> Cloud:
         flange_from_profiler=calibration.flange_from_profiler,
         source=recording.source,
         part=part,
+        checks=checks,
     )
 
 

@@ -1,0 +1,185 @@
+"""Good recordings pass every check; each fault is seen by the check that is there for it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.checks.conftest import good, pooled
+from workbench.artefacts import Recording
+from workbench.checks import LIMITS, checked_limits, consistent_conventions, judge_recording, without_copies
+from workbench.checks.judge import refuse_failed
+from workbench.checks.table import limits_table
+from workbench.errors import InputError, PipelineError
+from workbench.geometry.poses import inverse, pose_from
+
+GOOD = ["paper", "arc", "wavy", "oblique", "two_pass", "reversed", "partial_view", "outliers_5", "missing_20",
+        "coarse", "noisy", "correlated", "robot_error", "clamps", "raw_straight", "raw_arc", "raw_rough", "raw_below",
+        "raw_two_pass", "raw_square"]  # fmt: skip
+
+
+def spoilt(recording: Recording, **changes: object) -> Recording:
+    return dataclasses.replace(recording, **changes)  # type: ignore[arg-type]
+
+
+def failed(recording: Recording) -> dict[str, str]:
+    return {check.name: check.finding for check in judge_recording(recording) if not check.passed}
+
+
+@pytest.mark.parametrize("condition", GOOD)
+def test_a_good_recording_passes_every_check(condition: str) -> None:
+    checks = judge_recording(good(condition))
+    assert [check.name for check in checks if not check.passed] == []
+    assert all(check.reason for check in checks)
+
+
+def repeated(r: Recording) -> Recording:
+    stuck = np.arange(len(r.time_s)) // 20 * 20
+    return spoilt(r, x_mm=r.x_mm[stuck], z_mm=r.z_mm[stuck])
+
+
+def some_frozen(r: Recording) -> Recording:
+    which = np.arange(len(r.time_s))
+    which[200:260] = 200
+    return spoilt(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
+
+
+def frozen(r: Recording) -> Recording:
+    return spoilt(r, robot_position_mm=np.repeat(r.robot_position_mm[:1], len(r.robot_position_mm), axis=0))
+
+
+def hand_eye(r: Recording, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    assert r.flange_from_profiler is not None
+    return spoilt(r, flange_from_profiler=change(r.flange_from_profiler))
+
+
+def scaled(r: Recording, by: float) -> Recording:
+    return spoilt(r, robot_position_mm=r.robot_position_mm * by)
+
+
+def turned(r: Recording, order: list[int]) -> Recording:
+    return spoilt(r, robot_quaternion_wxyz=r.robot_quaternion_wxyz[:, order])
+
+
+def rounded(r: Recording, name: str) -> Recording:
+    return spoilt(r, **{name: (np.round(getattr(r, name) * 10) / 10).astype(np.float32)})
+
+
+FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
+    "positions in metres": (partial(scaled, by=1e-3), "reach_mm", "metres read as mm"),
+    "positions in inches": (partial(scaled, by=1 / 25.4), "reach_mm", "inches"),
+    "profiles in metres": (lambda r: spoilt(r, x_mm=r.x_mm / 1e3, z_mm=r.z_mm / 1e3), "view_width_mm", "metres"),
+    "a frozen pose stream": (frozen, "way_mm", "frozen"),
+    "frames repeated twenty times": (repeated, "repeated_share", "repeating scanner"),
+    "a driver that hangs": (some_frozen, "repeated_share", "frozen"),
+    "x y z w": (lambda r: turned(r, [1, 2, 3, 0]), "obliquity_deg", "x y z w"),
+    "an inverted hand-eye pose": (lambda r: hand_eye(r, inverse), "obliquity_deg", "hand-eye pose is inverted"),
+    "a transposed hand-eye": (
+        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3].T, p[:3, 3])), "obliquity_deg", "transposed",
+    ),
+    "a hand-eye in metres": (
+        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)), "hand_eye_mm", "metres",
+    ),
+    "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
+    "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
+    "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_seen_and_named(fault: str) -> None:
+    spoil, name, words = FAULTS[fault]
+    found = failed(spoil(good()))
+    assert name in found, found
+    assert words in found[name]
+
+
+def test_passes_that_disagree() -> None:
+    r = good("raw_two_pass")
+    moved = r.robot_position_mm + np.where(r.robot_pass == r.robot_pass[-1], 1.0, 0.0)[:, None] * (3.0, 3.0, 3.0)
+    assert "pass_disagreement_mm" in failed(spoilt(r, robot_position_mm=moved))
+
+
+def test_a_pass_that_is_a_copy_counts_once() -> None:
+    r = good()
+    number = np.concatenate([np.full(len(r.time_s), k) for k in range(3)])
+    poses = np.concatenate([np.full(len(r.robot_time_s), k) for k in range(3)])
+    thrice = spoilt(
+        r, time_s=np.tile(r.time_s, 3), x_mm=np.tile(r.x_mm, (3, 1)), z_mm=np.tile(r.z_mm, (3, 1)), pass_index=number,
+        robot_time_s=np.tile(r.robot_time_s, 3), robot_position_mm=np.tile(r.robot_position_mm, (3, 1)),
+        robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (3, 1)), robot_pass=poses,
+    )  # fmt: skip
+    assert "2 of 3 passes are copies" in next(c.finding for c in judge_recording(thrice) if c.name == "repeated_share")
+    assert set(without_copies(thrice).pass_index) == {0}
+    dithered = thrice.z_mm + np.random.default_rng(3).normal(0, 1e-5, thrice.z_mm.shape).astype("f4")
+    assert set(without_copies(spoilt(thrice, z_mm=dithered)).pass_index) == {0}
+    assert without_copies(r) is r
+
+
+def swaying(offset_s: float) -> Recording:
+    """A dense stream that turns to and fro by 3 deg about the edge, profiles `offset_s` late."""
+    r = good()
+    assert r.flange_from_profiler is not None
+    start, stop = r.robot_position_mm[0], r.robot_position_mm[-1]
+    time = np.linspace(r.robot_time_s[0] - 0.5, r.robot_time_s[-1] + 0.5, 1500)
+    along = (stop - start) / np.linalg.norm(stop - start)
+    share = (time - r.robot_time_s[0]) / (r.robot_time_s[-1] - r.robot_time_s[0])
+    rotation = Rotation.from_quat(r.robot_quaternion_wxyz[0][[1, 2, 3, 0]])
+    sway = np.radians(3.0) * np.sin(2 * np.pi * time / 2.0)
+    turn = Rotation.from_rotvec(sway[:, None] * along)
+    profiler = (turn * rotation).as_matrix() @ r.flange_from_profiler[:3, :3]
+    # the profile of a plate turned by -sway in its own plane, about the profiler's y axis
+    at = np.radians(3.0) * np.sin(2 * np.pi * (r.time_s - offset_s) / 2.0) * np.sign(profiler[0][:, 1] @ along)
+    x0, z0 = float(np.nanmean(r.x_mm)), float(np.nanmean(r.z_mm))
+    hold = r.flange_from_profiler @ (x0, 0.0, z0, 1.0)  # runs straight, so the flange does not
+    lever = (turn * rotation).apply(hold[:3]) - rotation.apply(hold[:3])
+    c, s = np.cos(at)[:, None], np.sin(at)[:, None]
+    x, z = r.x_mm - x0, r.z_mm - z0
+    return spoilt(
+        r, x_mm=(x0 + c * x - s * z).astype("f4"), z_mm=(z0 + s * x + c * z).astype("f4"), robot_time_s=time,
+        robot_position_mm=start + share[:, None] * (stop - start) - lever,
+        robot_quaternion_wxyz=(turn * rotation).as_quat()[:, [3, 0, 1, 2]], robot_pass=np.zeros(1500, np.int64),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("offset_ms", [0.0, 10.0, -30.0])
+def test_the_sway_of_a_scan_shows_the_offset_of_the_clocks(offset_ms: float) -> None:
+    recording = swaying(offset_ms / 1e3)
+    found = next(c for c in judge_recording(recording) if c.name == "time_offset_ms")
+    assert found.passed == (offset_ms == 0.0)
+    if offset_ms:
+        assert found.value == pytest.approx(abs(offset_ms), abs=2.0)
+
+
+def test_the_right_reading_is_among_those_that_agree() -> None:
+    r = good("arc")
+    assert consistent_conventions(r)[0][0].name == "as it is read"
+    wrong = spoilt(r, robot_quaternion_wxyz=r.robot_quaternion_wxyz[:, [1, 2, 3, 0]])
+    names = [one.name for one, _ in consistent_conventions(wrong)]
+    assert "quaternions are stored x y z w, not w x y z" in names
+    assert "as it is read" not in names
+
+
+def test_limits_that_a_user_sets() -> None:
+    r = spoilt(good(), z_mm=pooled(good(), 5))
+    wide = judge_recording(r, limits=checked_limits({"mean_columns": 6}, "here"))
+    assert [check.name for check in wide if check.loosened] == ["mean_columns"]
+    refuse_failed(wide, "r.h5")
+    with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 1.5; scan.fuse.limits sets it"):
+        refuse_failed(judge_recording(r), "r.h5")
+    with pytest.raises(PipelineError, match="did you mean 'obliquity_deg'"):
+        checked_limits({"obliquity": 3}, "here")
+    with pytest.raises(PipelineError, match="expected two numbers"):
+        checked_limits({"reach_mm": 3}, "here")
+
+
+def test_the_page_tells_every_check() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
+    assert limits_table() in page
+    assert all(one.reason and one.meaning for one in LIMITS.values())

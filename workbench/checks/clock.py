@@ -1,0 +1,52 @@
+"""The profiler's clock against the robot's: what a swaying scan shows of an offset between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.checks.motion import section_turns
+from workbench.checks.profiles import Chain
+from workbench.units import DEG, Float
+
+STEP_S = 0.005  # for the derivative of the poses
+DEGREE = 3  # of what the plate itself may do along the edge: a slow twist
+LEAST_RATE = 0.5 * DEG  # per second, of the turning that is not slow: with less nothing tells
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """profile time = robot time + offset; NaN where the motion does not show it."""
+
+    offset_s: float
+    u_s: float
+
+
+def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], Float]) -> ClockOffset:
+    """From the section's turn about the edge that poses (number, shift in s) -> (k, 4, 4) leave unexplained.
+
+    A plate does not turn to and fro as the scanner does. What is left of the section's turn, less a slow twist, is
+    therefore compared with how that turn changes with the time at which the poses are taken.
+    """
+    above, below, square, count = 0.0, 0.0, 0.0, 0
+    for number, chain in chains.items():
+        now, later = (section_turns(chain, poses_at(number, shift)) for shift in (-STEP_S / 2, STEP_S / 2))
+        if now is None or later is None or len(now) < 12:
+            continue
+        rate = np.diff((later - now) / STEP_S)
+        left = np.diff((now + later) / 2.0)
+        slow = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(left)), DEGREE - 1)
+        basis = np.linalg.qr(slow)[0]
+        rate, left = rate - basis @ (basis.T @ rate), left - basis @ (basis.T @ left)
+        usual = np.median(np.abs(left)) / 0.6745 + 1e-9
+        inside = np.abs(left) < 6.0 * usual
+        above, below = above + float(rate[inside] @ left[inside]), below + float(rate[inside] @ rate[inside])
+        square, count = square + float(left[inside] @ left[inside]), count + int(inside.sum())
+    if count < 12 or below <= 0:
+        return ClockOffset(float("nan"), float("nan"))
+    slope = above / below
+    noise = np.sqrt(max(square - slope * above, 0.0) / max(count - DEGREE - 1, 1))
+    u = float(noise / np.sqrt(below))
+    return ClockOffset(float(slope), u)

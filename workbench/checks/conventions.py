@@ -1,0 +1,118 @@
+"""Known mistakes in poses and hand-eye, and which of them would make poses and profiles agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.geometry.poses import inverse, pose_from
+from workbench.units import Float
+
+Quaternions = Callable[[Float], Float]
+Positions = Callable[[Float], Float]
+HandEyes = Callable[[Float], Float]
+
+
+@dataclass(frozen=True, slots=True)
+class Convention:
+    """One way to read poses and hand-eye otherwise; each function turns what was read into what would then be right."""
+
+    name: str  # what would be wrong with the recording, to follow 'suspicion: '
+    quaternion: Quaternions | None = None  # (k, 4) w x y z
+    position: Positions | None = None  # (k, 3) mm
+    hand_eye: HandEyes | None = None  # (4, 4)
+
+    def read(
+        self, quaternion_wxyz: Float, position_mm: Float, flange_from_profiler: Float
+    ) -> tuple[Float, Float, Float]:
+        """Quaternions, positions and hand-eye as they would be, if this were what is wrong."""
+        return (
+            quaternion_wxyz if self.quaternion is None else self.quaternion(quaternion_wxyz),
+            position_mm if self.position is None else self.position(position_mm),
+            flange_from_profiler if self.hand_eye is None else self.hand_eye(flange_from_profiler),
+        )
+
+
+AS_READ = Convention("as it is read")
+EULER = ("ZYX", "XYZ", "ZYZ", "zyx", "xyz")
+
+
+def known_conventions() -> tuple[Convention, ...]:
+    """What is known to go wrong, the likeliest first."""
+    return tuple(_known())
+
+
+def _known() -> Iterator[Convention]:
+    yield Convention("quaternions are stored x y z w, not w x y z", quaternion=lambda q: q[:, [3, 0, 1, 2]])
+    yield Convention("quaternions are conjugated: they turn from the base to the flange", quaternion=_conjugate)
+    yield Convention(
+        "quaternions are stored x y z w and conjugated", quaternion=lambda q: _conjugate(q[:, [3, 0, 1, 2]])
+    )
+    yield Convention(
+        "quaternions are stored x y z w on writing and on reading", quaternion=lambda q: q[:, [1, 2, 3, 0]]
+    )
+    yield Convention("the hand-eye pose is inverted: it maps the flange to the profiler", hand_eye=inverse)
+    yield Convention("the hand-eye rotation is transposed", hand_eye=_transposed)
+    yield Convention("the hand-eye pose is missing from the poses: they are the profiler's own", hand_eye=_identity)
+    yield Convention("the poses are inverted: they map the base to the flange", quaternion=_conjugate, position=None)
+    for written, read in permutations(EULER, 2):
+        yield Convention(
+            f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
+            quaternion=_reordered(written, read),
+        )
+    for axes in permutations(range(3)):
+        for signs in product((1, -1), repeat=3):
+            if axes != (0, 1, 2) or signs != (1, 1, 1):
+                yield Convention(f"the robot's axes are {_axes(axes, signs)}", position=_axis_map(axes, signs))
+    for axes in permutations(range(3)):
+        for signs in product((1, -1), repeat=3):
+            turn = np.zeros((3, 3))
+            turn[range(3), axes] = signs
+            if np.linalg.det(turn) > 0 and axes != (0, 1, 2):
+                yield Convention(f"the profiler's axes are {_axes(axes, signs)}", hand_eye=_turned(turn))
+
+
+def _conjugate(q: Float) -> Float:
+    return np.asarray(q * (1.0, -1.0, -1.0, -1.0))
+
+
+def _transposed(pose: Float) -> Float:
+    return pose_from(pose[:3, :3].T, pose[:3, 3])
+
+
+def _identity(pose: Float) -> Float:
+    return np.eye(4)
+
+
+def _turned(turn: Float) -> HandEyes:
+    return lambda pose: pose_from(pose[:3, :3] @ turn, pose[:3, 3])
+
+
+def _axis_map(axes: tuple[int, ...], signs: tuple[int, ...]) -> Positions:
+    return lambda position: np.asarray(position[:, list(axes)] * signs)
+
+
+def _reordered(written: str, read: str) -> Quaternions:
+    """Undo that angles written in one order were read in another."""
+
+    def undo(q: Float) -> Float:
+        import warnings
+
+        with warnings.catch_warnings():  # gimbal lock: any of the angles will do
+            warnings.simplefilter("ignore")
+            angles = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_euler(read)
+        return np.asarray(Rotation.from_euler(written, angles).as_quat()[:, [3, 0, 1, 2]])
+
+    return undo
+
+
+def _order(name: str) -> str:
+    return f"{'-'.join(name.upper())} about {'moving' if name.isupper() else 'fixed'} axes"
+
+
+def _axes(axes: tuple[int, ...], signs: tuple[int, ...]) -> str:
+    return ", ".join(f"{'-' if sign < 0 else ''}{'xyz'[axis]}" for axis, sign in zip(axes, signs, strict=True))

@@ -1,0 +1,316 @@
+"""Does a recording contradict itself? What `scan.read`, `scan.fuse` and `workbench look` ask."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from workbench.artefacts import Check, Recording
+from workbench.checks.clock import clock_offset
+from workbench.checks.conventions import AS_READ, Convention, known_conventions
+from workbench.checks.limits import Bound, check, least, most
+from workbench.checks.motion import Consistency, consistency
+from workbench.checks.passes import disagreement_mm
+from workbench.checks.profiles import Chain, chains
+from workbench.checks.repeats import Repeats, alike_passes, find_repeats
+from workbench.checks.sensor import sensor_traces
+from workbench.errors import InputError
+from workbench.geometry.poses import interpolate_poses
+from workbench.units import Float
+
+STANDING_MM = 1e-6  # of way from frame to frame
+SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
+EXPLAINED = 1.0 / 3.0  # share of the twist that a better reading may leave
+TOLD = 3  # suspicions that a refusal names
+UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
+
+
+def judge_recording(
+    recording: Recording,
+    flange_from_profiler: Float | None = None,
+    limits: Mapping[str, Bound] | None = None,
+) -> tuple[Check, ...]:
+    """Every check of a recording, passed or not; none raises. docs/checks.md tells each with its reason.
+
+    Args:
+        recording: as read: times, poses and grid are there and finite.
+        flange_from_profiler: the hand-eye pose (4, 4) to judge with; None: the recording's own, if it has one.
+        limits: limits to set instead of those of the table; a value that only these allow is marked as loosened.
+
+    Example:
+        >>> failed = [check for check in judge_recording(recording) if not check.passed]  # doctest: +SKIP
+    """
+    hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
+    return tuple(_checks(recording, hand_eye, limits or {}))
+
+
+def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:
+    """Raise for the first check that did not pass, with its suspicion, value and limit.
+
+    Raises:
+        InputError: a check did not pass.
+    """
+    for one in checks:
+        if not one.passed:
+            limit = f"{one.limit[0]:g} to {one.limit[1]:g}" if isinstance(one.limit, tuple) else f"{one.limit:g}"
+            raise InputError(
+                where, f"{one.finding} (check {one.name}: {one.value:.4g}, limit {limit}; {parameter} sets it)"
+            )
+
+
+def without_copies(recording: Recording) -> Recording:
+    """The recording less frames and passes that only repeat others: evidence counts once."""
+    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
+    drop = repeats.copies | np.isin(recording.pass_index, list(_copied_passes(recording, repeats)))
+    if not drop.any():
+        return recording
+    keep = ~drop
+    return dataclasses.replace(
+        recording, time_s=recording.time_s[keep], x_mm=recording.x_mm[keep], z_mm=recording.z_mm[keep],
+        pass_index=recording.pass_index[keep],
+        intensity=None if recording.intensity is None else recording.intensity[keep],
+    )  # fmt: skip
+
+
+def consistent_conventions(
+    recording: Recording, flange_from_profiler: Float | None = None, most_deg: float = SMALL_DEG
+) -> tuple[tuple[Convention, Consistency], ...]:
+    """The readings of poses and hand-eye under which neighbouring profiles agree, the likeliest first.
+
+    The recording as it is read is among those tried, as `AS_READ`. A reading counts if the laser plane is then within
+    `most_deg` of square to the edge, and the orientations explain how the section turns, to half a degree or a third of
+    what they leave as read. A single straight pass in one orientation can agree with several.
+
+    Args:
+        recording: as read.
+        flange_from_profiler: the hand-eye pose (4, 4); None: the recording's own.
+        most_deg: greatest obliquity.
+
+    Example:
+        >>> [reading.name for reading, _ in consistent_conventions(recording)]  # doctest: +SKIP
+        ['quaternions are stored x y z w, not w x y z']
+    """
+    hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
+    if hand_eye is None:
+        return ()
+    found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
+    return _consistent(recording, found, hand_eye, most_deg)
+
+
+def _consistent(
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, most_deg: float
+) -> tuple[tuple[Convention, Consistency], ...]:
+    as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
+    allowed = max(most("convention_twist_deg"), EXPLAINED * as_read.twist_deg)
+    tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in known_conventions())
+    fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
+    if as_read.obliquity_deg <= most_deg:
+        fits.insert(0, (AS_READ, as_read))
+    return tuple(fits)
+
+
+def _poses(
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, reading: Convention, shift_s: float = 0.0
+) -> dict[int, Float]:
+    """base_from_profiler (k, 4, 4) at the profiles of each chain, under a reading, `shift_s` later."""
+    quaternion, position, hand_eye = reading.read(
+        recording.robot_quaternion_wxyz, recording.robot_position_mm, hand_eye
+    )
+    made = {}
+    for number, chain in found.items():
+        at = recording.robot_pass == number
+        time = recording.robot_time_s[at]
+        frames = np.clip(recording.time_s[chain.frames] + shift_s, time[0], time[-1])
+        made[number] = interpolate_poses(frames, time, position[at], quaternion[at]) @ hand_eye
+    return made
+
+
+def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bound]) -> Iterator[Check]:
+    calibration = recording.sphere_diameter_mm is not None
+    yield from _profile_checks(recording, given)
+    yield from _pose_checks(recording, given, calibration)
+    yield from _copy_checks(recording, given)
+    yield from _sensor_checks(recording, given)
+    if hand_eye is None:
+        return
+    yield _hand_eye_check(hand_eye, given)
+    if calibration or recording.clock == "own":
+        return
+    yield from _motion_checks(recording, hand_eye, given)
+
+
+def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
+    seen = np.isfinite(recording.x_mm) & np.isfinite(recording.z_mm)
+    x, z = recording.x_mm[seen], recording.z_mm[seen]
+    width, far = (float(np.ptp(x)), float(np.abs(z).max())) if x.size else (float("nan"),) * 2
+    yield check(
+        "view_width_mm", width, f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}", given=given
+    )
+    yield check("range_mm", far, f"a return is {far:.4g} mm away{_unit(far, (20.0, 2000.0))}", given=given)
+
+
+def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:
+    position = recording.robot_position_mm
+    reach = float(np.linalg.norm(position, axis=1).max())
+    yield check(
+        "reach_mm", reach,
+        f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}", given=given,
+    )  # fmt: skip
+    if calibration:
+        return
+    ways, speeds, steps, standing = [], [], [], []
+    for number in np.unique(recording.pass_index):
+        at, frames = recording.robot_pass == number, recording.pass_index == number
+        time = recording.time_s[frames]
+        place = np.stack([np.interp(time, recording.robot_time_s[at], column) for column in position[at].T], axis=1)
+        step = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        ways.append(float(step.sum()))
+        duration = float(np.ptp(time))
+        speeds.append(ways[-1] / duration if duration > 0 else float("nan"))
+        steps.append(float(np.median(step)) if len(step) else 0.0)
+        standing.append(float((step < STANDING_MM).mean()) if len(step) else 0.0)
+    way = min(ways) if min(ways) < least("way_mm") else max(ways)
+    still = (
+        "the recorded poses stand still: frozen?"
+        if way == 0
+        else f"the flange moves {way:.4g} mm{_unit(way, (20.0, 10_000.0))}"
+    )
+    yield check("way_mm", way, still, given=given)
+    yield check(
+        "frame_step_mm",
+        max(steps),
+        f"frames are {max(steps):.4g} mm apart: is the unit of the positions wrong?",
+        given=given,
+    )
+    slow = min(speeds) if min(speeds) < least("speed_mm_s") else max(speeds)
+    yield check(
+        "speed_mm_s",
+        slow,
+        f"the flange moves at {slow:.3g} mm/s: is a unit of length or of time, or a rate wrong?",
+        given=given,
+    )
+    share = max(standing)
+    yield check(
+        "standing_share", share,
+        f"the recorded pose stands still during {100 * share:.0f} % of the frames: a frozen pose stream?",
+        given=given,
+    )  # fmt: skip
+
+
+def _copy_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
+    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
+    passes = _copied_passes(recording, repeats)
+    told = [f"{100 * repeats.share:.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
+    if passes:
+        told.append(
+            f"{len(passes)} of {len(np.unique(recording.pass_index))} passes are copies of others, and count once: "
+            + ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:TOLD])
+        )
+    copied = repeats.copies & ~np.isin(recording.pass_index, list(passes))
+    yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
+
+
+def _copied_passes(recording: Recording, repeats: Repeats) -> dict[int, int]:
+    """Pass that is a copy -> the one that it is a copy of."""
+    return dict(alike_passes(recording.z_mm, recording.pass_index)) | dict(repeats.passes)
+
+
+def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
+    traces = sensor_traces(recording.x_mm, recording.z_mm)
+    yield check(
+        "mean_columns", traces.mean_columns,
+        f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off",
+        given=given,
+    )  # fmt: skip
+    yield check(
+        "equal_share", traces.equal_share,
+        f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
+        "a median filter, or a held value? switch the sensor's filters off", given=given,
+    )  # fmt: skip
+    noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
+    for name, what, step in (
+        ("range_step_mm", "ranges", traces.step_z_mm), ("lateral_step_mm", "lateral places", traces.step_x_mm),
+    ):  # fmt: skip
+        yield check(
+            name, step, f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution",
+            given=given, default=max(most(name), 2.0 * noise),
+        )  # fmt: skip
+
+
+def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
+    distance = float(np.linalg.norm(hand_eye[:3, 3]))
+    told = f"the hand-eye pose has the profiler {distance:.4g} mm from the flange{_unit(distance, (20.0, 1000.0))}"
+    return check("hand_eye_mm", distance if distance > 0 else None, told, given=given)
+
+
+def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bound]) -> Iterator[Check]:
+    found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
+    now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
+    oblique = check("obliquity_deg", now.obliquity_deg, given=given)
+    twist = check("twist_deg", now.twist_deg, given=given)
+    suspected: list[str] = []
+    unexplained = now.twist_deg > most("convention_twist_deg")
+    if unexplained or not (oblique.passed and twist.passed):
+        readings = _consistent(recording, found, hand_eye, SMALL_DEG)
+        suspected = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
+    hint = f"; suspicion: {_listed(suspected)}" if suspected else ": are orientations, axes or the hand-eye pose wrong?"
+    told = f"the laser plane would stand {now.obliquity_deg:.0f} deg off square to the edge"
+    yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
+    told = f"the section would turn by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
+    yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
+    by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
+    yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
+    yield from _pass_check(recording, found, hand_eye, given)
+    offset = clock_offset(
+        found, lambda number, shift: _poses(recording, {number: found[number]}, hand_eye, AS_READ, shift)[number]
+    )
+    milliseconds, u = 1e3 * offset.offset_s, 1e3 * offset.u_s
+    shown = u < 5.0 and abs(milliseconds) > 5.0 * u
+    told = f"the profiles' clock is {milliseconds:+.1f} ± {u:.1f} ms off the robot's: a delay left out?"
+    yield check("time_offset_ms", abs(milliseconds) if shown else None, told if shown else
+                "the motion does not show whether the clocks agree", given=given)  # fmt: skip
+
+
+def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool:
+    """Whether a reading makes better what is bad as read."""
+    better = there.obliquity_deg < 0.5 * now.obliquity_deg if now.obliquity_deg > SMALL_DEG else True
+    return better and there.twist_deg < max(EXPLAINED * now.twist_deg, 0.25)
+
+
+def _turning(names: Sequence[str]) -> bool:
+    """Whether a reading of orientations is among those that agree: of axes, some always do."""
+    return any(not name.startswith(("the robot's axes", "the profiler's axes")) for name in names)
+
+
+def _pass_check(
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, given: Mapping[str, Bound]
+) -> Iterator[Check]:
+    if len(found) < 2:
+        return
+    poses = np.zeros((len(recording.time_s), 4, 4))
+    frames = {number: chain.frames for number, chain in found.items()}
+    for number, made in _poses(recording, found, hand_eye, AS_READ).items():
+        poses[frames[number]] = made
+    apart = disagreement_mm(recording.x_mm, recording.z_mm, frames, poses)
+    told = f"two passes see one face {apart:.2f} mm apart: has the part been moved, or is the hand-eye pose wrong?"
+    yield check(
+        "pass_disagreement_mm", apart, told if np.isfinite(apart) else "no face was seen by two passes", given=given
+    )
+
+
+def _unit(length_mm: float, usual_mm: tuple[float, float]) -> str:
+    """': metres read as mm?' for the units in which the length would be a usual one."""
+    likely = [name for name, mm in UNITS_MM.items() if usual_mm[0] <= length_mm * mm <= usual_mm[1]]
+    return f": {' or '.join(likely)} read as mm?" if likely else ": is the unit wrong?"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" (or {len(names) - TOLD} others)" if len(names) > TOLD else ""
+    return " or ".join(names[:TOLD]) + more
+
+
+def loosened(checks: Sequence[Check]) -> tuple[str, ...]:
+    """The checks that only a user's limits let pass, in words."""
+    return tuple(f"check {one.name} was loosened: {one.finding}" for one in checks if one.loosened)

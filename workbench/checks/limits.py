@@ -1,0 +1,150 @@
+"""The limits of all checks: one table, from which checks, refusals and docs/checks.md are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from workbench.artefacts import Check
+from workbench.errors import PipelineError, nearest
+
+Bound = float | tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """What a check asks for, and why."""
+
+    bound: Bound  # greatest allowed value, or least and greatest
+    meaning: str
+    reason: str
+
+
+LIMITS: dict[str, Limit] = {
+    "view_width_mm": Limit((3.0, 3000.0), "width of all that the profiles show", "profilers for edges see 3 mm to 3 m"),
+    "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
+    "reach_mm": Limit(
+        (250.0, 30_000.0), "greatest distance of the flange from the robot's base",
+        "less is inside the robot, more needs a track of 30 m",
+    ),
+    "way_mm": Limit((2.0, 100_000.0), "way of the flange in the shortest, and in the longest pass", "less is no scan"),
+    "frame_step_mm": Limit(50.0, "way of the flange from frame to frame",
+        "an edge is not measured from places further apart",
+    ),
+    "speed_mm_s": Limit((0.1, 3000.0), "mean speed of the flange in a pass",
+        "robots scan at 1 to 500 mm/s; stop-and-go is slower",
+    ),
+    "standing_share": Limit(
+        0.5, "share of the frames of a pass during which the recorded pose stands still",
+        "a robot that waits does so for less of a scan; a pose stream that hangs looks like this",
+    ),
+    "hand_eye_mm": Limit(
+        (5.0, 2000.0), "distance of the profiler's origin from the flange; 0: the poses are the profiler's own",
+        "a bracket and a sensor have sizes; less is a translation in metres",
+    ),
+    "repeated_share": Limit(
+        0.02, "share of the frames that are an earlier frame of their pass again, bit for bit",
+        "a few are dropped as copies; more is a sensor or driver that delivers old buffers",
+    ),
+    "mean_columns": Limit(
+        1.5, "width of a moving mean over the columns of a profile",
+        "a mean moves the edge of a face by up to half its width, and no residual shows it",
+    ),
+    "equal_share": Limit(
+        0.03, "share of neighbouring columns with one and the same range on flat faces, beyond chance",
+        "noise gives none; a median filter or a held value does, and both move edges",
+    ),
+    "range_step_mm": Limit(
+        0.02, "step to which ranges are rounded, where the noise does not blur it",
+        "rounding without noise bends faces; twice the noise is taken where that is more",
+    ),
+    "lateral_step_mm": Limit(
+        0.02, "step to which lateral places are rounded, where they are uneven for it",
+        "as of ranges; it moves returns along the faces",
+    ),
+    "obliquity_deg": Limit(
+        20.0, "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
+        "scans are made at 0 to 15 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
+    ),
+    "twist_deg": Limit(
+        6.0, "turn of the section about the edge that the orientations do not explain",
+        "plates are not twisted by more; wrong orientations turn the section with the wrist",
+    ),
+    "convention_twist_deg": Limit(
+        0.75, "the same, where another reading of the orientations explains two thirds of it",
+        "a plate does not happen to be twisted as a known mistake would show it",
+    ),
+    "pass_disagreement_mm": Limit(
+        0.6, "distance of a face as one pass saw it from where the next saw it",
+        "robots repeat to 0.1 mm and calibrated hand-eye poses add 0.3 mm",
+    ),
+    "time_offset_ms": Limit(
+        2.5, "offset of the profiles' clock to the robot's that the sway of the scan shows, where beyond five of its u",
+        "at 3 deg of sway 5 ms cost 0.03 deg",
+    ),
+    "edge_share": Limit(
+        (0.34, 1.0), "share of the frames that show something in which the faces of the edge were found",
+        "an edge is there all along a plate",
+    ),
+    "face_misfit": Limit(
+        2.5, "deviation of a face from straight lines over that of its noise, as a ratio",
+        "the faces of a bevel are milled or cut straight; a dome or a bar is not",
+    ),
+}  # fmt: skip
+
+
+def most(name: str) -> float:
+    """Greatest value that the table allows."""
+    bound = LIMITS[name].bound
+    return bound[1] if isinstance(bound, tuple) else bound
+
+
+def least(name: str) -> float:
+    """Least value that the table allows."""
+    bound = LIMITS[name].bound
+    return bound[0] if isinstance(bound, tuple) else float("-inf")
+
+
+def checked_limits(given: Mapping[str, object], where: str) -> dict[str, Bound]:
+    """The limits that a user sets instead of the defaults.
+
+    Raises:
+        PipelineError: no such check, or not a number (two, where the check has two).
+    """
+    found: dict[str, Bound] = {}
+    for name, value in given.items():
+        if name not in LIMITS:
+            raise PipelineError(f"{where}.{name}", f"no such check{nearest(name, LIMITS)}")
+        pair = isinstance(LIMITS[name].bound, tuple)
+        numbers = list(value) if isinstance(value, list | tuple) else [value]
+        good = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+        if not good or len(numbers) != (2 if pair else 1):
+            raise PipelineError(f"{where}.{name}", f"expected {'two numbers' if pair else 'a number'}")
+        found[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])  # type: ignore[arg-type]
+    return found
+
+
+def within(value: float | None, bound: Bound) -> bool:
+    """Is the value allowed? What was not found is."""
+    if value is None or value != value:
+        return True
+    low, high = bound if isinstance(bound, tuple) else (float("-inf"), bound)
+    return bool(low <= value <= high)
+
+
+def check(name: str, value: float | None, finding: str = "", *, given: Mapping[str, Bound] | None = None,
+          default: Bound | None = None) -> Check:  # fmt: skip
+    """The check `name` of a value, NaN or None where there was nothing to judge by.
+
+    Args:
+        name: of LIMITS.
+        value: what was found.
+        finding: what was found, in words.
+        given: limits that a user set.
+        default: in place of the table's bound, where that depends on the recording.
+    """
+    rule = LIMITS[name].bound if default is None else default
+    bound = (given or {}).get(name, rule)
+    number = None if value is None or value != value else float(value)
+    passed = within(number, bound)
+    return Check(name, number, bound, passed, LIMITS[name].reason, finding, passed and not within(number, rule))

@@ -1,0 +1,162 @@
+"""What a sensor's own filters leave in its profiles: smoothing over columns, steps of values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.units import AnyArray, Bool, Float
+
+PIECE = 48  # columns of one straight piece
+LAGS = 24
+SAMPLE = 60  # frames
+LEAST_PIECES = 40
+MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
+LEAST_PAIRS = 500
+UNEVEN_SHARE = 0.02
+LEAST_SHARE = 0.6  # of a piece's columns that returned
+OUTLIERS = 6.0  # median misfits
+FLAT = 2.0  # standard deviations of the noise by which neighbouring columns of a flat piece differ at most
+STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
+STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTraces:
+    """What the noise within straight pieces of profiles and the values themselves show; NaN where nothing does."""
+
+    noise_mm: float  # standard deviation about a straight line
+    correlation: Float  # (LAGS + 1,) of that noise, by columns apart
+    mean_columns: float  # width of a moving mean over columns; 0: none
+    equal_share: float  # of neighbouring columns on flat pieces, those of one and the same range, beyond chance
+    step_z_mm: float  # ranges are multiples of this; 0: of nothing
+    step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
+    pitch_mm: float  # median distance of neighbouring columns
+
+
+def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
+    """Look at some frames of a grid (N, M)."""
+    rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
+    x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
+    step_z, step_x, pitch = _step(z_mm[rows]), _uneven_step(x_mm[rows]), _pitch(x)
+    pieces_x, pieces_z = _pieces(x), _pieces(z)
+    enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
+    pieces_z = pieces_z[enough]
+    off, used, slope = _off_line(pieces_x[enough], pieces_z)
+    straight = used.mean(axis=1) >= LEAST_SHARE
+    nothing = SensorTraces(np.nan, np.full(LAGS + 1, np.nan), moving_mean(z), 0.0, step_z, step_x, pitch)
+    if straight.sum() < LEAST_PIECES:
+        return nothing
+    off, used, slope, pieces_z = off[straight], used[straight], slope[straight], pieces_z[straight]
+    size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
+    plain = size < STRAIGHT * np.median(size) + 1e-12
+    noise = float(np.median(size))
+    if plain.sum() < LEAST_PIECES or noise < 1e-6:
+        return nothing
+    correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
+    flat = plain & (np.abs(slope) * pitch < FLAT * noise)  # elsewhere a median changes nothing
+    both = used[flat][:, 1:] & used[flat][:, :-1]
+    equal = 0.0
+    if both.sum() >= LEAST_PAIRS:
+        digit = max(step_z, float(np.spacing(np.float32(np.nanmax(np.abs(pieces_z))))))
+        apart = noise * np.sqrt(2.0 * max(1.0 - correlation[1], 0.05))
+        chance = min(digit / (np.sqrt(2.0 * np.pi) * apart), 1.0)
+        equal = max(float((np.diff(pieces_z[flat], axis=1) == 0)[both].mean()) - chance, 0.0)
+    return SensorTraces(noise, correlation, moving_mean(z), equal, step_z, step_x, pitch)
+
+
+def _pieces(grid: Float) -> Float:
+    count = grid.shape[1] // PIECE
+    return grid[:, : count * PIECE].reshape(-1, PIECE)
+
+
+def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
+    """Rows of z less their straight line over x, 0 where not used; what was used; slopes. Outliers are left out."""
+    used = np.isfinite(x) & np.isfinite(z)
+    x, z = np.where(used, x, 0.0), np.where(used, z, 0.0)
+    for last in (False, False, True):
+        count = np.maximum(used.sum(axis=1, keepdims=True), 1)
+        u = np.where(used, x - (x * used).sum(axis=1, keepdims=True) / count, 0.0)
+        w = np.where(used, z - (z * used).sum(axis=1, keepdims=True) / count, 0.0)
+        slope = (u * w).sum(axis=1) / np.maximum((u * u).sum(axis=1), 1e-12)
+        off = w - u * slope[:, None]
+        if last:
+            break
+        middle = np.nanmedian(np.where(used, np.abs(off), np.nan), axis=1) if len(off) else np.zeros(0)
+        used = used & (np.abs(off) < OUTLIERS * middle[:, None] + 1e-9)
+    return off, used, slope
+
+
+def _correlation(scaled: Float, used: Bool) -> Float:
+    """Mean product by lag of rows of unit variance, over that at lag 0."""
+    n = scaled.shape[1]
+    raw = np.array([
+        (scaled[:, : n - k] * scaled[:, k:]).sum() / max(int((used[:, : n - k] & used[:, k:]).sum()), 1)
+        for k in range(LAGS + 1)
+    ])  # fmt: skip
+    return np.asarray(raw / raw[0])
+
+
+def moving_mean(z: Float) -> float:
+    """Columns over which rows of ranges (n, M) were averaged; 0: over none.
+
+    A mean over k columns makes z[j + 1] - z[j] the difference of two returns k columns apart. So second differences,
+    which know nothing of a straight face, have a correlation of -1/2 at k columns apart. Noise of any other origin has
+    its least there at one column, and fades.
+    """
+    bend = np.diff(z, n=2, axis=1)
+    known = np.isfinite(bend)
+    if known.sum() < LEAST_BENDS:
+        return 0.0
+    bend[np.abs(np.where(known, bend, np.inf)) > OUTLIERS * np.median(np.abs(bend[known]))] = np.nan
+    used = np.isfinite(bend)
+    bend = np.where(used, bend, 0.0)
+    power = float((bend**2).sum()) / max(int(used.sum()), 1)
+    if power <= 0:
+        return 0.0
+    products = np.array([
+        float((bend[:, :-k] * bend[:, k:]).sum()) / max(int((used[:, :-k] & used[:, k:]).sum()), 1) / power
+        for k in range(2, min(LAGS, bend.shape[1] - 1))
+    ])  # fmt: skip
+    best = int(np.argmin(products))
+    return float(best + 2) if products[best] < MEAN_CORRELATION else 0.0
+
+
+def _step(values: AnyArray) -> float:
+    """The step of which all values are multiples, as far as float32 can tell; 0: none."""
+    found = np.unique(values[np.isfinite(values)])
+    if len(found) < 3:
+        return 0.0
+    found = found.astype(np.float64)
+    gaps = np.diff(found)
+    digit = float(np.spacing(np.float32(np.abs(found).max())))
+    gaps = gaps[gaps > 2.0 * digit]
+    if not gaps.size:
+        return 0.0
+    step = float(np.percentile(gaps, 2))
+    if step < 20.0 * digit:  # finer than what float32 could tell apart
+        return 0.0
+    near = gaps[gaps < 30.0 * step]
+    step = float(np.median(near[near < 1.5 * step]))
+    off = np.abs(near / step - np.round(near / step)) * step
+    return step if np.percentile(off, 95) < STEP_SHARE * step + 4.0 * digit else 0.0
+
+
+def _uneven_step(x: AnyArray) -> float:
+    """The step to which lateral places were rounded, where that made their spacing uneven; else 0."""
+    step = _step(x)
+    if step == 0.0:
+        return 0.0
+    spacing = np.diff(x.astype(np.float64), axis=1)
+    spacing = np.abs(spacing[np.isfinite(spacing)])
+    if not spacing.size:
+        return 0.0
+    uneven = float((np.abs(spacing - np.median(spacing)) > 0.5 * step).mean())
+    return step if uneven > UNEVEN_SHARE else 0.0
+
+
+def _pitch(x: Float) -> float:
+    spacing = np.abs(np.diff(x, axis=1))
+    spacing = spacing[np.isfinite(spacing)]
+    return float(spacing.mean()) if spacing.size else float("nan")

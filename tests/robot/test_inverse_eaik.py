@@ -91,6 +91,12 @@ def test_other_robots_have_the_branches_of_eaik(arms: Any, name: str, where: Any
     assert_same_branches(chain, q)
 
 
+def test_an_offset_wrist_has_the_branches_of_eaik(arms: Any) -> None:
+    """UR10e: ours is a search, EAIK's a closed form."""
+    chain = arms("ur10e")
+    assert_same_branches(chain, np.random.default_rng(44).uniform(-np.pi, np.pi, (150, 6)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_branches_of_eaik_at_100_000_poses(arms: Any, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Inverse kinematics in closed form: all branches of a robot with a spherical wrist, over any number of poses.
+"""Inverse kinematics, all branches over any number of poses: in closed form for a robot with a spherical wrist.
 
 The wrist's centre depends on the first three joints only. They are solved first, then the wrist's turn that is left.
 """
@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.kernels import kernel
 from workbench.robot.chain import Chain
+from workbench.robot.inverse_offset import MOST, offset_inverse
 from workbench.robot.position import parallel_position
 from workbench.robot.position_general import general_position
-from workbench.robot.wrist import SphericalWrist, spherical_wrist
+from workbench.robot.wrist import SphericalWrist, offset_wrist, spherical_wrist
 from workbench.units import AnyArray, Float
 
 BRANCHES = 8  # two for each of the up to four places of the first three joints
@@ -19,18 +21,27 @@ SINGULAR = 1e-13  # sine below which an angle is free and set to 0
 
 
 def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
-    """Joint angles (..., 8, 6) in (-pi, pi] that put the flange at poses (..., 4, 4); NaN: no such branch.
+    """Joint angles (..., b, 6) in (-pi, pi] that put the flange at poses (..., 4, 4); NaN: no such branch.
+
+    b is 8 for a spherical wrist, in closed form; 16 for one that is offset along axis 5 (`workbench.robot.
+    inverse_offset`), numerically, in no particular order. What follows holds for spherical ones.
 
     Rows are 4 * shoulder + 2 * elbow + wrist where axes 2 and 3 are parallel; else 2 * place + wrist, places in no
     particular order. Joint limits are not looked at (`workbench.robot.chain.within_limits`). In a singular posture the
     free angle is 0: joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
 
     Raises:
-        InputError: the robot has no spherical wrist, or one that the first three joints cannot move everywhere.
+        InputError: the robot has neither wrist, or one that the first three joints cannot move everywhere.
     """
-    wrist = spherical_wrist(chain)
     poses = np.ascontiguousarray(base_from_flange, float)
     flat = poses.reshape(-1, 4, 4)
+    try:
+        wrist = spherical_wrist(chain)
+    except InputError:
+        offset = offset_wrist(chain)
+        if offset is None:
+            raise
+        return offset_inverse(chain, offset, flat).reshape(*poses.shape[:-2], MOST, 6)
     at_zero = chain.base_from_flange_at_zero
     in_flange = at_zero[:3, :3].T @ (wrist.centre_mm - at_zero[:3, 3])
     first = _first_three(chain, wrist, flat[:, :3, :3] @ in_flange + flat[:, :3, 3])

@@ -31,7 +31,7 @@ from workbench.robot.margins import Margins
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.workpiece import read_workpiece
-from workbench.robot.wrist import spherical_wrist
+from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
@@ -137,11 +137,11 @@ def _walls(part: EnvelopePart) -> Iterator[Shape]:
 
 
 def _inverse_warning(chain: Chain) -> str | None:
-    """A robot without closed-form inverse has its stiffness all the same; what needs the inverse refuses it then."""
+    """A robot without an inverse has its stiffness all the same; what needs the inverse refuses it then."""
     try:
         spherical_wrist(chain)
     except InputError as error:
-        return f"no inverse kinematics: {error}"
+        return f"no inverse kinematics: {error}" if offset_wrist(chain) is None else None
     return None
 
 

@@ -24,6 +24,27 @@ class SphericalWrist:
     square: bool  # axis 5 at right angles to axes 4 and 6
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class OffsetWrist:
+    """A wrist whose axes 4 and 6 meet axis 5 in two points, all joints at zero, in the base."""
+
+    on_4_mm: Float  # (3,) where axes 4 and 5 meet
+    on_6_mm: Float  # (3,) where axes 5 and 6 meet
+    offset_mm: float  # from the one to the other, along axis 5
+
+
+def offset_wrist(chain: Chain) -> OffsetWrist | None:
+    """The robot's wrist, if it is offset along axis 5 behind parallel axes 2 and 3 (UR, CRX); None: it is not."""
+    h, o = chain.axes, chain.points_mm
+    square = min(_sine(h[3], h[4]), _sine(h[4], h[5])) > PARALLEL
+    if not square or _sine(h[1], h[2]) >= PARALLEL or _sine(h[0], h[1]) < PARALLEL:
+        return None
+    (on_4, miss_4), (on_6, miss_6) = (meeting_point(h[i : i + 2], o[i : i + 2]) for i in (3, 4))
+    if max(miss_4, miss_6) > MEETING_MM or not moves_everywhere(chain, on_4):
+        return None
+    return OffsetWrist(on_4, on_6, float((on_6 - on_4) @ h[4]))
+
+
 def spherical_wrist(chain: Chain) -> SphericalWrist:
     """The robot's wrist, if it is spherical.
 

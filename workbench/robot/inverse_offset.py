@@ -1,0 +1,263 @@
+"""Inverse kinematics of arms whose wrist is offset along axis 5 (UR, CRX): all branches, numerically.
+
+Axis 4 meets axis 5 in one point, axis 6 meets it in another. For a given angle of joint 6 the second point and the
+direction of axis 5 are known, so the first point is, and joints 1 to 3 bring it there in up to four ways, in closed
+form. Each way holds where axes 4 and 5 have the angle to each other that they have: one equation in one unknown on the
+circle, whose sign changes are bracketed on a grid, its double roots by its extremes, and its ends where the arm is
+stretched (1D searches of this kind: Elias and Wen 2022). Newton's steps on all six joints take away what is left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.kernels import kernel
+from workbench.robot.chain import Chain
+from workbench.robot.kinematics import forward_kinematics, jacobian
+from workbench.robot.position import parallel_position
+from workbench.robot.wrist import OffsetWrist
+from workbench.units import AnyArray, Bool, Float, Int
+
+MOST = 16  # solutions of any six revolute joints (Primrose 1986)
+STEPS = 180  # of the grid on joint 6
+FINER = 8  # parts of a step that is looked at again
+HALVINGS = 24  # of a bracket: 2e-9 rad or less are left for Newton
+GOLDEN = 0.6180339887498949
+BENT, NEAR = 0.03, 0.05  # second differences of the error from step to step, and extremes, that are looked at again
+SAME = 1e-6  # rad: nearer than this, two solutions are one
+REACHED = 1e-9  # m and 1: what may be missing of a pose
+Brackets = tuple[Float, Float, Int, Int]  # lower and upper angle, pose, way: (m,) each
+
+
+def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
+    """Joint angles (n, MOST, 6) in (-pi, pi] at poses (n, 4, 4), NaN: fewer; in no particular order.
+
+    Where a solution is singular (double), it may be missing.
+    """
+    found = np.full((len(poses), MOST, 6), np.nan)
+    for begin in range(0, len(poses), 500):
+        part = slice(begin, begin + 500)
+        search = _Search(chain, wrist, poses[part])
+        which, q = search.solutions()
+        for n in range(len(poses[part])):
+            one = _different(_wrapped(q[which == n]))[:MOST]
+            found[begin + n, : len(one)] = one
+    return found
+
+
+class _Search:
+    """The error of axis 4's angle to axis 5, over joint 6, for n poses and the four ways of joints 1 to 3."""
+
+    def __init__(self, chain: Chain, wrist: OffsetWrist, poses: Float) -> None:
+        self.chain, self.wrist, self.poses = chain, wrist, poses
+        self.moved = np.ascontiguousarray(poses @ np.linalg.inv(chain.base_from_flange_at_zero))  # of link 6, from zero
+        h = chain.axes
+        along = h[5] * (h[5] @ h[4])  # of axis 5, about axis 6
+        self.turning = np.array([along, h[4] - along, np.cross(h[5], h[4])])
+
+    def ways(self, pose: Int, angle: Float) -> tuple[Float, Float, Float]:
+        """Angles of joints 1 to 3 (m, 4, 3), error (m, 4), direction of axis 5 (m, 3), for joint 6 at angles (m,)."""
+        wrist, chain = self.wrist, self.chain
+        found: tuple[Float, Float, Float] = ways_kernel(
+            chain.axes, chain.points_mm / 1e3, wrist.on_4_mm / 1e3, wrist.on_6_mm / 1e3, wrist.offset_mm / 1e3,
+            self.turning, self.moved, np.ascontiguousarray(pose), np.ascontiguousarray(angle),
+        )  # fmt: skip
+        return found
+
+    def solutions(self) -> tuple[Int, Float]:
+        """Index of the pose (k,) and joint angles (k, 6)."""
+        step, count = 2 * np.pi / STEPS, len(self.poses)
+        grid = 0.0123 + step * np.arange(-1, STEPS + 2)  # no special angle; the ends lie over each other
+        pose, at = np.arange(count), np.tile(grid, (count, 1))
+        error = self._errors(pose, at)
+        again, where = np.nonzero(_doubtful(error))
+        finer = at[again, where][:, None] + step / FINER * np.arange(-1, FINER + 2)
+        parts = [self._changes(error, pose, at), *self._closely(pose[again], finer)]
+        low, high, pose, way = (np.concatenate(column) for column in zip(*parts, strict=True))
+        below = np.sign(self._at(pose, way, low))
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            left = np.sign(self._at(pose, way, middle)) == below
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        first, _, direction = self.ways(pose, (low + high) / 2)
+        first = first[np.arange(len(pose)), way]
+        there = np.isfinite(first).all(axis=1)
+        q = self._wrist(pose[there], first[there], direction[there], (low + high)[there] / 2)
+        q, missing = _polished(self.chain, self.poses[pose[there]], q)
+        return pose[there][missing < REACHED], q[missing < REACHED]
+
+    def _at(self, pose: Int, way: Int, angle: Float) -> Float:
+        return np.asarray(self.ways(pose, angle)[1][np.arange(len(pose)), way])
+
+    def _errors(self, pose: Int, angle: Float) -> Float:
+        """Errors (p, k, 4) on pieces of the circle, angles (p, k)."""
+        count, steps = angle.shape
+        return self.ways(np.repeat(pose, steps), angle.reshape(-1))[1].reshape(count, steps, 4)
+
+    def _changes(self, error: Float, pose: Int, angle: Float) -> Brackets:
+        """Where the sign changes from angle to angle."""
+        piece, at, way = np.nonzero(error[:, :-1] * error[:, 1:] < 0)
+        return angle[piece, at], angle[piece, at + 1], pose[piece], way
+
+    def _closely(self, pose: Int, angle: Float) -> list[Brackets]:
+        """Sign changes on pieces, those at ends and about extremes too."""
+        error = self._errors(pose, angle)
+        solved = np.isfinite(error)
+        piece, at, way = np.nonzero(solved[:, :-1] != solved[:, 1:])
+        inner, outer = np.where(solved[piece, at, way], (at, at + 1), (at + 1, at))
+        ends = self._at_end(pose[piece], way, angle[piece, inner], angle[piece, outer])
+        piece, at, way = np.nonzero(_extreme(error))
+        low, middle, high = (angle[piece, at + k] for k in range(3))
+        return [self._changes(error, pose, angle), *ends, *self._at_extreme(pose[piece], way, low, middle, high)]
+
+    def _at_end(self, pose: Int, way: Int, inner: Float, outer: Float) -> list[Brackets]:
+        """Where a way ends, the arm is stretched: up to the last angle that it reaches, and back over an extreme."""
+        last, beyond = inner.copy(), outer.copy()
+        for _ in range(2 * HALVINGS):
+            middle = (last + beyond) / 2
+            reached = np.isfinite(self._at(pose, way, middle))
+            last, beyond = np.where(reached, middle, last), np.where(reached, beyond, middle)
+        return [self._if_changed(pose, way, inner, last), self._if_near(pose, way, last),
+                *self._at_extreme(pose, way, 2 * inner - outer, inner, last)]  # fmt: skip
+
+    def _at_extreme(self, pose: Int, way: Int, low: Float, middle: Float, high: Float) -> list[Brackets]:
+        """Both sides of where the error comes nearest to zero, if it crosses it."""
+        sign, begin, end = np.sign(self._at(pose, way, middle)), low, high
+        left, right = (low + (high - low) * share for share in (1 - GOLDEN, GOLDEN))
+        of_left, of_right = (sign * self._at(pose, way, at) for at in (left, right))
+        for _ in range(HALVINGS):
+            closer = of_left < of_right
+            low, high = np.where(closer, low, left), np.where(closer, right, high)
+            fresh = np.where(closer, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+            of_fresh = sign * self._at(pose, way, fresh)
+            left, right = np.where(closer, fresh, right), np.where(closer, left, fresh)
+            of_left, of_right = np.where(closer, of_fresh, of_right), np.where(closer, of_left, of_fresh)
+        least = (low + high) / 2
+        tries = [least + share * (end - begin) for share in (-0.02, 0.0, 0.02)]
+        return [*(self._if_changed(pose, way, side, least) for side in (begin, end)),
+                *(self._if_near(pose, way, one) for one in tries)]  # fmt: skip
+
+    def _if_changed(self, pose: Int, way: Int, low: Float, high: Float) -> Brackets:
+        """Those brackets between whose ends the sign changes."""
+        changed = self._at(pose, way, low) * self._at(pose, way, high) < 0
+        return low[changed], high[changed], pose[changed], way[changed]
+
+    def _if_near(self, pose: Int, way: Int, angle: Float) -> Brackets:
+        """Those angles where the error is nearly zero, as brackets without width, for Newton to try."""
+        near = np.abs(self._at(pose, way, angle)) < NEAR
+        return angle[near], angle[near], pose[near], way[near]
+
+    def _wrist(self, pose: Int, first: Float, direction: Float, angle: Float) -> Float:
+        """All six angles (m, 6) from the first three, axis 5 and joint 6."""
+        h = self.chain.axes
+        back = _turns(h, first)
+        fourth = _angle(h[3], h[4], np.einsum("mji,mj->mi", back, direction))
+        back = back @ _rotation(h[3], fourth)
+        axis_6 = np.einsum("mij,j->mi", self.moved[pose, :3, :3], h[5])
+        fifth = _angle(h[4], h[5], np.einsum("mji,mj->mi", back, axis_6))
+        return np.column_stack([first, fourth, fifth, angle])
+
+
+def _extreme(error: Float) -> Bool:
+    """Where errors (p, k, 4) come nearest to zero without crossing it, of all angles but the outer ones."""
+    size, here = np.abs(error), error[:, 1:-1]
+    nearest = (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] < size[:, 2:])
+    return np.asarray(nearest & (here * error[:, 2:] > 0) & (here * error[:, :-2] > 0))
+
+
+def _doubtful(error: Float) -> Bool:
+    """Steps (p, k - 1) in which more may happen than a change of sign: an end, an extreme near zero, a bend."""
+    solved = np.isfinite(error)
+    bent = np.abs(np.diff(error, 2, axis=1)) > BENT
+    around = (bent | (_extreme(error) & (np.abs(error[:, 1:-1]) < NEAR))).any(axis=2)
+    ends = (solved[:, :-1] != solved[:, 1:]).any(axis=2)
+    steps = ends.copy()
+    steps[:, :-1] |= around | ends[:, 1:]
+    steps[:, 1:] |= around | ends[:, :-1]
+    return steps
+
+
+def _polished(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
+    """Newton's steps on all six joints; the best of them and what it misses, m and 1."""
+    best, missing = q, np.full(len(q), np.inf)
+    for _ in range(8):
+        here = forward_kinematics(chain, q)
+        miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, _small_turn(here, poses)], axis=1)
+        now = np.linalg.norm(miss, axis=1)
+        better = now < missing
+        best, missing = np.where(better[:, None], q, best), np.where(better, now, missing)
+        slope = jacobian(chain, q)
+        slope[:, :3] /= 1e3
+        square = np.swapaxes(slope, 1, 2) @ slope + 1e-14 * np.eye(6)
+        q = q + np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ miss[..., None])[..., 0]
+    return best, missing
+
+
+def _small_turn(here: Float, there: Float) -> Float:
+    """Rotation vectors (m, 3) from poses to near ones, to first order, in the base."""
+    r = there[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2)
+    return np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1) / 2
+
+
+def _different(q: Float) -> Float:
+    """Without solutions that repeat an earlier one."""
+    if len(q) < 2:
+        return q
+    apart = np.abs(_wrapped(q[:, None] - q[None])).max(axis=2)
+    return q[~(np.tril(apart < SAME, -1)).any(axis=1)]
+
+
+def _wrapped(angle: Float) -> Float:
+    return np.pi - (np.pi - angle) % (2 * np.pi)
+
+
+@kernel
+def ways_kernel(h: AnyArray, o: AnyArray, on_4: AnyArray, on_6: AnyArray, offset: float, turning: AnyArray,
+                moved: AnyArray, pose: AnyArray, angle: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:  # fmt: skip
+    """See `_Search.ways`; lengths in m, but `moved`."""
+    direction, at = np.empty((len(pose), 3)), np.empty((len(pose), 3))
+    for m in range(len(pose)):
+        c, s = np.cos(angle[m]), np.sin(angle[m])
+        for i in range(3):
+            direction[m, i], at[m, i] = 0.0, moved[pose[m], i, 3] / 1e3
+            for j in range(3):
+                turn = moved[pose[m], i, j]
+                direction[m, i] += turn * (turning[0, j] + c * turning[1, j] - s * turning[2, j])
+                at[m, i] += turn * on_6[j]
+        for i in range(3):
+            at[m, i] -= offset * direction[m, i]
+    first = parallel_position(h, o, on_4, at)
+    error = np.empty((len(pose), 4))
+    wanted = h[3, 0] * h[4, 0] + h[3, 1] * h[4, 1] + h[3, 2] * h[4, 2]
+    for m in range(len(pose)):
+        for k in range(4):
+            x, y, z = h[3, 0], h[3, 1], h[3, 2]
+            for joint in range(2, -1, -1):
+                c, s = np.cos(first[m, k, joint]), np.sin(first[m, k, joint])
+                a, b, d = h[joint, 0], h[joint, 1], h[joint, 2]
+                along = (1 - c) * (a * x + b * y + d * z)
+                x, y, z = (
+                    c * x + s * (b * z - d * y) + along * a,
+                    c * y + s * (d * x - a * z) + along * b,
+                    c * z + s * (a * y - b * x) + along * d,
+                )
+            error[m, k] = x * direction[m, 0] + y * direction[m, 1] + z * direction[m, 2] - wanted
+    return first, error, direction
+
+
+def _turns(h: Float, first: Float) -> Float:
+    """Rotations (m, 3, 3) of link 3 by joints 1 to 3 at angles (m, 3)."""
+    return _rotation(h[0], first[:, 0]) @ _rotation(h[1], first[:, 1]) @ _rotation(h[2], first[:, 2])
+
+
+def _rotation(axis: Float, angle: Float) -> Float:
+    """Rotations (m, 3, 3) about an axis (Rodrigues)."""
+    x = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    c, s = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
+    return np.eye(3) + s * x + (1 - c) * (x @ x)
+
+
+def _angle(axis: Float, start: Float, end: Float) -> Float:
+    """Angles (m,) about an axis that turn `start` (3,) to `end` (m, 3), as seen along it."""
+    across = np.cross(start, end) @ axis
+    return np.asarray(np.arctan2(across, end @ start - (end @ axis) * (start @ axis)))

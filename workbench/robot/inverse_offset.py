@@ -174,7 +174,7 @@ def _doubtful(error: Float) -> Bool:
     steps = ends.copy()
     steps[:, :-1] |= around | ends[:, 1:]
     steps[:, 1:] |= around | ends[:, :-1]
-    return steps
+    return np.asarray(steps)
 
 
 def _polished(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
@@ -204,7 +204,7 @@ def _different(q: Float) -> Float:
     if len(q) < 2:
         return q
     apart = np.abs(_wrapped(q[:, None] - q[None])).max(axis=2)
-    return q[~(np.tril(apart < SAME, -1)).any(axis=1)]
+    return np.asarray(q[~(np.tril(apart < SAME, -1)).any(axis=1)])
 
 
 def _wrapped(angle: Float) -> Float:
@@ -254,7 +254,7 @@ def _rotation(axis: Float, angle: Float) -> Float:
     """Rotations (m, 3, 3) about an axis (Rodrigues)."""
     x = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     c, s = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
-    return np.eye(3) + s * x + (1 - c) * (x @ x)
+    return np.asarray(np.eye(3) + s * x + (1 - c) * (x @ x))
 
 
 def _angle(axis: Float, start: Float, end: Float) -> Float:

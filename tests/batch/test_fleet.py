@@ -1,5 +1,6 @@
 """The page and the table of a fleet: all parts, worst first, links that lead somewhere, and names as text only."""
 
+import dataclasses
 import io
 from html.parser import HTMLParser
 from urllib.parse import unquote
@@ -8,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from workbench.batch.cover import MOST_PARTS, cover
 from workbench.batch.fleet import fleet_files, page, worst_counts, worst_text
 from workbench.batch.fleet_table import characteristics, least_margin, worst_first
 from workbench.batch.record import Record
@@ -78,7 +80,7 @@ def test_names_are_text() -> None:
     fleet = [part("a", [1.5], part_id=nasty + "\n\ud800"), Record("b", "b.h5", "failed", cause=nasty)]
     made = Page(page(fleet, f"title {nasty}"))
     assert "script" not in made.tags
-    assert sum("<script>alert(1)</script>" in word for word in made.words) == 4  # title twice, part and cause
+    assert sum("<script>alert(1)</script>" in word for word in made.words) == 5  # title twice, part twice and cause
     assert fleet_files(fleet, nasty)["fleet.parquet"][:4] == b"PAR1"
 
 
@@ -121,3 +123,28 @@ def test_a_pipeline_without_inspection_has_a_page_of_its_parts() -> None:
     made = Page(page(fleet, "Plan"))
     assert made.links == ["a/run.json"]
     assert not made.sources
+
+
+def test_what_cannot_be_measured_is_no_scrap() -> None:
+    fleet = [part(f"p{i}", [1.5, 1.45]) for i in range(3)]
+    fleet += [Record("x", "x.h5", "failed", cause="damaged"), Record("y", "y.h5", "hung", cause="too long")]
+    made = cover(fleet)
+    assert (made["measured"], made["unmeasured"]) == (3, [("x", "failed"), ("y", "hung")])
+    assert sum(count for _, _, count in made["verdicts"]) == 3
+    words = " ".join(Page(page(fleet, "Fleet")).words)
+    assert "3 of 5 parts" in words
+    assert "(100.0 % of those measured)" in words
+    assert "no statement on these parts" in words
+
+
+def test_the_cover_names_parts_with_verdict_and_expanded_uncertainty() -> None:
+    row = cover([part("a", [1.5, 1.4], part_id="A-7")])["rows"][0]
+    assert (row["name"], row["root"]) == ("A-7", "1.400 to 1.500 ± 0.020")
+
+
+def test_the_cover_holds_the_least_favourable_of_many() -> None:
+    fleet = [dataclasses.replace(part(f"p{i}", [1.5]), verdict="fail" if i == 150 else "pass") for i in range(200)]
+    made = cover(fleet)
+    assert len(made["rows"]) == MOST_PARTS
+    assert made["rows"][0]["verdict"] == "fail"
+    assert made["not_shown"] == 200 - MOST_PARTS

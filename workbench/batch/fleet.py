@@ -12,6 +12,7 @@ import numpy as np
 from workbench import __version__
 from workbench.batch.capability import Capability, capability
 from workbench.batch.control import LEAST, RULES, ControlChart, individuals
+from workbench.batch.cover import cover
 from workbench.batch.fleet_table import (
     Characteristic,
     characteristics,
@@ -71,9 +72,9 @@ def page(records: Sequence[Record], title: str) -> str:
         title=one_line(title),
         version=__version__,
         counts=[(one, sum(record.outcome == one for record in records)) for one in reversed(OUTCOMES)],
-        verdicts=[(one, sum(record.verdict == one for record in records)) for one in ("pass", "undecided", "fail")],
         inspected=bool(found),
         total=len(records),
+        cover=cover(records),
         rows=[row(one, places[one.part], margin, section) for one in ranked[:ROWS]],
         shown=SHOWN,
         left_out=max(0, len(ranked) - ROWS),

@@ -16,6 +16,7 @@ from workbench.units import Float, Int
 
 VERDICTS = ("fail", "undecided", "pass")  # worst first
 PART_COLUMNS = ("part", "part_id", "recording", "outcome", "cause", "verdict", "seconds")
+IDENTITY_COLUMNS = ("drawing", "operator", "recorded_at", "sensor", "sensor_serial", "robot", "robot_serial")
 SECTION_COLUMNS = ("arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")
 
 
@@ -47,7 +48,7 @@ def characteristics(records: Sequence[Record]) -> tuple[Characteristic, ...]:
             name, unit, _table(records, f"{key}_{suffix}"), _table(records, f"{key}_u_{suffix}"),
             *(needs[f"{key}_nominal_{suffix}"] + deviation for deviation in needs[f"{key}_tolerance_{suffix}"]),
         )
-        for name, unit, key, suffix in (("root size", "mm", "root", "mm"), ("bevel angle", "°", "bevel", "deg"))
+        for name, unit, key, suffix in (("root face", "mm", "root", "mm"), ("bevel angle", "°", "bevel", "deg"))
     )  # fmt: skip
 
 
@@ -96,6 +97,10 @@ def parquet(records: Sequence[Record]) -> bytes:
             columns[name] = pa.array(values, pa.float64())
         else:  # a file's name need not be text that can be encoded
             columns[name] = pa.array([value and one_line(value) for value in values], pa.string())
+    for name in IDENTITY_COLUMNS:
+        texts = [record.identity.get(name) for _, record, _ in rows]
+        columns[name] = pa.array([text and one_line(str(text)) for text in texts], pa.string())
+    columns["simulated"] = pa.array([record.identity.get("simulated") for _, record, _ in rows], pa.bool_())
     for side in ("lower", "upper"):
         for key, suffix in (("root", "mm"), ("bevel", "deg")):
             limits = [_limit(record, key, suffix, side == "upper") for _, record, _ in rows]

@@ -38,6 +38,7 @@ class Record:
     outcome: Outcome
     cause: str = ""  # why it was rejected, or has no results
     part_id: str | None = None  # free text out of the recording
+    identity: Mapping[str, Any] = field(default_factory=dict)  # part, people, instruments, as in inspection.json
     verdict: str | None = None  # of the inspection, where the pipeline has one
     requirements: Mapping[str, Any] = field(default_factory=dict)
     sections: tuple[Mapping[str, Any], ...] = ()  # what the inspection says of each
@@ -82,12 +83,14 @@ def record_of(part: str, recording: str, checked: Plan, results: Results, files:
             "requirements": plain(dataclasses.asdict(inspection.requirements)),
             "sections": tuple(plain({k: getattr(one, k) for k in SECTION_KEYS}) for one in inspection.sections),
         }
+    part_of = inspection.part if inspection else read.part if read else None
     return Record(
         part,
         recording,
         "passed" if results.passed else "rejected",
         cause=said,
-        part_id=read.part.part_id if read else None,
+        part_id=part_of.part_id if part_of else None,
+        identity=plain(dataclasses.asdict(part_of)) if part_of else {},
         seconds=round(sum(results.seconds.values()), 6),
         pipeline=pipeline_digest(checked),
         versions=versions_digest(checked),

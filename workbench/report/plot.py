@@ -25,6 +25,7 @@ SIZE, SMALL = 9.0, 8.0  # of text
 TICK, PAD = 3.5, 3.5  # length of ticks, distance of their labels
 MARGIN = 0.05  # of the data's span, free on both sides of it
 DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
+FARTHEST_PT = 1e6  # from the sheet, of what is drawn
 SHADES = 31  # of a dot's opacity
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 TICKS_EACH_PT = {"x": 62.0, "y": 26.0}  # room that a tick's label needs
@@ -484,7 +485,9 @@ class Axes:
     def _place(self, xy: Float) -> Float:
         """(n, 2) on paper."""
         (x0, x1), (y0, y1), (left, top, width, height) = self.get_xlim(), self.get_ylim(), self.box
-        return np.column_stack([left + width / (x1 - x0) * (xy[:, 0] - x0), top + height / (y1 - y0) * (y1 - xy[:, 1])])
+        with np.errstate(over="ignore", invalid="ignore"):
+            x, y = left + width / (x1 - x0) * (xy[:, 0] - x0), top + height / (y1 - y0) * (y1 - xy[:, 1])
+        return np.column_stack([x, y])
 
     def _anchor(self, at: Any, coordinates: str | tuple[str, str]) -> tuple[float, float]:
         of_x, of_y = (coordinates, coordinates) if isinstance(coordinates, str) else coordinates
@@ -590,7 +593,7 @@ def _filled(colour: Colour, hatch: str = "") -> str:
 def _path(at: Float) -> str:
     """Lines through places (n, 2) on paper, begun anew after each that is not finite."""
     known = np.asarray(np.isfinite(at).all(axis=1)).tolist()
-    rounded = np.round(at, 2)
+    rounded = np.round(np.clip(at, -FARTHEST_PT, FARTHEST_PT), 2)
     out, pen = [], False
     for (x, y), there in zip(rounded.tolist(), known, strict=True):
         if there:
@@ -648,7 +651,7 @@ def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: f
 
     left, top, width, height = box
     columns, rows = max(1, round(width * DOTS_PX)), max(1, round(height * DOTS_PX))
-    place = (at - (left, top)) * DOTS_PX
+    place = (np.clip(at, -FARTHEST_PT, FARTHEST_PT) - (left, top)) * DOTS_PX
     place = place[(np.abs(place) < 2 * max(rows, columns)).all(axis=1)]  # not a number is left out as well
     r = radius * DOTS_PX
     off = np.mgrid[-math.ceil(r) : math.ceil(r) + 1, -math.ceil(r) : math.ceil(r) + 1].reshape(2, -1)

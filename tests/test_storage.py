@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from workbench.errors import OutputError
-from workbench.storage import require_space
+from workbench.storage import beside, require_space
 
 
 def test_a_small_file_fits(tmp_path: Path) -> None:
@@ -22,3 +25,13 @@ def test_more_than_the_disk_holds_is_refused_in_words(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         require_space(tmp_path / "nowhere" / "file.h5", 1)
+
+
+def test_what_killed_processes_left_goes_and_what_living_ones_write_stays(tmp_path: Path) -> None:
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True)
+    names = [f".part.h5.partial-{ended.stdout.strip()}", f".part.h5.partial-{os.getpid()}", ".part.h5.partial-x",
+             f".other.h5.partial-{ended.stdout.strip()}"]  # fmt: skip
+    for name in names:
+        (tmp_path / name).touch()
+    assert beside(tmp_path / "part.h5").name == names[1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names[1:])

@@ -5,9 +5,11 @@ HDF5 may end the process when a disk fills up under it, so room is asked for bef
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from workbench.errors import InputError, OutputError, nearest
@@ -48,3 +50,26 @@ def regular_file(path: Path) -> os.stat_result:
     if not os.access(path, os.R_OK):
         raise InputError(str(path), "may not be read: permission denied")
     return status
+
+
+def beside(path: Path) -> Path:
+    """A name to write to before it is renamed to `path`; what killed processes left under such names is removed."""
+    start = f".{path.name}.partial-"
+    with suppress(OSError):
+        for left in path.parent.glob(f"{glob.escape(start)}*"):
+            if not _lives(left.name.removeprefix(start)):
+                left.unlink(missing_ok=True)
+    return path.with_name(f"{start}{os.getpid()}")
+
+
+def _lives(process: str) -> bool:
+    """Whether there is a process of this number; what is no number was not written here."""
+    if not process.isdecimal():
+        return True
+    try:
+        os.kill(int(process), 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True

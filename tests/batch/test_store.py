@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from workbench.batch import run_batch, store
+from workbench.batch.store import refuse_credentials
 from workbench.errors import InputError, OutputError
 
 Write = Callable[..., str]
@@ -171,3 +172,11 @@ def test_a_file_is_never_seen_half_written(tmp_path: Path, monkeypatch: pytest.M
         store.write_whole(path, b"new")
     assert [*tmp_path.iterdir()] == [path]
     assert path.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize(
+    "url", ["zip://x::file:///etc", "simplecache::s3://a", "ssh://host/x", "github://a:b@/x", "local:///etc"]
+)
+def test_other_schemes_than_the_named_ones_are_refused(url: str) -> None:
+    with pytest.raises(InputError, match="expected a path or a URL of"):
+        refuse_credentials(url)

@@ -15,7 +15,9 @@ import urllib.request
 import pytest
 
 from workbench.errors import InputError, OutputError
+from workbench.report.page import script_source, viewer_script
 from workbench.view import ResultServer, address_of
+from workbench.view.server import HEADERS
 
 SECRET = "not for the browser"
 
@@ -234,3 +236,19 @@ def test_a_wrong_argument_is_one_line(command, tmp_path):
         assert got.status == 2
         assert said in got.err
         assert len(got.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("method", ["POST", "TRACE", "PROPFIND", "NONSENSE"])
+def test_other_methods_are_refused_with_the_same_headers(server, method):
+    status, headers, _ = ask(server, f"/{server.token}/report.html", method=method)
+    _, of_get, _ = ask(server, f"/{server.token}/report.html")
+    assert status == 405
+    assert {name: headers.get(name) for name in HEADERS} == {name: of_get[name] for name in HEADERS}
+
+
+def test_no_script_but_the_viewer_runs(server):
+    """A page that somebody has put there may hold scripts; they are not run."""
+    _, headers, _ = ask(server, f"/{server.token}/report.html")
+    rules = dict(rule.strip().split(" ", 1) for rule in headers["Content-Security-Policy"].split(";"))
+    assert rules["script-src"] == script_source(viewer_script())
+    assert "unsafe" not in rules["script-src"] + rules["default-src"]

@@ -17,6 +17,7 @@ from typing import Any
 from workbench.errors import InputError, OutputError, WorkbenchError
 
 LOCAL = "file://"
+SCHEMES = ("abfs", "gs", "http", "https", "memory", "s3", "sftp")  # what fsspec opens beyond these is another matter
 EXTRAS = {"s3": "s3"}  # by protocol: the extra that brings its client
 SECRETS = ("AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_ACCESS_KEY_ID")
 TOKENS = ("ETag", "etag", "md5Hash", "content_md5", "mtime", "LastModified", "created")  # what tells versions apart
@@ -128,8 +129,11 @@ def remote(url: str, error: type[WorkbenchError]) -> Iterator[tuple[Any, str]]:
 
 
 def refuse_credentials(url: str) -> str:
-    """The protocol of a URL. Raises InputError, which does not show it, if it names a user."""
+    """The protocol of a URL. Raises InputError for others than `SCHEMES`, and, without showing it, for a named user."""
     protocol, _, rest = url.partition("://")
+    if protocol.lower() not in SCHEMES:  # chained ones (zip::, simplecache::) and those that run or list things too
+        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+        raise InputError(f"{protocol[:40]}://...", f"expected a path or a URL of {known}")
     if "@" in rest.partition("/")[0]:
         raise InputError(
             f"{protocol}://...", "expected a URL without user and password: those come from the environment"

@@ -22,7 +22,7 @@ SCENE_POINTS = 300_000  # on the page, all scenes together
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
     """The whole page."""
     parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
-    viewer = source("painter.js") + source("viewer.js") if any(chapter.scene for chapter in chapters) else Markup("")
+    viewer = viewer_script() if any(chapter.scene for chapter in chapters) else Markup("")
     return render(
         "page.html.j2",
         style=source("page.css"),
@@ -59,9 +59,19 @@ def _heading(parts: Sequence[Part], provenance: Provenance | None) -> str:
 
 def policy(script: str) -> str:
     """What a browser lets the page do (Content-Security-Policy): its own pictures and styles, this one script."""
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    scripts = f"'sha256-{digest}'" if script else "'none'"
+    scripts = script_source(script)
     return f"default-src 'none'; base-uri 'none'; img-src data:; style-src 'unsafe-inline'; script-src {scripts}"
+
+
+def script_source(script: str) -> str:
+    """This script and no other, as a policy names it."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return f"'sha256-{digest}'" if script else "'none'"
+
+
+def viewer_script() -> Markup:
+    """What turns a scene in the browser: the only script of a page."""
+    return source("painter.js") + source("viewer.js")
 
 
 def _scenes(chapters: Sequence[Chapter]) -> list[Markup]:

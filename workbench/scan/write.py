@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.artefacts import PartNames, Recording
 from workbench.errors import OutputError
-from workbench.storage import require_space
+from workbench.storage import beside, require_space
 
 CHUNK_BYTES = 2**18  # of one data set: large enough to compress well, small enough for the cache
 
@@ -37,7 +37,7 @@ def write(
 
     grids = [g for g in (recording.x_mm, recording.z_mm, recording.intensity) if g is not None]
     require_space(path, sum(g.nbytes for g in grids))
-    partial = path.with_name(f"{path.name}.partial-{os.getpid()}")
+    partial = beside(path)
     try:
         try:
             with h5py.File(partial, "w") as file:

@@ -10,10 +10,12 @@ milling tool has left of the part is one more face: a height over the plane of t
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from workbench.geometry.blocks import in_order
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Float
 
@@ -29,6 +31,7 @@ _OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
 CUT_REACH_MM = 3.0  # `CutTerms.relax` holds for steps up to this
 _EVEN = 0.952  # a greater `CutTerms.relax` speaks of a cut face with slopes below 0.03: there Newton's steps are good
 _DAMPED = 0.95
+FRAMES_A_CALL = 16  # to each core in turn
 
 
 class CutTerms(NamedTuple):
@@ -407,7 +410,6 @@ def hidden(s: Surface, boxes: Float, near: Float, p: Vector, target: Vector) -> 
     return boxes.shape[0] > 0 and enter_box(boxes, p, d, _OFFSET_MM)[0] < distance
 
 
-@kernel
 def cast(
     s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float
 ) -> tuple[Float, AnyArray, Float, Float]:
@@ -422,8 +424,20 @@ def cast(
     ranges, cosines = np.full((n, m), np.nan), np.zeros((n, m))
     faces = np.zeros((n, m), np.uint8)
     sight = np.zeros((n, 4))
+    made = ranges, faces, cosines, sight
+    list(in_order(partial(_cast, s, boxes, table_z, sensor, part_from_profiler, offsets, made), n, FRAMES_A_CALL))
+    return made
+
+
+@kernel
+def _cast(
+    s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float,
+    made: tuple[Float, AnyArray, Float, Float], first: int, last: int,
+) -> None:  # fmt: skip
+    """Fill in frames first to last."""
+    ranges, faces, cosines, sight = made
     near = np.empty(4)
-    for i in range(n):
+    for i in range(first, last):
         pose = part_from_profiler[i]
         lateral, depth = (pose[0, 0], pose[1, 0], pose[2, 0]), (pose[0, 2], pose[1, 2], pose[2, 2])
         w = (depth[0] * sensor.sign, depth[1] * sensor.sign, depth[2] * sensor.sign)
@@ -434,7 +448,7 @@ def cast(
         x, y, tx, ty = edge_point(s, project(s, middle[0], middle[1])[0])
         near[0], near[1], near[2], near[3] = x, y, ty, -tx
         sight[i, 2], sight[i, 3] = math.inf, math.nan
-        for j in range(m):
+        for j in range(offsets.shape[0]):
             origin, d = emitter, w
             if sensor.angular:
                 d = _along(w, lateral, offsets[j])
@@ -462,4 +476,3 @@ def cast(
                     sight[i, 2], sight[i, 3] = v, u
             elif face == BEVEL:
                 sight[i, 1] += 1.0
-    return ranges, faces, cosines, sight

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
-from workbench.storage import require_space
+from workbench.storage import beside, require_space
 from workbench.synthetic.motion import PassMotion, recorded_hand_eye
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import read_any_recipe
@@ -87,27 +86,27 @@ def write_simulation(
 ) -> AnyTruth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
-    beside = [path.with_name(f".{path.name}.{os.getpid()}.part") for path in (recording, truth_file)]
+    partial = [beside(path) for path in (recording, truth_file)]
     for path in (recording, truth_file):
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
         truth: AnyTruth
         if isinstance(recipe, SphereRecipe):
-            truth = write_sphere(recipe, beside[0])
+            truth = write_sphere(recipe, partial[0])
         elif isinstance(recipe, SweptRecipe | GrooveRecipe):
-            truth = _write_swept(recipe, beside[0], progress)
+            truth = _write_swept(recipe, partial[0], progress)
         else:
-            truth = _write_recording(recipe, beside[0], progress)
+            truth = _write_recording(recipe, partial[0], progress)
         text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
-        beside[1].write_text(text, encoding="utf-8")
-        beside[1].replace(truth_file)
-        beside[0].replace(recording)
+        partial[1].write_text(text, encoding="utf-8")
+        partial[1].replace(truth_file)
+        partial[0].replace(recording)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full disk as either
         cause = getattr(error, "strerror", None) or error
         raise OutputError(str(out_path), f"a place to write the recording to ({cause})") from error
     finally:
-        for path in beside:
+        for path in partial:
             path.unlink(missing_ok=True)
     return truth
 

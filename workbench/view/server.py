@@ -18,17 +18,20 @@ import webbrowser
 from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from workbench.errors import InputError, OutputError
+from workbench.report.page import script_source, viewer_script
 from workbench.view.folder import FIRST, NotServedError, content_type, listing, opened, within
 
 LOOPBACK = "127.0.0.1"
 TOKEN_BYTES = 24
+MOST_REQUESTS = 32  # answered at a time: each holds a file open
 HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self' data: 'unsafe-inline'; connect-src 'none'; object-src 'none'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'none'; "
+    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; script-src ",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",  # the address holds the token
@@ -54,6 +57,8 @@ class ResultServer(http.server.ThreadingHTTPServer):
         if not any(self.root.iterdir()):
             raise InputError(str(directory), "expected a directory with the results of a run, got an empty one")
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.policy = HEADERS["Content-Security-Policy"] + script_source(viewer_script())
+        self.room = threading.BoundedSemaphore(MOST_REQUESTS)
         try:
             super().__init__((LOOPBACK, port), Handler)
         except OSError as error:
@@ -63,6 +68,18 @@ class ResultServer(http.server.ThreadingHTTPServer):
     def hosts(self) -> set[str]:
         """What a request may call this server."""
         return {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Wait until there is room."""
+        self.room.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer, and make room."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self.room.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
         """A browser that went away is no news; anything else is told in one line."""
@@ -86,10 +103,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
         """The same without its body."""
         self._answer(send_body=False)
 
-    def _refuse_method(self) -> None:
-        self._send(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"GET and HEAD only\n", {"Allow": "GET, HEAD"})
-
-    do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse_method  # noqa: N815
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """What is no request, or of a method that is not answered, gets the same headers as all else."""
+        if code == HTTPStatus.NOT_IMPLEMENTED:
+            self._send(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"GET and HEAD only\n", {"Allow": "GET, HEAD"})
+        else:
+            self._send(HTTPStatus(code), "text/plain", b"not a request\n")
 
     def _answer(self, *, send_body: bool) -> None:
         address = urlsplit(self.path).path
@@ -123,7 +142,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
     def _head(self, status: HTTPStatus, kind: str, length: int, more: dict[str, str] | None = None) -> None:
         self.send_response(status)
-        for name, value in {"Content-Type": kind, "Content-Length": str(length), **HEADERS, **(more or {})}.items():
+        for name, value in {
+            "Content-Type": kind,
+            "Content-Length": str(length),
+            **HEADERS,
+            **(more or {}),
+            "Content-Security-Policy": self.server.policy,
+        }.items():
             self.send_header(name, value)
         self.end_headers()
 

@@ -9,10 +9,11 @@ from workbench.robot import Chain, forward_kinematics, inverse_kinematics
 from workbench.robot.sides import arm_sides, free_joint_3, level_joint_3
 
 
-@pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "puma"])
+@pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "puma", "ur10e"])
 def test_each_branch_has_sides_of_its_own(arms: Any, name: str) -> None:
     chain: Chain = arms(name)
-    q = np.random.default_rng(5).uniform(chain.limits[:, 0], chain.limits[:, 1], (2000, 6))
+    count = 100 if name == "ur10e" else 2000
+    q = np.random.default_rng(5).uniform(chain.limits[:, 0], chain.limits[:, 1], (count, 6))
     branches = inverse_kinematics(chain, forward_kinematics(chain, q))
     solved = np.isfinite(branches[..., 0])
     code = np.full(solved.shape, -1)
@@ -20,7 +21,7 @@ def test_each_branch_has_sides_of_its_own(arms: Any, name: str) -> None:
     for row in code:
         found = row[row >= 0]
         assert len(set(found)) == len(found)
-    assert solved.all(axis=1).sum() > 300
+    assert (solved.sum(axis=1) == 8).sum() > 0.15 * count
 
 
 def test_the_upright_forward_arm_has_none(chain: Chain) -> None:

@@ -20,6 +20,7 @@ from workbench.robot.kinematics import (
 from workbench.robot.margins import Margins, dexterity
 from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
+from workbench.robot.sides import arm_sides
 from workbench.robot.triangles import cell_triangles
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
 
@@ -36,6 +37,7 @@ __all__ = [
     "SphericalWrist",
     "Turntable",
     "abb_angles",
+    "arm_sides",
     "bounding_volumes",
     "cell",
     "cell_triangles",

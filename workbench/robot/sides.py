@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.robot.chain import Chain
 from workbench.robot.kinematics import motions
-from workbench.robot.wrist import meeting_point
+from workbench.robot.wrist import PARALLEL, meeting_point, offset_wrist
 from workbench.units import Bool, Float
 
 
@@ -23,7 +23,7 @@ def arm_sides(chain: Chain, joints: Float) -> Bool:
     joint 4 at zero. The base's z counts as up: a robot that hangs hangs with its base.
     """
     h, o = chain.axes, chain.points_mm
-    centre, _ = meeting_point(h[3:], o[3:])
+    centre, beyond, link = _wrist(chain)
     up = h[0] if h[0, 2] >= 0 else -h[0]
     side = np.cross(up, centre - o[0])
     side = h[1] * np.sign(h[1] @ side)  # bends the arm forward
@@ -33,10 +33,25 @@ def arm_sides(chain: Chain, joints: Float) -> Bool:
     wrist = moved[:, 3, :3, :3] @ centre + moved[:, 3, :3, 3]
     elbow = moved[:, 2, :3, :3] @ o[2] + moved[:, 2, :3, 3]
     shoulder = moved[:, 1, :3, :3] @ o[1] + moved[:, 1, :3, 3]
-    behind = np.einsum("ni,ni->n", turn @ forward, wrist - o[0]) < 0
+    hand = moved[:, link, :3, :3] @ beyond + moved[:, link, :3, 3]
+    behind = np.einsum("ni,ni->n", turn @ forward, hand - o[0]) < 0
     bent = np.einsum("ni,ni->n", turn @ side, np.cross(elbow - shoulder, wrist - elbow))
     flipped = np.sin(np.asarray(joints, float).reshape(-1, 6)[:, 4]) * np.sign(h[4] @ side) < 0
     return np.column_stack([behind, bent < 0, flipped])
+
+
+def _wrist(chain: Chain) -> tuple[Float, Float, int]:
+    """What the elbow is judged by, what the shoulder is judged by, and the link that carries the latter, at zero.
+
+    Both are the wrist's centre, or where axes 4 and 5 meet. Where axis 4 is parallel to axes 2 and 3 (UR), joint 1
+    decides where axes 5 and 6 meet, not where 4 and 5 do.
+    """
+    offset = offset_wrist(chain)
+    if offset is None:
+        centre = meeting_point(chain.axes[3:], chain.points_mm[3:])[0]
+        return centre, centre, 3
+    parallel = float(np.linalg.norm(np.cross(chain.axes[3], chain.axes[2]))) < PARALLEL
+    return (offset.on_4_mm, offset.on_6_mm, 4) if parallel else (offset.on_4_mm, offset.on_4_mm, 3)
 
 
 def level_joint_3(chain: Chain, joints: Float) -> Float:

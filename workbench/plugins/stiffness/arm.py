@@ -13,8 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import AnyArray, Chain, Float, InputError, inverse, pose_from, spherical_wrist
+from workbench.api import (
+    AnyArray,
+    Chain,
+    Float,
+    InputError,
+    inverse,
+    inverse_kinematics,
+    pose_from,
+    spherical_wrist,
+)
 from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_kernel, traverse_kernel
+from workbench.plugins.stiffness.general_arm import GeneralArm
 
 CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
 SQUARE = 1e-9  # cosine that still counts as a right angle
@@ -31,6 +41,22 @@ class Arm:
     bend: float  # of axis 6 against axis 4 about axis 5, where joint 5 is at zero
     lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
+
+
+AnyArm = Arm | GeneralArm
+
+
+def arm_of(chain: Chain) -> AnyArm:
+    """The arm of a robot: for the kernels here where they hold for it, else by its inverse kinematics.
+
+    Raises:
+        InputError: the robot has no inverse.
+    """
+    try:
+        return fast_arm(chain)
+    except InputError:
+        inverse_kinematics(chain, chain.base_from_flange_at_zero)
+        return GeneralArm(chain)
 
 
 def fast_arm(chain: Chain) -> Arm:
@@ -72,7 +98,7 @@ def _window(low: float, high: float) -> tuple[float, float, float]:
     return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
 
 
-def displacements(arm: Arm, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, *,
+def displacements(arm: AnyArm, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, *,
                   shoulder: int = 0, elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
     """Length of the tip's displacement (n,), mm, in one branch, and what is said of each posture (n,), see CAUSES.
 
@@ -85,6 +111,11 @@ def displacements(arm: Arm, stiffness: Float, base_from_flange: Float, tip_mm: F
         shoulder: 0: the arm reaches forward, 1: over its back.
         elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
     """
+    if isinstance(arm, GeneralArm):
+        at, acts = (np.broadcast_to(part, (len(base_from_flange), 3)) for part in (tip_mm, force_n))
+        one, first, other, second = arm.displacements(stiffness, base_from_flange, at, acts, 4 * shoulder + 2 * elbow)
+        better = (first < second) | ((first == second) & (one <= other))
+        return np.where(better, one, other), np.where(better, first, second)
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     wrist = base_from_flange[:, :3, :3] @ arm.wrist_in_flange_mm + base_from_flange[:, :3, 3]
     w, a, p, f = (
@@ -102,7 +133,7 @@ def displacements(arm: Arm, stiffness: Float, base_from_flange: Float, tip_mm: F
     return found, said.astype(np.uint8)
 
 
-def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cutter: Float, load_mm: Float,
+def traverse(arm: AnyArm, stiffness: Float, flange_from_cutter: Float, base_from_cutter: Float, load_mm: Float,
              force_n: Float, angles: Float, *, shoulder: int = 0,
              elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
@@ -124,6 +155,9 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
         Mean displacement (a, t), mm, and the worst that is said of one of the path's postures (a, t), see CAUSES; of
         the wrist's two flips, each kept all along the path, the better one.
     """
+    if isinstance(arm, GeneralArm):
+        return arm.traverse(stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles,
+                            4 * shoulder + 2 * elbow)  # fmt: skip
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
@@ -135,11 +169,13 @@ def traverse(arm: Arm, stiffness: Float, flange_from_cutter: Float, base_from_cu
     )  # fmt: skip
 
 
-def joint_angles(arm: Arm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
+def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
     """Joint angles (n, 6) in (-pi, pi] at poses (n, 4, 4), in one of the branches of `inverse_kinematics`.
 
     Meaningless, but finite, where `displacements` says of the posture that it is unreachable or singular.
     """
+    if isinstance(arm, GeneralArm):
+        return arm.joint_angles(base_from_flange, 4 * shoulder + 2 * elbow + flip)
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
     w, a, b = (

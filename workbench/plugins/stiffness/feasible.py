@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics
-from workbench.plugins.stiffness.arm import Arm, joint_angles
+from workbench.plugins.stiffness.arm import AnyArm, joint_angles
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
 
@@ -23,7 +23,7 @@ class Configuration:
     branch: int  # index into `traversal.BRANCHES`
     flip: int  # of the wrist
 
-    def joints(self, arm: Arm, flange: Float) -> Float:
+    def joints(self, arm: AnyArm, flange: Float) -> Float:
         """Joint angles (n, 6) in (-pi, pi]."""
         shoulder, elbow = BRANCHES[self.branch]
         return joint_angles(arm, flange, shoulder=shoulder, elbow=elbow, flip=self.flip)
@@ -41,7 +41,7 @@ class Verdicts:
 class Examiner:
     """Asks whether a path can be milled with a constant cutter rotation and turntable angle."""
 
-    def __init__(self, cell: Cell, arm: Arm, points: PathPoints) -> None:
+    def __init__(self, cell: Cell, arm: AnyArm, points: PathPoints) -> None:
         """Build once, ask often."""
         self.cell, self.arm, self.points = cell, arm, points
         self.screen = CollisionScreen(cell)

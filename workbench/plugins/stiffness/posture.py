@@ -21,7 +21,7 @@ from workbench.api import (
     stage,
     within_margins,
 )
-from workbench.plugins.stiffness.arm import fast_arm
+from workbench.plugins.stiffness.arm import arm_of
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import Load, path_points
@@ -114,7 +114,7 @@ def posture(
             kernels hold for; the force is of another path.
     """
     kept = within_margins(cell)
-    arm, k = fast_arm(kept.chain), stiffness.nm_per_rad
+    arm, k = arm_of(kept.chain), stiffness.nm_per_rad
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)

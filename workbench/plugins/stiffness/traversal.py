@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import AnyArray, Cell, Float, Int, inverse
-from workbench.plugins.stiffness.arm import CAUSES, Arm, traverse
+from workbench.plugins.stiffness.arm import CAUSES, AnyArm, traverse
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
 BRANCHES = ((0, 0), (0, 1), (1, 0), (1, 1))  # shoulder, elbow; a flip of the wrist changes no displacement
@@ -42,7 +42,7 @@ def spread(indices: Int, count: int) -> Int:
     return np.asarray(indices[np.unique(at)])
 
 
-def traversal(arm: Arm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float,
+def traversal(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float,
               tables: Float) -> Traversal:  # fmt: skip
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
     cutter, load, force = placed(cell, points, tables)
@@ -54,7 +54,7 @@ def traversal(arm: Arm, cell: Cell, stiffness: Float, points: PathPoints, rotati
     return Traversal(rotations, tables, mean * (len(points.layer) / len(points.loaded)), said)
 
 
-def lowest(arm: Arm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float) -> Float:
+def lowest(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float) -> Float:
     """The least displacement (n, a) of each loaded point, over all rotations and branches: no law can do better."""
     loaded = points.loaded
     cutter, load, force = (part[:, loaded] for part in placed(cell, points, tables))

@@ -115,14 +115,25 @@ class Stage:
         return check_parameters(self.model, given, where or self.name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Run on artefacts (positional, or by name) with parameters by name."""
+        """Run on artefacts (positional, or by name) with parameters by name; files may stand behind the artefacts."""
         kinds = {source.name: source for source in self.sources}
+        args, kwargs = self._files_by_name(args, kwargs)
         passed = {key: value for key, value in kwargs.items() if key in kinds or self._is_progress(key)}
         parameters = self.validate({key: value for key, value in kwargs.items() if key not in passed})
         for name, value in [*zip(kinds, args, strict=False), *passed.items()]:
             if name in kinds:
                 self._check_source(kinds[name], value)
         return self.function(*args, **passed, **parameters)
+
+    def _files_by_name(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Paths that stand behind the artefacts get the names of the files that the stage reads, in their order."""
+        count = len(self.sources)
+        files = [name for name, role in self.parameters.items() if role is Role.INPUT_FILE and name not in kwargs]
+        rest = args[count:]
+        if len(rest) > len(files) or not all(isinstance(one, str | Path) for one in rest):
+            shown = ", ".join([*(source.name for source in self.sources), *files]) or "none"
+            raise PipelineError(self.name, f"expected at most these by position: {shown}; got {len(args)} values")
+        return args[:count], kwargs | dict(zip(files, rest, strict=False))
 
     def _is_progress(self, key: str) -> bool:
         return self.parameters.get(key) is Role.PROGRESS

@@ -55,6 +55,17 @@ def test_an_initial_pose_reaches_far() -> None:
     assert np.abs(error(found.reference_from_scan, true, found.pivot_mm)[:3]).max() < 3e-3
 
 
+def test_features_find_the_start() -> None:
+    """150 deg and half a metre away, with nothing known."""
+    true = motion([400.0, 200.0, -300.0], [0.5, -1.2, 2.2])
+    scan = laid_off(scanned(1, "corner"), true)
+    scan = dataclasses.replace(scan, range_axis=true[:3, :3].T @ scan.range_axis)
+    found, _ = register(scan, scanned(2, "corner"), start="features")
+    assert np.abs(error(found.reference_from_scan, true, found.pivot_mm)[:3]).max() < 3e-3
+    with pytest.raises(InputError, match="expected no initial pose"):
+        register(scanned(1, "corner"), scanned(2, "corner"), start="features", initial=np.eye(4).tolist())
+
+
 def test_a_straight_edge_slides_and_is_refused() -> None:
     with pytest.raises(InputError, match=r"sliding along the edge by \(1\.00, -?0\.00, -?0\.00\)"):
         register(scanned(1), scanned(2))

@@ -176,7 +176,7 @@ def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, impo
     expected = model.base_from_flange(np.radians(joints))
     np.testing.assert_allclose(got.robot_position_mm, expected[:, :3, 3])
     np.testing.assert_allclose(got.robot_time_s, milled.robot_time_s)
-    with pytest.raises(InputError, match=r"line 3: joint '.*': expected .* found 5 \\(deg declared as rad"):
+    with pytest.raises(InputError, match=r"line 3: joint '.*': expected .* found 5 .deg declared as rad"):
         imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
 
 

@@ -39,6 +39,7 @@ from workbench.artefacts.programs import (
     Violation,
 )
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
+from workbench.artefacts.showing import shown
 from workbench.units import frozen
 
 __all__ = [
@@ -97,3 +98,8 @@ __all__ = [
     "conformity",
     "frozen",
 ]
+
+for _name in __all__:
+    if hasattr(globals()[_name], "__dataclass_fields__") and isinstance(globals()[_name], type):
+        shown(globals()[_name])
+del shown

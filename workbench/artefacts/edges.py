@@ -8,6 +8,7 @@ from typing import Literal
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.showing import AlongTheEdge
 from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int
 
@@ -45,7 +46,7 @@ class EdgeFrames:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Edge:
+class Edge(AlongTheEdge):
     """The workpiece's edge as measured: faces a frame, the lower edge as a curve in the base.
 
     t = m x n (docs/conventions.md). Curve arrays have one row a *station*, about 1 mm apart, from arc length 0 at the

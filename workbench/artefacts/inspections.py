@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.showing import along_chart, rows_table
 from workbench.units import Float, Int
 
 Verdict = Literal["pass", "fail", "undecided"]
@@ -104,3 +105,14 @@ class Inspection:
     uncertainty: Uncertainty = NO_BUDGET
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()  # what was checked of recording and faces
+
+    def table(self) -> Any:
+        """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        names = ("index", "arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg", "verdict")
+        return rows_table([{name: getattr(section, name) for name in names} for section in self.sections])
+
+    def plot(self) -> Any:
+        """A matplotlib Figure of root face and bevel angle along the edge, with U = 2 u."""
+        p = self.profile
+        root, bevel = ("root face, mm", p.root_mm, p.root_u_mm), ("bevel angle, deg", p.bevel_deg, p.bevel_u_deg)
+        return along_chart(p.arc_length_mm, root, bevel)

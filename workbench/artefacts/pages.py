@@ -7,6 +7,8 @@ from typing import Literal
 
 from workbench.artefacts.inspections import Verdict
 from workbench.artefacts.parts import Part
+from workbench.artefacts.showing import brief
+from workbench.errors import PipelineError
 from workbench.units import AnyArray, Float
 
 
@@ -81,3 +83,10 @@ class Document:
 
     name: str
     content: bytes
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.content, bytes):
+            found = f"{type(self.name).__name__}, {type(self.content).__name__}"
+            raise PipelineError(
+                f"Document {brief(self.name)}", f"expected name as str and content as bytes, got {found}"
+            )

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.showing import columns_table, space_chart
 from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.units import DEG, Bool, Float, Int
 
@@ -92,6 +94,18 @@ class Toolpath:
     def time_at_v_slow_s(self) -> float:
         """The same at constant v_slow: what the paper's equation (26) is compared with."""
         return float(step_lengths_mm(np.concatenate([p.position_mm for p in self.in_order])).sum()) / self.v_slow_mm_s
+
+    def table(self) -> Any:
+        """A row a key point, layer after layer: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        names = ("arc_length_mm", "feed_mm_s", "cutting", "measured", "width_mm")
+        columns = {name: np.concatenate([getattr(layer, name) for layer in self.layers]) for name in names}
+        place = np.concatenate([self.in_base(layer.position_mm) for layer in self.layers])
+        layer = np.concatenate([np.full(len(each.feed_mm_s), each.index) for each in self.layers])
+        return columns_table(layer=layer, **columns, x_mm=place[:, 0], y_mm=place[:, 1], z_mm=place[:, 2])
+
+    def plot(self) -> Any:
+        """A matplotlib Figure of the layers in the base."""
+        return space_chart(*((f"layer {each.index}", self.in_base(each.position_mm)) for each in self.layers))
 
     def in_base(self, position_mm: Float) -> Float:
         """Positions (k, 3) of the path, in the base."""

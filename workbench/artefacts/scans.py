@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, Protocol
+
+import numpy as np
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, frozen
+
+
+class Labelled(Protocol):
+    """An edge: it labels the grid's points by face."""
+
+    @property
+    def labels(self) -> AnyArray:
+        """(N, M) uint8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +74,29 @@ class Cloud:
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
 
+    @property
+    def points_mm(self) -> Float:
+        """(n, 3) kept points in the base, frame by frame; computed anew each time."""
+        return self.placed(*np.nonzero(self.keep))
+
+    def to_open3d(self, edge: Labelled | None = None) -> Any:
+        """The kept points as `open3d.t.geometry.PointCloud`, in mm in the base.
+
+        Attributes: `frame` and `column` (places in the scanner's grid) and `face` (`FACE_NAMES`; 0 without an edge).
+        `.to_legacy()` of it is Open3D's older point cloud, without them.
+        """
+        from workbench.artefacts.open3d_clouds import tensor_cloud
+
+        frame, column = np.nonzero(self.keep)
+        face = np.zeros(len(frame), np.int32) if edge is None else edge.labels[frame, column]
+        return tensor_cloud(self.placed(frame, column), face=face, frame=frame, column=column)
+
+    def placed(self, frame: Int, column: Int) -> Float:
+        """(n, 3) points in the base at places (n,) of the grid."""
+        pose = self.base_from_profiler[frame, :3]
+        x, z = self.x_mm[frame, column].astype(np.float64), self.z_mm[frame, column].astype(np.float64)
+        return np.asarray(pose[:, :, 3] + x[:, None] * pose[:, :, 0] + z[:, None] * pose[:, :, 2])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSet:
@@ -72,3 +105,16 @@ class PointSet:
     points_mm: Float  # (n, 3) finite
     source: str = ""  # the file's name as given, for messages
     part: Part = UNKNOWN_PART
+
+    def to_open3d(self) -> Any:
+        """The points as `open3d.t.geometry.PointCloud`, in mm."""
+        from workbench.artefacts.open3d_clouds import tensor_cloud
+
+        return tensor_cloud(self.points_mm)
+
+    @classmethod
+    def from_open3d(cls, cloud: Any, source: str = "open3d") -> PointSet:
+        """The finite points of one of Open3D's point clouds, tensor or legacy; its coordinates are taken as mm."""
+        from workbench.artefacts.open3d_clouds import positions
+
+        return cls(frozen(positions(cloud)), source)

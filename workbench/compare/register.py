@@ -10,17 +10,20 @@ from pydantic import Field
 
 from workbench.artefacts import Document
 from workbench.compare.covariance import covariance_of
-from workbench.compare.icp import OPEN, Equations, coarse, refine
+from workbench.compare.icp import OPEN, Equations, coarse, equations_at, refine
 from workbench.compare.open_directions import in_words
 from workbench.compare.surface import rigid
 from workbench.compare.surface_values import Registration, Surface
 from workbench.compare.surfels import Surfels, surfels
 from workbench.compare.target import target_of
 from workbench.errors import InputError
+from workbench.geometry.coarse import coarse_registration
 from workbench.stage import stage
 from workbench.strict_json import strict_json
+from workbench.units import Float
 
 LEAST_PLACES = 30
+COARSE_SPACINGS = 2.0  # voxel of the features, in spacings of the places
 MOST_PLACES = 20_000  # that a mesh is sampled at
 
 
@@ -33,6 +36,10 @@ def register(
         list[list[float]] | None,
         Field(description="4x4 (direction cosines, mm) to start from; null: both are in the base"),
     ] = None,
+    start: Annotated[
+        Literal["initial", "features"],
+        Field(description="begin at the initial pose, or find a start by features and RANSAC (Open3D)"),
+    ] = "initial",
     open_directions: Annotated[
         Literal["refuse", "hold"],
         Field(description="what to do where the shapes leave a direction open: refuse, or hold the initial pose"),
@@ -60,6 +67,7 @@ def register(
         scan: from `compare.surface`.
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         initial: reference_from_scan to start from.
+        start: where nothing is known of the pose, features find one; `initial` must then be null.
         open_directions: refuse or hold.
         held_u_mm: how well the initial pose is known in held directions; it enters the covariance.
         reach_mm: matches farther apart do not count.
@@ -71,14 +79,19 @@ def register(
     Raises:
         InputError: open directions, a small overlap, a poor fit.
     """
-    start = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
+    pose = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
+    if start == "features" and (initial is not None or open_directions == "hold"):
+        raise InputError("compare.register.start", "expected no initial pose, and open_directions 'refuse', with "
+                         "'features': nothing is known to hold on to")  # fmt: skip
     source = surfels(scan, spacing_mm, radius_mm)
     coarse_target = _sampled(reference, spacing_mm, radius_mm)
     _check_flat(scan, source, radius_mm)
     _check_flat(reference, coarse_target, radius_mm)
-    pose = coarse(source, coarse_target, start, reach_mm)
+    starts = _by_features(scan, coarse_target, COARSE_SPACINGS * spacing_mm) if start == "features" else [pose]
+    found_poses = [coarse(source, coarse_target, one, reach_mm) for one in starts]
     target = target_of(reference, spacing_mm, radius_mm)
-    pose, equations = refine(source, target, pose, start, reach_mm, open_directions == "hold")
+    found_pose = max(found_poses, key=lambda one: int(equations_at(source, target, one, reach_mm).use.sum()))
+    pose, equations = refine(source, target, found_pose, pose, reach_mm, open_directions == "hold")
     overlap = _overlap(source, equations)
     rms = float(np.sqrt(np.average(equations.residual_mm**2, weights=equations.weight))) if overlap else math.nan
     _check(scan, equations, overlap, rms, least_overlap, largest_rms_mm)
@@ -90,6 +103,11 @@ def register(
     found = Registration(pose, covariance_of(equations, held_u_mm), equations.pivot_mm, overlap, rms, tuple(loose),
                          len(equations.weight), tuple(f"held at the initial pose: {one}" for one in loose))  # fmt: skip
     return found, _document(found, scan, reference)
+
+
+def _by_features(scan: Surface, target: Surfels, voxel_mm: float) -> list[Float]:
+    """Candidates for the start, from nothing."""
+    return [one.target_from_source for one in coarse_registration(scan.points_mm, target.centre_mm, voxel_mm)]
 
 
 def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels:

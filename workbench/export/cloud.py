@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Document, Edge
-from workbench.export.cloud_formats import WRITERS
+from workbench.errors import InputError
+from workbench.export.cloud_formats import WRITERS, organised_pcd
 from workbench.export.points import point_table
 from workbench.stage import stage
 
@@ -18,6 +19,9 @@ def cloud(
     edge: Edge | None = None,
     *,
     format: Annotated[Literal["ply", "pcd", "las", "laz", "e57"], Field(description="of the file")] = "ply",
+    organised: Annotated[
+        bool, Field(description="pcd: the scanner's grid with NaN, a row a frame, float32, as PCL takes it")
+    ] = False,
 ) -> Document:
     """Write the fused cloud as `cloud.ply` (or pcd, las, laz, e57), each point with its face, frame and column.
 
@@ -31,5 +35,13 @@ def cloud(
         cloud: the cloud.
         edge: its faces, if they are known.
         format: of the file.
+        organised: whether a PCD keeps the grid.
+
+    Raises:
+        InputError: `organised` with another format than pcd; nothing to write.
     """
+    if organised:
+        if format != "pcd":
+            raise InputError("export.cloud.organised", f"expected format 'pcd' with it, found '{format}'")
+        return Document("cloud.pcd", organised_pcd(cloud, edge))
     return Document(f"cloud.{format}", WRITERS[format](point_table(cloud, edge)))

@@ -33,8 +33,6 @@ def point_table(cloud: Cloud, edge: Edge | None, frames: Int | None = None) -> P
     frame = row if frames is None else frames[row]
     if frames is None and not frame.size:
         raise InputError(cloud.source, "expected points to write, the cloud has none left")
-    pose = cloud.base_from_profiler[:, :3]
-    x, z = cloud.x_mm[frame, column].astype(np.float64), cloud.z_mm[frame, column].astype(np.float64)
-    position = pose[frame, :, 3] + x[:, None] * pose[frame, :, 0] + z[:, None] * pose[frame, :, 2]
+    position = cloud.placed(frame, column)
     face = np.zeros(frame.size, np.uint8) if edge is None else edge.labels[frame, column]
     return PointTable(position, face, frame, column)

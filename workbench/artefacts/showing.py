@@ -1,0 +1,142 @@
+"""How artefacts show themselves in a notebook: a line instead of arrays, a small table, charts.
+
+`shown` gives an artefact a short `repr` and `_repr_html_`; `rows_table` and the charts serve `.table()` and `.plot()`.
+"""
+
+from __future__ import annotations
+
+import html
+import importlib
+import importlib.util
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from workbench.units import AnyArray, Float
+
+LONGEST, MOST_KEYS = 60, 4  # characters of a value, keys of a mapping
+CHART_INCHES = (8.0, 3.2)
+BLUE = "#0072b2"
+CELL = "style='text-align:left'"
+T = TypeVar("T", bound=type)
+
+
+def shown(cls: T) -> T:
+    """Give a dataclass a short `repr` and `_repr_html_`."""
+    setattr(cls, "__repr__", _line)  # noqa: B010 (mypy)
+    setattr(cls, "_repr_html_", _page)  # noqa: B010
+    return cls
+
+
+def brief(value: Any) -> str:
+    """A value in a few words: an array by its shape, a sequence by its length, an artefact by its name."""
+    if isinstance(value, np.ndarray):
+        return f"array {'x'.join(map(str, value.shape))} {value.dtype}"
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}"
+    if is_dataclass(value):
+        return f"{type(value).__name__}(...)"
+    if isinstance(value, Mapping):
+        told = [f"{key}: {brief(one)}" for key, one in list(value.items())[:MOST_KEYS]]
+        return "{" + ", ".join([*told, *(["..."] if len(value) > MOST_KEYS else [])]) + "}"
+    if isinstance(value, tuple | list) and any(is_dataclass(one) or isinstance(one, np.ndarray) for one in value):
+        return f"{len(value)} x {type(value[0]).__name__}"
+    text = repr(value)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def _told(self: Any) -> list[tuple[str, str]]:
+    """Fields with something in them, briefly."""
+    values = ((one.name, getattr(self, one.name)) for one in fields(self))
+    return [(name, brief(value)) for name, value in values if not _empty(value)]
+
+
+def _empty(value: Any) -> bool:
+    return value is None or (isinstance(value, Sequence | Mapping) and not len(value))
+
+
+def _line(self: Any) -> str:
+    return f"{type(self).__name__}({', '.join(f'{name}={text}' for name, text in _told(self))})"
+
+
+def _page(self: Any) -> str:
+    rows = (f"<tr><th {CELL}>{name}</th><td {CELL}>{html.escape(text)}</td></tr>" for name, text in _told(self))
+    return f"<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
+
+
+def rows_table(rows: list[dict[str, Any]]) -> Any:
+    """A pandas DataFrame where pandas is installed, else the rows as they are."""
+    if importlib.util.find_spec("pandas") is None:
+        return rows
+    return importlib.import_module("pandas").DataFrame(rows)
+
+
+def columns_table(**columns: AnyArray) -> Any:
+    """As `rows_table`, of arrays of one length by name."""
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    return rows_table([dict(zip(columns, row, strict=True)) for row in rows])
+
+
+def along_chart(arc_length_mm: Float, *series: tuple[str, Float, Float | None]) -> Any:
+    """A matplotlib Figure: values (label, (n,), (n,) standard uncertainty or None) along the edge, U = 2 u a band."""
+    figure = _figure(len(series))
+    for k, (label, values, u) in enumerate(series, 1):
+        axes = figure.add_subplot(len(series), 1, k)
+        axes.plot(arc_length_mm, values, color=BLUE, linewidth=1.2)
+        if u is not None:
+            axes.fill_between(arc_length_mm, values - 2 * u, values + 2 * u, color=BLUE, alpha=0.25, linewidth=0)
+        axes.set(xlabel="arc length, mm" if k == len(series) else "", ylabel=label)
+    return figure
+
+
+def space_chart(*lines: tuple[str, Float]) -> Any:
+    """A matplotlib Figure: curves (label, (n, 3)) in the base."""
+    figure = _figure(2)
+    axes = figure.add_subplot(projection="3d")
+    for label, points in lines:
+        axes.plot(*points.T, label=label, linewidth=1.2)
+    axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
+    axes.set_aspect("equal")
+    axes.legend()
+    return figure
+
+
+def _figure(rows: int) -> Any:
+    """A Figure that a notebook shows without any set-up."""
+    from matplotlib.figure import Figure
+
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            out = io.BytesIO()
+            self.savefig(out, format="png", dpi=100)
+            return out.getvalue()
+
+    return Shown(figsize=(CHART_INCHES[0], CHART_INCHES[1] * rows), layout="constrained")
+
+
+class AlongTheEdge:
+    """`.table()` and `.plot()` of what is measured at stations along an edge."""
+
+    __slots__ = ()
+
+    def table(self) -> Any:
+        """A row a station: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        one: Any = self
+        named = _xyz("position_mm", one.position_mm) | _xyz("normal", one.normal)
+        return columns_table(arc_length_mm=one.arc_length_mm, seen=one.seen, **named)
+
+    def plot(self) -> Any:
+        """A matplotlib Figure of the edges in the base."""
+        one: Any = self
+        upper = getattr(one, "upper_position_mm", None)
+        return space_chart(("lower edge", one.position_mm), *([] if upper is None else [("upper edge", upper)]))
+
+
+def _xyz(name: str, values: Float) -> dict[str, Float]:
+    base, unit, _ = name.partition("_mm")
+    return {f"{base}_{axis}{unit}": values[:, k] for k, axis in enumerate("xyz")}

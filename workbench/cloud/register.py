@@ -1,0 +1,91 @@
+"""`cloud.register`: a cloud from anywhere laid on another one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Document, PointSet, frozen
+from workbench.cloud.read import MM, OF_FORMAT, Unit, in_process
+from workbench.errors import InputError
+from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration
+from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
+from workbench.stage import InputFile, Seed, stage
+from workbench.strict_json import strict_json
+from workbench.units import Float
+
+LEAST_POINTS = 100
+
+
+@stage("cloud.register")
+def register(
+    points: PointSet,
+    *,
+    reference: InputFile,
+    unit: Annotated[Unit | None, Field(description="of the reference's coordinates; null: as cloud.read")] = None,
+    voxel_mm: Annotated[float, Field(gt=0, le=100, description="of the coarse registration by features")] = 1.0,
+    reach_mm: Annotated[float, Field(gt=0, le=100, description="of points that belong together, at the end")] = 0.5,
+    least_overlap: Annotated[float, Field(gt=0, le=1, description="share that must lie on the reference")] = 0.5,
+    seed: Seed = 0,
+) -> tuple[PointSet, Document]:
+    """Lay a cloud on a reference from no start: Open3D's features and RANSAC, then its point-to-plane ICP.
+
+    The cloud comes back in the reference's frame, with the pose in `cloud_registration.json`. It serves clouds of other
+    scanners; two scans of one cell are compared by `compare.register`, which states a covariance and names the
+    directions that the shapes leave open. Here nothing tells them: a plate slides along itself.
+
+    Args:
+        points: a cloud without a grid.
+        reference: the cloud or mesh to lie on.
+        unit: of its coordinates.
+        voxel_mm: both are thinned to it to find the start.
+        reach_mm: of the fine registration.
+        least_overlap: with less of the cloud on the reference, it is refused.
+        seed: of RANSAC.
+
+    Raises:
+        InputError: an unusable reference, or too little overlap.
+    """
+    suffix = reference.suffix.lower()
+    target = in_process(reference) * MM[unit or OF_FORMAT.get(suffix, "mm")]
+    target = target[np.isfinite(target).all(axis=1)]
+    if min(len(target), len(points.points_mm)) < LEAST_POINTS:
+        raise InputError(str(reference), f"expected at least {LEAST_POINTS} points in both clouds")
+    start = coarse_registration(points.points_mm, target, voxel_mm, seed)[0]
+    pose, overlap, rms = _fine(points.points_mm, target, start.target_from_source, reach_mm)
+    if overlap < least_overlap:
+        raise InputError(
+            points.source or "cloud.register",
+            f"only {100 * overlap:.0f} % lies within {reach_mm:g} mm of {reference}: expected "
+            f"{100 * least_overlap:.0f} %; another part, another unit, or a larger voxel_mm or reach_mm",
+        )
+    content = {
+        "format": "points-registration", "version": 1, "reference": str(reference), "source": points.source,
+        "reference_from_cloud": pose, "overlap": overlap, "rms_mm": rms, "reach_mm": reach_mm, "voxel_mm": voxel_mm,
+    }  # fmt: skip
+    moved = points.points_mm @ pose[:3, :3].T + pose[:3, 3]
+    return replace(points, points_mm=frozen(moved)), Document("cloud_registration.json", strict_json(content))
+
+
+def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> tuple[Float, float, float]:
+    """Open3D's point-to-plane ICP; the pose to 1e-6 mm and rad, the overlap, the RMS of the matches."""
+    import open3d
+
+    o3d: Any = open3d
+    origin = target_mm.mean(axis=0)
+    away = pose_from(np.eye(3), -origin)
+    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(one)) for one in (source_mm, target_mm - origin)]
+    clouds[1].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
+    pose = away @ start
+    for scale in (4.0, 2.0, 1.0):
+        found = o3d.pipelines.registration.registration_icp(
+            *clouds, scale * reach_mm, pose, o3d.pipelines.registration.TransformationEstimationPointToPlane(),
+            o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
+        )  # fmt: skip
+        pose = np.array(found.transformation)
+    pose = inverse(away) @ pose
+    turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
+    return pose_from(turn, pose[:3, 3].round(6)), float(found.fitness), float(found.inlier_rmse)

@@ -84,6 +84,7 @@ def build_parser() -> Parser:
     batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
     run.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    run.add_argument("--cache", metavar="DIR", help="keep here what stages made; the next run computes what changed")
     stages = command("stages", "list the stages, plug-ins included, or describe one with its parameters and units")
     stages.add_argument("name", nargs="?", metavar="NAME")
     schema = command("schema", "print the JSON Schema of a pipeline, for editors, or of a result file")

@@ -37,6 +37,7 @@ def run(options: argparse.Namespace) -> int:
             settings=assignments(options.set, "--set"),
             reporter=lines,
             report=not options.no_report,
+            cache=options.cache,
         )
     except BaseException:
         lines.close()

@@ -18,6 +18,7 @@ from workbench import __version__
 from workbench.artefacts import Gate, PathGate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
+from workbench.pipeline.cache import Made, StageCache
 from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
@@ -106,23 +107,26 @@ class Pipeline:
         settings: Mapping[str, Any] | None = None,
         reporter: Reporter | None = None,
         report: bool = True,
+        cache: str | Path | None = None,
     ) -> Results:
         """Check, run, and write the results into the directory `out` (None: write nothing).
 
         `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name;
-        without `report` no pages are made. Raises a WorkbenchError for anything unusable outside the program.
+        without `report` no pages are made; `cache`: a folder in which what stages make is kept for the next run. Raises a
+        WorkbenchError for anything unusable outside the program.
         """
         checked = self.plan(inputs, settings, report=report)
+        kept = None if cache is None else StageCache(Path(cache), versions())
         if out is None:
-            return run_plan(checked, reporter or Reporter())
+            return run_plan(checked, reporter or Reporter(), kept)
         target = OutputDirectory(out)
         with target.reserved():
-            results = run_plan(checked, reporter or Reporter())
+            results = run_plan(checked, reporter or Reporter(), kept)
             results.files = target.publish(run_files(checked, results))
         return results
 
 
-def run_plan(checked: Plan, reporter: Reporter) -> Results:
+def run_plan(checked: Plan, reporter: Reporter, cache: StageCache | None = None) -> Results:
     """Run the steps in order, in memory."""
     results = Results(warnings=list(checked.warnings))
     records = [record for step in checked.steps for record in step.files]
@@ -135,7 +139,9 @@ def run_plan(checked: Plan, reporter: Reporter) -> Results:
             start = time.perf_counter()
             if any(issubclass(source.type, Provenance) for source in step.stage.sources):
                 results.inputs = digests.all()
-            made = _run_step(step, checked, results, reporter)
+            run = functools.partial(_run_step, step, checked, results, reporter)
+            made, notes = cache.made(step, run) if cache else run()
+            results.warnings += notes
             results.seconds[step.id] = time.perf_counter() - start
             results.artefacts[step.id] = made
             results.warnings += [note for one in made for note in getattr(one, "warnings", ())]
@@ -153,7 +159,7 @@ def _first_page(checked: Plan) -> int:
     return next(last, -1) + 1
 
 
-def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -> tuple[Any, ...]:
+def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -> Made:
     sources = {source.name: _artefact(source, step, checked, results) for source in step.stage.sources}
     extra = {key: reporter.fraction for key, role in step.stage.parameters.items() if role is Role.PROGRESS}
     with _one_line_errors(step, checked), warnings.catch_warnings(record=True) as caught:
@@ -161,8 +167,8 @@ def _run_step(step: Step, checked: Plan, results: Results, reporter: Reporter) -
             warnings.simplefilter("always", category)
         made = step.stage.function(**sources, **step.parameters, **extra)
     noted = [item for item in caught if issubclass(item.category, NOTED)]
-    results.warnings += [f"{step.id}: {one_line(str(item.message))}" for item in noted]
-    return made if isinstance(made, tuple) else (made,) if made is not None else ()
+    notes = [f"{step.id}: {one_line(str(item.message))}" for item in noted]
+    return (made if isinstance(made, tuple) else (made,) if made is not None else ()), notes
 
 
 def _artefact(source: Source, step: Step, checked: Plan, results: Results) -> Any:

@@ -1,0 +1,104 @@
+"""The stage cache: the same results, and nothing computed twice that rests on nothing new."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench import Pipeline
+from workbench.errors import OutputError
+from workbench.pipeline import cache as module
+
+ROOT = Path(__file__).parents[2]
+RECORDING = str(ROOT / "data" / "synthetic" / "milled_edge.h5")
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """How often each stage was really run."""
+    from workbench.pipeline import run
+
+    counts: Counter[str] = Counter()
+    inner = run._run_step
+
+    def counted(step: Any, *rest: Any) -> Any:
+        counts[step.stage.name] += 1
+        return inner(step, *rest)
+
+    monkeypatch.setattr(run, "_run_step", counted)
+    monkeypatch.setattr(module, "QUICK_S", 0.0)
+    return counts
+
+
+def inspect(out: Path | None, cache: Path | None, **inputs: Any) -> dict[str, bytes]:
+    pipeline = Pipeline.load(ROOT / "pipelines" / "inspect_bevel.json")
+    given = {"recording": RECORDING, **inputs}
+    results = pipeline.run(out, inputs=given, cache=cache, report=False)
+    files = {path.name: path.read_bytes() for path in results.files}
+    run = json.loads(files.pop("run.json", b"{}"))
+    for entry in run.get("stages", []):
+        del entry["seconds"]
+    return files | {"run": json.dumps(run).encode()}
+
+
+def test_the_same_bytes_and_only_what_reads_files_is_run_again(tmp_path: Path, ran: Counter[str]) -> None:
+    plain = inspect(tmp_path / "plain", None)
+    first = inspect(tmp_path / "first", tmp_path / "cache")
+    ran.clear()
+    assert inspect(tmp_path / "second", tmp_path / "cache") == first == plain
+    assert set(ran) == {"scan.read", "scan.fuse"}  # fuse may take a hand-eye file; here it takes none
+
+
+def test_a_changed_tolerance_does_not_segment_again(tmp_path: Path, ran: Counter[str]) -> None:
+    inspect(None, tmp_path / "cache")
+    ran.clear()
+    changed = inspect(tmp_path / "b", tmp_path / "cache", root_tolerance_mm=[-0.01, 0.01])
+    assert json.loads(changed["inspection.json"])["verdict"] == "fail"
+    assert "edge.segment" not in ran
+    assert ran["inspect.sections"] == 1
+    assert changed == inspect(tmp_path / "c", None, root_tolerance_mm=[-0.01, 0.01])
+
+
+@pytest.mark.parametrize("harm", [lambda b: b[:50], lambda b: b"", lambda b: b[:-3] + b"xyz", lambda b: b"x" * 200])
+def test_damaged_entries_are_made_anew(tmp_path: Path, ran: Counter[str], harm: Any) -> None:
+    good = inspect(tmp_path / "a", tmp_path / "cache")
+    entries = sorted((tmp_path / "cache").glob("*.stage"))
+    assert entries
+    for entry in entries:
+        entry.write_bytes(harm(entry.read_bytes()))
+    ran.clear()
+    assert inspect(tmp_path / "b", tmp_path / "cache") == good
+    assert ran["edge.segment"] == 1
+    ran.clear()
+    assert inspect(tmp_path / "c", tmp_path / "cache") == good
+    assert ran["edge.segment"] == 0
+
+
+def test_changed_code_is_run(tmp_path: Path, ran: Counter[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    inspect(None, tmp_path / "cache")
+    monkeypatch.setattr(module, "package_digest", lambda name: "other")
+    ran.clear()
+    inspect(None, tmp_path / "cache")
+    assert ran["edge.segment"] == 1
+
+
+def test_another_recording_under_the_same_name_is_measured(tmp_path: Path, ran: Counter[str]) -> None:
+    part = tmp_path / "part.h5"
+    part.write_bytes(Path(RECORDING).read_bytes())
+    first = inspect(tmp_path / "a", tmp_path / "cache", recording=str(part))
+    part.write_bytes((ROOT / "data" / "synthetic" / "milled_edge_again.h5").read_bytes())
+    assert (
+        inspect(tmp_path / "b", tmp_path / "cache", recording=str(part))["inspection.json"] != first["inspection.json"]
+    )
+
+
+def test_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o777)
+    with pytest.raises(OutputError, match="you alone may write"):
+        inspect(None, tmp_path / "cache")
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="cannot be written"):
+        inspect(None, tmp_path / "file")

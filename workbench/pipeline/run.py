@@ -112,7 +112,7 @@ class Pipeline:
         """Check, run, and write the results into the directory `out` (None: write nothing).
 
         `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name;
-        without `report` no pages are made; `cache`: a folder in which what stages make is kept for the next run. Raises a
+        without `report` no pages are made; `cache`: a folder that keeps what stages make for the next run. Raises a
         WorkbenchError for anything unusable outside the program.
         """
         checked = self.plan(inputs, settings, report=report)

@@ -77,7 +77,7 @@ def budget(known: Uncertainty, sections: tuple[Section, ...]) -> tuple[list[tupl
     k = known.coverage_factor
     return [(s.name, s.kind, small(s.root_u_mm, root), small(s.bevel_u_deg, bevel)) for s in known.sources], [
         ("Combined standard uncertainty u", "", small(largest[0], root), small(largest[1], bevel)),
-        (f"Expanded uncertainty U = k u, coverage factor k = {k:g} (about 95 %)", "",
+        (f"Expanded U = k u, coverage factor k = {k:g}", "",
          small(k * largest[0], root), small(k * largest[1], bevel)),
     ]  # fmt: skip
 

@@ -28,7 +28,7 @@ def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
         ("Recorded", part.recorded_at and part.recorded_at.replace("T", " ")),
         ("Operator", part.operator),
     ):
-        yield name, _short(value) if value else "unknown", bool(value)
+        yield name, shortened(value) if value else "unknown", bool(value)
     yield "Sensor", instrument(part.sensor, part.sensor_serial), part.sensor is not None
     calibrated = dated(part.sensor_calibrated_at, part.recorded_at)
     yield "Sensor calibrated", calibrated or "unknown", bool(calibrated)
@@ -40,8 +40,8 @@ def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
 
 def instrument(name: str | None, serial: str | None) -> str:
     """An instrument and its serial number."""
-    number = f"serial number {_short(serial)}" if serial else "serial number unknown"
-    return f"{_short(name)}, {number}" if name else f"unknown, {number}" if serial else "unknown"
+    number = f"serial number {shortened(serial)}" if serial else "serial number unknown"
+    return f"{shortened(name)}, {number}" if name else f"unknown, {number}" if serial else "unknown"
 
 
 def hand_eye(part: Part) -> str:
@@ -50,7 +50,7 @@ def hand_eye(part: Part) -> str:
         return "unknown"
     when = dated(part.hand_eye_calibrated_at, part.recorded_at) or "date unknown"
     good = f"{part.hand_eye_u_mm:.3f} mm over the field of view" if part.hand_eye_u_mm is not None else "unknown"
-    return f"{_short(part.hand_eye)}, {when}; u {good}"
+    return f"{shortened(part.hand_eye)}, {when}; u {good}"
 
 
 def dated(day: str | None, of: str | None) -> str:
@@ -65,6 +65,7 @@ def dated(day: str | None, of: str | None) -> str:
     return f"{then}, {age} before" if days >= 0 else f"{then}, after the recording"
 
 
-def _short(text: str | None) -> str:
+def shortened(text: str | None) -> str:
+    """A name out of a file on one line, cut where it is long."""
     text = one_line(text or "")
     return text if len(text) <= SHOWN else text[: SHOWN - 1] + "…"

@@ -25,7 +25,8 @@ def inspection_html(
         pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
         of_interest=of_interest(inspection).index,
         sections=section_rows(inspection) if len(inspection.sections) > MOST_ROWS else [],
-        checks=check_rows(inspection.checks),
+        failed_checks=check_rows(inspection.checks, passed=False),
+        passed_checks=check_rows(inspection.checks, passed=True),
         set_aside=list(set_aside(cloud, edge)),
         plan_note=plan_note(aside),
         tilt={"whole edge": "once for the whole edge", "per section": "section by section"}.get(

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from workbench.artefacts import Chapter, Part, Provenance, Verdict
 from workbench.errors import one_line
-from workbench.report.identity import identity_html
+from workbench.report.identity import identity_html, shortened
 from workbench.report.pack import packed
 from workbench.report.tables import one_line_a_stage
 from workbench.report.template import render, source
@@ -51,7 +51,7 @@ def _parts(chapters: Sequence[Chapter]) -> list[Part]:
 
 def _heading(parts: Sequence[Part], provenance: Provenance | None) -> str:
     """The parts by name; where none has one, what was done."""
-    names = list(dict.fromkeys(part.part_id for part in parts if part.part_id))
+    names = list(dict.fromkeys(shortened(part.part_id) for part in parts if part.part_id))
     if names or parts:
         return one_line(", ".join(names)) or "Part without identification"
     return provenance.title if provenance else "Report"

@@ -70,16 +70,18 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
 
 def _because(reason: str) -> str:
     """What of a section's reason speaks against it."""
-    against = [part for part in reason.split(", ") if "within tolerance" not in part]
+    against = [part for part in reason.split(", ") if "within tolerance" not in part and "hidden" not in part]
+    if "hidden" in reason:
+        against.append("hidden")
     return one_line(", ".join(against))
 
 
-def check_rows(checks: Iterable[Check]) -> list[tuple[str, ...]]:
-    """A row a check: name, value, limits, whether it passed, what was found or why the limit is where it is."""
+def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
+    """A row a check that passed, or that did not: name, value, limits; what was found, or why the limit is there."""
     return [
         (check.name.replace("_", " "), _number(check.value), _limit(check.limit),
-         "passed" if check.passed else "failed", one_line(check.finding or check.reason))
-        for check in checks
+         one_line(check.reason if passed else check.finding or check.reason))
+        for check in checks if check.passed == passed
     ]  # fmt: skip
 
 

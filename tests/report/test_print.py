@@ -1,0 +1,140 @@
+"""Pages as they are printed and on narrow windows, in a real browser: what a test can tell of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from workbench.artefacts import Part, Uncertainty, UncertaintySource
+from workbench.batch.cover import MOST_PARTS
+from workbench.batch.fleet import page as fleet_page
+from workbench.batch.record import Record
+from workbench.report import closed_loop, html, inspection, plan
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+A4_WIDTH_PX, A4_HEIGHT_PX = round((210 - 2 * 13) / 25.4 * 96), (297 - 2 * 14) / 25.4 * 96
+LONG = "a name of a part that is much longer than names of parts are in most shops, revision 12"
+
+WIDER = """() => [...document.querySelectorAll("body *")].filter((e) => {
+  const box = e.getBoundingClientRect(), scrolls = e.closest("table, pre, .scroll"), edge = window.innerWidth + 1;
+  return box.width && box.right > edge && !e.closest(".across, .stage")
+    && !(scrolls && scrolls.getBoundingClientRect().right <= edge);
+}).map((e) => e.tagName + "." + e.className)"""
+EMPTY = """() => [...document.querySelectorAll("h2, h3")].filter((h) => {
+  if (!h.getBoundingClientRect().height) return false;
+  for (let next = h.nextElementSibling; next; next = next.nextElementSibling) {
+    if (/^H[123]$/.test(next.tagName)) return next.tagName <= h.tagName;
+    if (next.getBoundingClientRect().height) return false;
+  }
+  return true;
+}).map((h) => h.textContent)"""
+CONTRAST = """() => {
+  const light = (rgb) => rgb.map((c) => (c /= 255) <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, c, k) => sum + c * [0.2126, 0.7152, 0.0722][k], 0);
+  const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+  const behind = (e) => { for (; e; e = e.parentElement) { const c = parse(getComputedStyle(e).backgroundColor);
+    if (c.length < 4 || c[3] > 0) return c.slice(0, 3); } return [255, 255, 255]; };
+  return [...document.querySelectorAll("body *")].filter((e) => !e.closest("[aria-hidden], .stage, script, style") &&
+    [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim()) && e.getBoundingClientRect().width).filter((e) => {
+    const a = light(parse(getComputedStyle(e).color).slice(0, 3)), b = light(behind(e));
+    return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 4.5;
+  }).map((e) => e.tagName + "." + e.className + ": " + e.textContent.slice(0, 40));
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed (apt-get install chromium)")
+    as_root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    with playwright.sync_playwright() as driver:
+        try:
+            started = driver.chromium.launch(executable_path=path, args=as_root)
+        except playwright.Error as error:
+            pytest.skip(f"{path} does not start: {str(error).splitlines()[0]}")
+        yield started
+        started.close()
+
+
+def loop_page(part, planned, by_formula, provenance):
+    """A closed loop's page with everything that can be long on its first page."""
+    made, raw = part(frames=120, columns=120, verdict="fail", sections=30), planned(frames=60, columns=60)
+    sources = tuple(
+        UncertaintySource(f"source of uncertainty number {k}, told in words", 0.001, 0.01, "A") for k in range(7)
+    )
+    told = Uncertainty(
+        sources=sources, not_included=tuple(f"{k}: what is not included, in a sentence." for k in range(5))
+    )
+    who = Part(part_id=LONG, sensor=LONG, robot=LONG, hand_eye=LONG, simulated=True)
+    measured = dataclasses.replace(made.inspection, uncertainty=told, part=who, reason=LONG)
+    chapters = (closed_loop(measured, by_formula()), plan(raw.cloud, raw.edge, raw.toolpath),
+                inspection(made.cloud, made.edge, measured))  # fmt: skip
+    return html(chapters, provenance).content.decode()
+
+
+def batch_page():
+    needs = {
+        "root_nominal_mm": 1.5,
+        "root_tolerance_mm": [-0.5, 0.5],
+        "bevel_nominal_deg": 40,
+        "bevel_tolerance_deg": [-1, 1],
+    }
+    rows = tuple({"index": k, "arc_length_mm": 9.0 * k, "root_mm": 1.5, "root_u_mm": 0.006, "bevel_deg": 40.0,
+                  "bevel_u_deg": 0.04, "verdict": "undecided"} for k in range(1, 10))  # fmt: skip
+    parts = [Record(f"{LONG} {k}", "r.h5", "rejected", verdict="undecided", requirements=needs, sections=rows,
+                    identity={"simulated": True}) for k in range(MOST_PARTS + 20)]  # fmt: skip
+    return fleet_page([*parts, *(Record(f"{LONG} x{k}", "x.h5", "failed") for k in range(20))], "Fleet")
+
+
+@pytest.fixture(scope="module")
+def pages(part, planned, by_formula, provenance, tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("pages")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("workbench.report.picture.picture", lambda view: b"\x89PNG")  # not looked at here
+        files = {"loop": loop_page(part, planned, by_formula, provenance), "fleet": batch_page()}
+    for name, text in files.items():
+        (folder / f"{name}.html").write_text(text)
+    return {name: folder / f"{name}.html" for name in files}
+
+
+@pytest.fixture(params=["loop", "fleet"])
+def page(request, pages, browser):
+    opened = browser.new_page(viewport={"width": 1100, "height": 800})
+    opened.goto(pages[request.param].as_uri())
+    yield opened
+    opened.close()
+
+
+def test_the_first_printed_page_holds_one_a4_side(page):
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": A4_WIDTH_PX, "height": 900})
+    high, needed, foot, end = page.evaluate("""() => { const c = document.querySelector(".certificate");
+      const box = c.getBoundingClientRect(), foot = c.querySelector("footer").getBoundingClientRect();
+      return [box.height, c.scrollHeight, foot.bottom, box.bottom]; }""")
+    assert high <= A4_HEIGHT_PX
+    assert needed <= high + 1
+    assert foot <= end + 1
+    assert page.evaluate("() => getComputedStyle(document.querySelector('.certificate')).breakAfter") == "page"
+
+
+@pytest.mark.parametrize("width", [390, 760, 1100])
+def test_nothing_is_wider_than_the_window(page, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    assert page.evaluate(WIDER) == []
+
+
+@pytest.mark.parametrize("media", ["screen", "print"])
+def test_no_heading_stands_over_nothing(page, media):
+    page.emulate_media(media=media)
+    assert page.evaluate(EMPTY) == []
+
+
+def test_every_text_is_dark_enough(page):
+    assert page.evaluate(CONTRAST) == []

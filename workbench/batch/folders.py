@@ -35,7 +35,7 @@ class LocalFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._results = OutputDirectory(path)
+        self._results = OutputDirectory(path, exists=True)
 
     @contextmanager
     def reserved(self) -> Iterator[None]:

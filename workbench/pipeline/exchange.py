@@ -34,9 +34,12 @@ def exchange(staged: Path, target: Path, old: list[str], new: list[str]) -> None
         raise
 
 
-def clear_killed_runs(target: Path) -> None:
-    """What killed runs left: a set that was changing places goes all the way, others were never complete."""
-    for place in (target, target.parent):
+def clear_killed_runs(target: Path, *, beside: bool = True) -> None:
+    """What killed runs left: a set that was changing places goes all the way, others were never complete.
+
+    `beside`: a run may have begun before `target` was there, so the folder above is looked through as well.
+    """
+    for place in (target, target.parent) if beside else (target,):
         for staged in place.glob(f"{glob.escape(staged_prefix(target))}*"):
             with suppress(FileNotFoundError, ValueError):  # ValueError: killed before the first file moved
                 _change_places(staged, target, *_names(staged))

@@ -39,10 +39,11 @@ SUPERSEDED = "superseded"
 class OutputDirectory:
     """Where one run's results go. Every failure is an OutputError that names the directory."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, exists: bool = False) -> None:
+        """`exists`: no run writes there before the directory has been made; the one above may hold millions."""
         if not str(path):
             raise OutputError("''", "expected the name of a directory ('.' for this one)")
-        self.path = Path(path)
+        self.path, self._exists = Path(path), exists
 
     @contextmanager
     def reserved(self) -> Iterator[None]:
@@ -53,7 +54,7 @@ class OutputDirectory:
                 probe.write(bytes(PROBE_BYTES))
         with self._held(place):
             with self._errors(), _signals_wait():
-                clear_killed_runs(self.path)
+                clear_killed_runs(self.path, beside=not self._exists)
             yield
 
     def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
@@ -78,7 +79,7 @@ class OutputDirectory:
             if not self.path.is_dir():
                 return None
         with self._held(self.path), self._errors(), _signals_wait():
-            clear_killed_runs(self.path)
+            clear_killed_runs(self.path, beside=not self._exists)
             old = self._results()
             if not old:
                 return None

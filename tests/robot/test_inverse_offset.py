@@ -34,6 +34,16 @@ def test_every_posture_comes_back(arms: Any, name: str) -> None:
     assert (solved.sum(axis=1) == 16).any() == (name == "crx10ia")
 
 
+def test_poses_out_of_a_file_are_reached(arms: Any) -> None:
+    """Rounded to 8 digits their rotations are none."""
+    chain: Chain = arms("ur10e")
+    poses = forward_kinematics(chain, np.radians([[10, -70, 100, -60, -80, 30], [50, -100, 60, -30, 70, 0]]))
+    found = inverse_kinematics(chain, np.round(poses, 7))
+    back = forward_kinematics(chain, np.nan_to_num(found))
+    assert np.isfinite(found[..., 0]).sum() == 16
+    assert np.abs(back - poses[:, None])[np.isfinite(found[..., 0])].max() < 1e-4
+
+
 def test_many_starts_find_no_other(arms: Any) -> None:
     """CRX-10iA, for which EAIK has no decomposition: least squares from 120 random starts at each of six poses."""
     chain: Chain = arms("crx10ia")

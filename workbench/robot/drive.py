@@ -135,6 +135,8 @@ def _nearest(branches: AnyArray, wanted: AnyArray) -> AnyArray:
 def _choose(branches: AnyArray, wanted: AnyArray, found: AnyArray) -> None:
     best, one = np.inf, np.empty(6)
     for b in range(len(branches)):
+        if np.isnan(branches[b, 0]):
+            continue
         far = 0.0
         for i in range(6):
             one[i] = branches[b, i] + 2 * np.pi * np.round((wanted[i] - branches[b, i]) / (2 * np.pi))

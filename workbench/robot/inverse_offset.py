@@ -35,6 +35,9 @@ def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
     Where a solution is singular (double), it may be missing.
     """
     found = np.full((len(poses), MOST, 6), np.nan)
+    left, _, right = np.linalg.svd(poses[:, :3, :3])  # what is rounded is no rotation, and nothing would reach it
+    poses = poses.copy()
+    poses[:, :3, :3] = left @ right
     for begin in range(0, len(poses), 500):
         part = slice(begin, begin + 500)
         search = _Search(chain, wrist, poses[part])

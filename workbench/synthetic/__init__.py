@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
+from workbench.synthetic.prism_recipe import PrismRecipe
+from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import (
     parse_groove_recipe,
+    parse_prism_recipe,
     parse_recipe,
     parse_sphere_recipe,
     parse_swept_recipe,
@@ -32,6 +35,7 @@ __all__ = [
     "RAW_CONDITIONS",
     "GrooveRecipe",
     "GrooveTruth",
+    "PrismRecipe",
     "Recipe",
     "SphereRecipe",
     "SphereTruth",
@@ -41,6 +45,7 @@ __all__ = [
     "Workpiece",
     "milled_truth",
     "parse_groove_recipe",
+    "parse_prism_recipe",
     "parse_recipe",
     "parse_sphere_recipe",
     "parse_swept_recipe",
@@ -51,6 +56,7 @@ __all__ = [
     "read_truth",
     "simulate_file",
     "simulate_groove",
+    "simulate_prism",
     "simulate_recording",
     "simulate_sphere",
     "simulate_swept",

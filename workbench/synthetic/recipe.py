@@ -189,7 +189,7 @@ class Pass(Strict):
 
     from_mm: Number
     to_mm: Number
-    elevation_deg: Annotated[float, Field(gt=-90, lt=90)] = 40.0
+    elevation_deg: Annotated[float, Field(gt=-90, lt=180)] = 40.0
     oblique_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     lead_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     aim_mm: tuple[Number, Number] = (-2.0, 4.0)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from workbench.errors import InputError, nearest
 from workbench.strict_json import read_any_json
+from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
@@ -22,11 +23,13 @@ def read_recipe(path: str | Path) -> Recipe:
     return parse_recipe(read_any_json(Path(path)), source=str(path))
 
 
-def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | AnyRecipe:
+def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | PrismRecipe | AnyRecipe:
     """The recipe in the JSON file `path`: by its `format` of a part or a sphere, by its `simulator` a swept part."""
     document = read_any_json(Path(path))
     if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
         return parse_sphere_recipe(document, source=str(path))
+    if isinstance(document, Mapping) and document.get("format") == "groove-recipe":
+        return parse_prism_recipe(document, source=str(path))
     if isinstance(document, Mapping) and "simulator" in document:
         part = document.get("part")
         groove = isinstance(part, Mapping) and part.get("kind") == "groove"
@@ -47,6 +50,11 @@ def parse_sphere_recipe(document: Any, source: str = "recipe") -> SphereRecipe:
 def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
     """The recipe of a swept plate that `document` describes; InputError as for `read_recipe`."""
     return _parse(SweptRecipe, document, source)
+
+
+def parse_prism_recipe(document: Any, source: str = "recipe") -> PrismRecipe:
+    """The recipe of a straight groove of the first simulator; InputError as for `read_recipe`."""
+    return _parse(PrismRecipe, document, source)
 
 
 def parse_groove_recipe(document: Any, source: str = "recipe") -> GrooveRecipe:

@@ -13,6 +13,8 @@ from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.storage import beside, require_space
 from workbench.synthetic.motion import PassMotion, recorded_hand_eye
+from workbench.synthetic.prism_recipe import PrismRecipe
+from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import plan_motion, scan_pass
@@ -32,6 +34,7 @@ from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
 AnyTruth = Truth | SphereTruth | SweptTruth | GrooveTruth
+InMemory = SweptRecipe | GrooveRecipe | PrismRecipe
 _PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
@@ -82,7 +85,7 @@ def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progr
 
 
 def write_simulation(
-    recipe: Recipe | SphereRecipe | SweptRecipe | GrooveRecipe, out_path: str | Path, progress: Progress | None = None
+    recipe: Recipe | SphereRecipe | InMemory, out_path: str | Path, progress: Progress | None = None
 ) -> AnyTruth:
     """As `simulate_file`, from a recipe at hand."""
     recording, truth_file = Path(out_path), truth_path(out_path)
@@ -94,8 +97,8 @@ def write_simulation(
         truth: AnyTruth
         if isinstance(recipe, SphereRecipe):
             truth = write_sphere(recipe, partial[0])
-        elif isinstance(recipe, SweptRecipe | GrooveRecipe):
-            truth = _write_swept(recipe, partial[0], progress)
+        elif isinstance(recipe, InMemory):
+            truth = _write_in_memory(recipe, partial[0], progress)
         else:
             truth = _write_recording(recipe, partial[0], progress)
         text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
@@ -121,12 +124,14 @@ def _pass_index(counts: Any) -> Int:
     return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
 
 
-def _write_swept(recipe: SweptRecipe | GrooveRecipe, path: Path, progress: Progress | None) -> SweptTruth | GrooveTruth:
-    """The HDF5 file of a swept part, which is simulated in memory."""
+def _write_in_memory(recipe: InMemory, path: Path, progress: Progress | None) -> SweptTruth | GrooveTruth:
+    """The HDF5 file of a swept part or a groove, which is simulated in memory."""
     import h5py
 
     truth: SweptTruth | GrooveTruth
-    if isinstance(recipe, GrooveRecipe):
+    if isinstance(recipe, PrismRecipe):
+        recording, truth = simulate_prism(recipe)
+    elif isinstance(recipe, GrooveRecipe):
         recording, truth = simulate_groove(recipe, progress)
     else:
         recording, truth = simulate_swept(recipe, progress)

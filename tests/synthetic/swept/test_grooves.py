@@ -12,7 +12,8 @@ import pytest
 
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.scan import fuse, read
+from workbench.scan import read
+from workbench.scan.fuse import flange_poses
 from workbench.synthetic import parse_groove_recipe, simulate_file, simulate_groove
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
 from workbench.synthetic.swept.truth import GrooveTruth
@@ -34,13 +35,19 @@ def document(**part: Any) -> dict[str, Any]:
     }
 
 
+def base_points(recording: Recording) -> Float:
+    """All returns (k, 3) in the base, by the recorded poses; no check may refuse what has no noise."""
+    assert recording.flange_from_profiler is not None
+    base_from_profiler = flange_poses(recording) @ recording.flange_from_profiler
+    frame, column = np.nonzero(np.isfinite(recording.z_mm))
+    x, z = recording.x_mm[frame, column].astype(float), recording.z_mm[frame, column].astype(float)
+    poses = base_from_profiler[frame]
+    return np.asarray(poses[:, :3, 0] * x[:, None] + poses[:, :3, 2] * z[:, None] + poses[:, :3, 3])
+
+
 def in_sections(recording: Recording, truth: GrooveTruth) -> tuple[Float, Float, Float]:
     """All returns: base points (k, 3), a and b in their sections."""
-    cloud = fuse(recording)
-    frame, column = np.nonzero(cloud.keep)
-    points = np.stack([cloud.x_mm[frame, column], np.zeros(len(frame)), cloud.z_mm[frame, column]], axis=1)
-    poses = cloud.base_from_profiler[frame]
-    base = np.einsum("kij,kj->ki", poses[:, :3, :3], points.astype(float)) + poses[:, :3, 3]
+    base = base_points(recording)
     off = base - truth.at(base, truth.position_mm)
     return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
 

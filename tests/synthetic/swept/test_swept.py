@@ -10,7 +10,7 @@ import pytest
 
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.scan import fuse
+from workbench.scan.fuse import flange_poses
 from workbench.synthetic import parse_swept_recipe, simulate_swept
 from workbench.synthetic.swept.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from workbench.synthetic.swept.truth import SweptTruth
@@ -42,13 +42,19 @@ def simulated(part: dict[str, Any], **keys: Any) -> tuple[Recording, SweptTruth]
     return simulate_swept(parse_swept_recipe(document | keys))
 
 
+def base_points(recording: Recording) -> Float:
+    """All returns (k, 3) in the base, by the recorded poses; no check may refuse what has no noise."""
+    assert recording.flange_from_profiler is not None
+    base_from_profiler = flange_poses(recording) @ recording.flange_from_profiler
+    frame, column = np.nonzero(np.isfinite(recording.z_mm))
+    x, z = recording.x_mm[frame, column].astype(float), recording.z_mm[frame, column].astype(float)
+    poses = base_from_profiler[frame]
+    return np.asarray(poses[:, :3, 0] * x[:, None] + poses[:, :3, 2] * z[:, None] + poses[:, :3, 3])
+
+
 def in_sections(recording: Recording, truth: SweptTruth) -> tuple[Float, Float, Float]:
     """All returns: base points (k, 3), their height over the root face along n, and their place along m."""
-    cloud = fuse(recording)
-    frame, column = np.nonzero(cloud.keep)
-    points = np.stack([cloud.x_mm[frame, column], np.zeros(len(frame)), cloud.z_mm[frame, column]], axis=1)
-    poses = cloud.base_from_profiler[frame]
-    base = np.einsum("kij,kj->ki", poses[:, :3, :3], points.astype(float)) + poses[:, :3, 3]
+    base = base_points(recording)
     off = base - truth.at(base, truth.position_mm)
     return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
 

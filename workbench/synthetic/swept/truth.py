@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
+from workbench.synthetic.recipe import Strict
 from workbench.synthetic.swept.groove import GrooveSizes, groove_sizes
 from workbench.synthetic.swept.mesh import Relief
 from workbench.synthetic.swept.motion import placed
@@ -147,10 +148,14 @@ SIZES = tuple(field.name for field in fields(GrooveSizes) if field.name != "corn
 class GrooveTruth(Stations):
     """A groove as built, at stations along its middle, at the level of the left plate's lower surface."""
 
-    recipe: GrooveRecipe
+    recipe: Strict
+    simulator: str
+    type: str
     normal: Float  # (n, 3) across the groove, from the left plate to the right one
     across: Float  # (n, 3) up
     sizes: GrooveSizes  # (n,) each
+    base_from_part: Float  # (4, 4)
+    flange_from_profiler: Float  # (4, 4) true
 
     def document(self) -> dict[str, Any]:
         """The content of a truth file: strict JSON, null for what is not."""
@@ -162,16 +167,15 @@ class GrooveTruth(Stations):
             "format": "groove-truth",
             "version": 1,
             "frame": "base",
-            "simulator": "swept",
-            "seed": self.recipe.seed,
-            "type": self.recipe.part.groove,
+            "simulator": self.simulator,
+            "type": self.type,
             "closed": self.closed,
             **{name: _rounded(getattr(self, name)) for name in _PLACES},
             **{name: _rounded(getattr(self.sizes, name)) for name in SIZES},
             "corners": corners,
             "seen": self.seen.tolist(),
-            "base_from_part": placed(self.recipe.part.base_from_part).tolist(),
-            "flange_from_profiler": placed(self.recipe.robot.flange_from_profiler).tolist(),
+            "base_from_part": self.base_from_part.tolist(),
+            "flange_from_profiler": self.flange_from_profiler.tolist(),
             "recipe": self.recipe.model_dump(mode="json"),
         }
 
@@ -183,10 +187,21 @@ def groove_truth(recipe: GrooveRecipe, curve: Curve, seen_s: list[Float]) -> Gro
     base = placed(recipe.part.base_from_part)
     turn = base[:3, :3].T
     return GrooveTruth(
-        closed=curve.closed, arc_length_mm=s, position_mm=frames.position @ turn + base[:3, 3], tangent=frames.t @ turn,
-        seen=_seen(s, seen_s, recipe, curve), spine_mm=s, recipe=recipe, normal=frames.n @ turn,
-        across=frames.m @ turn, sizes=groove_sizes(recipe.part, s, curve.length),
-    )  # fmt: skip
+        closed=curve.closed,
+        arc_length_mm=s,
+        position_mm=frames.position @ turn + base[:3, 3],
+        tangent=frames.t @ turn,
+        seen=_seen(s, seen_s, recipe, curve),
+        spine_mm=s,
+        recipe=recipe,
+        simulator="swept",
+        type=recipe.part.groove,
+        normal=frames.n @ turn,
+        across=frames.m @ turn,
+        sizes=groove_sizes(recipe.part, s, curve.length),
+        base_from_part=base,
+        flange_from_profiler=placed(recipe.robot.flange_from_profiler),
+    )
 
 
 def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Float:

@@ -1,5 +1,6 @@
 """`workbench look`: whatever can be read is told and shown; what cannot ends in one line."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -21,6 +22,8 @@ def test_a_recording_is_told_and_shown(command, tmp_path):
     assert (got.status, got.err) == (0, "")
     assert "309 frames of 600 columns" in got.out
     assert "deg off the laser plane's normal" in got.out
+    assert re.search(r"checks: \d\d passed, 0 failed", got.out)
+    assert "conventions that would" not in got.out
     page = out.read_text()
     assert 'class="scene"' in page
     assert "http" not in page.replace('http-equiv="Content-Security-Policy"', "")
@@ -73,6 +76,19 @@ def test_vendors_files(command, tmp_path):
     assert profile.status == 0
     assert "needs frames along its edge" in profile.out
     assert "<svg" in (tmp_path / "p.html").read_text()
+
+
+def test_a_wrong_convention_is_found_and_the_right_one_named(command, tmp_path):
+    path = tmp_path / "xyzw.h5"
+    shutil.copy(SYNTHETIC / "milled_edge.h5", path)
+    with h5py.File(path, "r+") as file:
+        file["/robot/quaternion_wxyz"][...] = np.roll(file["/robot/quaternion_wxyz"][...], -1, axis=1)
+    got = command("look", path, "--out", tmp_path / "page.html")
+    assert got.status == 0
+    assert "FAIL obliquity_deg" in got.out
+    named = got.out.split("conventions that would make this consistent:")[1]
+    assert "quaternions are stored x y z w, not w x y z" in named.splitlines()[1]
+    assert "quaternions are stored x y z w" in (tmp_path / "page.html").read_text()
 
 
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 4000, b"a,b\n1,2\n"])

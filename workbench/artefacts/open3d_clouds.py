@@ -14,7 +14,7 @@ def tensor_cloud(points_mm: Float, **attributes: AnyArray) -> Any:
     import open3d as o3d
 
     cloud = o3d.t.geometry.PointCloud()
-    cloud.point["positions"] = o3d.core.Tensor.from_numpy(np.ascontiguousarray(points_mm, np.float64))
+    cloud.point["positions"] = o3d.core.Tensor.from_numpy(np.array(points_mm, np.float64))
     for name, values in attributes.items():
         cloud.point[name] = o3d.core.Tensor.from_numpy(np.ascontiguousarray(values, np.int32)[:, None].copy())
     return cloud

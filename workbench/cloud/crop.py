@@ -54,7 +54,7 @@ def crop(
     if not is_rigid(pose):
         raise InputError("cloud.crop.base_from_box", "expected a rigid motion, 4x4")
     box = o3d.geometry.OrientedBoundingBox(pose[:3, :3] @ ((low + high) / 2) + pose[:3, 3], pose[:3, :3], high - low)
-    inside = np.sort(box.get_point_indices_within_bounding_box(o3d.utility.Vector3dVector(points.points_mm)))
+    inside = np.sort(box.get_point_indices_within_bounding_box(o3d.utility.Vector3dVector(np.array(points.points_mm))))
     if not len(inside):
         a, b = points.points_mm.min(axis=0).round(3).tolist(), points.points_mm.max(axis=0).round(3).tolist()
         raise InputError(points.source or "cloud.crop", f"no point lies in the box; the cloud spans {a} to {b}")

@@ -77,7 +77,9 @@ def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> 
     o3d: Any = open3d
     origin = target_mm.mean(axis=0)
     away = pose_from(np.eye(3), -origin)
-    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(one)) for one in (source_mm, target_mm - origin)]
+    clouds = [
+        o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(one))) for one in (source_mm, target_mm - origin)
+    ]
     clouds[1].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
     pose = away @ start
     for scale in (4.0, 2.0, 1.0):

@@ -66,7 +66,7 @@ def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float, see
 
 def _thinned(o3d: Any, points_mm: Float, voxel_mm: float) -> Any:
     """A point a voxel, with normals."""
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points_mm)))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points_mm)))
     cloud = cloud.voxel_down_sample(voxel_mm)
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * voxel_mm, 30))
     return cloud

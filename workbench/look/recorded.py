@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.artefacts import Recording, Strokes
+from workbench.artefacts import Check, Recording, Strokes
+from workbench.checks import AS_READ, consistent_conventions, judge_recording
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, rpy_from_rotation
 from workbench.importing.command import summary
@@ -22,6 +23,7 @@ from workbench.scan.hdf5 import opened, whole
 from workbench.scan.layout import FIELDS, data_sets
 from workbench.units import AnyArray, Float
 
+MOST_SUGGESTIONS = 5
 SCANNERS = 24  # scanner poses drawn
 BASE_AXES_MM = 200.0
 RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
@@ -29,6 +31,7 @@ RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), 
 
 def recording_seen(recording: Recording) -> Seen:
     """Points in the base, the flange's and the profiler's ways, scanner poses, base axes; what the checks say."""
+    checks, suggestions = judged(recording)
     recording = pass_after_pass(recording)
     own_clock = recording.clock == "own"
     base_from_flange = _held(recording) if own_clock else flange_poses(recording)
@@ -62,7 +65,23 @@ def recording_seen(recording: Recording) -> Seen:
         points,
         shades_of(points, **more),
         strokes=strokes(recording, base_from_profiler, points),
+        checks=checks,
+        suggestions=suggestions,
         hints=tuple(hints),
+    )
+
+
+def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
+    """Every plausibility check, and the conventions under which neighbouring profiles agree where one failed."""
+    checks = judge_recording(recording)
+    if all(check.passed for check in checks) or recording.sphere_diameter_mm is not None:
+        return checks, ()
+    fits = consistent_conventions(recording)
+    return checks, tuple(
+        f"{reading.name} (laser plane {fit.obliquity_deg:.1f} deg off the edge's normal plane, sections turn by "
+        f"{fit.twist_deg:.2f} deg unexplained)"
+        for reading, fit in fits[:MOST_SUGGESTIONS]
+        if reading is not AS_READ
     )
 
 

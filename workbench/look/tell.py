@@ -18,7 +18,7 @@ def told(checks: tuple[Check, ...]) -> list[str]:
         value = "" if check.value is None else f" {check.value:.4g}"
         limit = "" if check.limit is None else f" (limit {limit_text(check.limit)})"
         rows.append(
-            f"  {'ok  ' if check.passed else 'FAIL'} {check.name}{value}{limit}: {check.finding or check.reason}"
+            f"  {'ok  ' if check.passed else 'FAIL'} {check.name}{value}{limit}: {check.reason if check.passed else check.finding or check.reason}"
         )
     return rows
 

@@ -7,8 +7,10 @@ import numpy as np
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing.neutral import Imported
-from workbench.look.grids import pitch_mm, stacked
+from workbench.look.grids import even_grid, pitch_mm, stacked
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
+from workbench.look.regions import regions_of
+from workbench.look.regions import told as told_regions
 from workbench.look.seen import Seen
 from workbench.look.single import measured
 from workbench.look.single import told as told_profile
@@ -33,6 +35,10 @@ def frames_alone(found: Imported, source: str) -> Seen:
         lines.append(f"travel: {t[0]:.6g} to {t[-1]:.6g} mm, {abs(t[-1] - t[0]) / max(1, count - 1):.4g} mm a frame")
     if frames.time_s is not None:
         lines.append(f"times: {frames.time_s[0]:.9g} to {frames.time_s[-1]:.9g} s on the profiler's clock")
+    if even_grid(frames.x_mm, frames.travel_mm):
+        assert frames.travel_mm is not None
+        x_mm = np.nanmedian(frames.x_mm[:: max(1, count // 100)], axis=0)
+        lines += told_regions(regions_of(x_mm.astype(float), frames.travel_mm, frames.z_mm.astype(float)))
     shown = stacked(frames.x_mm, frames.z_mm, frames.travel_mm)
     profile = measured(frames.x_mm[0], frames.z_mm[0]) if count == 1 else None
     y = "y is the way along the scan" if frames.travel_mm is not None else "y counts frames"

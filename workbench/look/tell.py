@@ -17,9 +17,8 @@ def told(checks: tuple[Check, ...]) -> list[str]:
     for check in sorted(checks, key=lambda each: each.passed):
         value = "" if check.value is None else f" {check.value:.4g}"
         limit = "" if check.limit is None else f" (limit {limit_text(check.limit)})"
-        rows.append(
-            f"  {'ok  ' if check.passed else 'FAIL'} {check.name}{value}{limit}: {check.reason if check.passed else check.finding or check.reason}"
-        )
+        text = check.reason if check.passed else check.finding or check.reason
+        rows.append(f"  {'ok  ' if check.passed else 'FAIL'} {check.name}{value}{limit}: {text}")
     return rows
 
 

@@ -1,8 +1,9 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup demo test lint metrology bench fuzz docs data lock clean
+.PHONY: help setup setup-dev demo test lint metrology bench fuzz docs data lock clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
+SETUP := $(if $(YES),--yes)
 
 help:
 	@echo "make demo       the measured loop: scan, plan, mill, scan, correct, mill, inspect, with a tool that errs; out/demo/report.html"
@@ -17,32 +18,35 @@ help:
 	@echo "make clean      remove what was made, .venv too"
 
 setup:
-	@scripts/setup.sh
+	@scripts/setup.sh $(SETUP)
+
+setup-dev:
+	@scripts/setup.sh dev $(SETUP)
 
 demo: setup
 	@$(BIN)/workbench run pipelines/measured_loop.json --input 'tool_error_mm=[0.25, -0.2, 0.25]' --out out/demo
 
-test: setup
+test: setup-dev
 	@scripts/browser.sh
 	@$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
-lint: setup
+lint: setup-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-cache
 	@$(BIN)/python scripts/check_repository.py
 
-metrology: setup
+metrology: setup-dev
 	@$(BIN)/python -m bench.metrology --docs
 
-bench: setup
+bench: setup-dev
 	@$(BIN)/python -m bench.speed
 
-fuzz: setup
+fuzz: setup-dev
 	@$(BIN)/python -m bench.fuzz --docs
 
-docs: setup
+docs: setup-dev
 	@$(BIN)/python -m workbench.pipeline.docs
 	@$(BIN)/python -m scripts.site
 

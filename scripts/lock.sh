@@ -1,13 +1,33 @@
 #!/bin/sh
-# Write requirements.lock anew: the newest versions that fit pyproject.toml, as plain name==version lines.
-# The one file serves every supported Python and names no place to download from.
+# Write the locks anew: the newest versions that fit pyproject.toml, with the digests of all their wheels.
+# requirements.lock is what a user needs, requirements-dev.lock that and what tests, docs and lint need besides.
+# Each serves every supported Python and names no place to download from. `scripts/lock.sh --keep` keeps the versions.
 set -eu
 cd "$(dirname "$0")/.."
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "${PYTHON:-python3}" -m venv "$scratch/venv"
-python="$scratch/venv/bin/python"
-$python -m pip install --quiet --upgrade pip
-$python -m pip install --quiet --only-binary :all: --dry-run --ignore-installed --report "$scratch/report.json" . --group dev
-$python scripts/write_lock.py "$scratch/report.json" >"$scratch/lock"
-mv "$scratch/lock" requirements.lock
+"$scratch/venv/bin/python" -m pip install --quiet --only-binary :all: uv
+keep=
+if [ "${1:-}" = --keep ]; then
+
+    sed -n 's/^\([a-z0-9.-]*==[^ ]*\).*/\1/p' requirements-dev.lock >"$scratch/known"
+    keep="--constraint $scratch/known"
+fi
+
+compile() {
+    file=$1
+    shift
+    {
+        echo "# Written by \`make lock\`; every version is tested together."
+        # shellcheck disable=SC2086
+        "$scratch/venv/bin/uv" pip compile pyproject.toml --universal --python-version 3.11 --only-binary :all: \
+            --generate-hashes --no-header --no-annotate --no-emit-index-url --quiet $keep "$@"
+    } >"$scratch/$file"
+}
+
+compile requirements-dev.lock --group install --group dev
+sed -n 's/^\([a-z0-9.-]*==[^ ]*\).*/\1/p' "$scratch/requirements-dev.lock" >"$scratch/same"
+keep="--constraint $scratch/same"
+compile requirements.lock --group install
+mv "$scratch/requirements.lock" "$scratch/requirements-dev.lock" .

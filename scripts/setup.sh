@@ -1,5 +1,6 @@
 #!/bin/sh
-# Make .venv with everything that workbench needs. Does nothing where nothing is to do.
+# Make .venv with everything that workbench needs: `setup.sh`, or with what its tests, docs and lint need too: `setup.sh dev`.
+# Does nothing where nothing is to do; one that was interrupted goes on. --yes (or YES=1) lets it use sudo unasked.
 # PYTHON=/path/to/python chooses the interpreter; otherwise python3 if it will do, else the newest that will.
 set -eu
 cd "$(dirname "$0")/.."
@@ -8,6 +9,15 @@ cd "$(dirname "$0")/.."
 # The Pythons for which every package in requirements.lock has a wheel.
 OLDEST=11
 NEWEST=14
+
+part=user lock=requirements.lock
+for argument in "$@"; do
+    case $argument in
+        dev) part=dev lock=requirements-dev.lock ;;
+        --yes) YES=1 ;;
+        *) echo "setup: expected dev or --yes, got $argument" >&2; exit 1 ;;
+    esac
+done
 
 fail() {
     echo "setup: $*" >&2
@@ -58,8 +68,9 @@ provide_packages() {
 }
 
 up_to_date() {
-    [ -x .venv/bin/workbench ] && [ .venv/complete -nt requirements.lock ] && [ .venv/complete -nt pyproject.toml ] &&
-        [ .venv/complete -nt scripts/setup.sh ] && [ "$(cat .venv/complete)" = "$PWD" ]
+    [ -x .venv/bin/workbench ] && [ .venv/complete -nt $lock ] && [ .venv/complete -nt pyproject.toml ] &&
+        [ .venv/complete -nt scripts/setup.sh ] && [ "$(cat .venv/complete)" = "$PWD" ] &&
+        { [ $part = user ] || [ -e .venv/complete-dev ]; }
 }
 
 # A .venv that was begun, or moved together with its folder, is made anew.
@@ -68,12 +79,14 @@ is_usable() {
 }
 
 install_wheels() {
-    echo "setup: installing the packages of requirements.lock into .venv; the first time this takes some minutes"
+    [ ! -e .venv/complete-dev ] || lock=requirements-dev.lock
+    echo "setup: installing the packages of $lock into .venv; the first time this takes some minutes"
     pip=".venv/bin/python -m pip --disable-pip-version-check"
-    $pip install --quiet --only-binary :all: --requirement requirements.lock ||
-        fail "the packages of requirements.lock could not be installed, see above"
+    $pip install --quiet --require-hashes --only-binary :all: --requirement $lock ||
+        fail "the packages of $lock could not be installed, see above"
     $pip install --quiet --no-deps --no-build-isolation --editable .
     .venv/bin/python scripts/try_wheels.py || fail "a package of .venv does not work here, see above"
+    [ $part = user ] || : >.venv/complete-dev
     pwd >.venv/complete
 }
 
@@ -82,4 +95,5 @@ provide_packages "$python"
 up_to_date && exit
 is_usable || { rm -rf .venv && "$python" -m venv .venv; }
 install_wheels
+.venv/bin/python scripts/compile_kernels.py
 echo "setup: done"

@@ -16,7 +16,15 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-LOCK = [line for line in (ROOT / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
+
+
+def locked(name):
+    """Requirement (with its condition) and digests of each package of a lock."""
+    text = re.sub(r"^#.*\n", "", (ROOT / name).read_text(), flags=re.MULTILINE).replace("\\\n", " ")
+    return {line.split(" --hash")[0].strip(): re.findall(r"--hash=(\S+)", line) for line in text.splitlines()}
+
+
+USER, DEV = locked("requirements.lock"), locked("requirements-dev.lock")
 MODULE_OF = {
     "scikit-image": "skimage",
     "pillow": "PIL",
@@ -48,16 +56,29 @@ def imported_packages():
     return found - set(sys.stdlib_module_names) - {"workbench"}
 
 
-def test_the_lock_has_exact_versions_and_nothing_else():
-    assert LOCK
-    pinned = r"[a-z0-9.-]+==[0-9][0-9a-z.+]*( ; python_version < '3\.[0-9]+')?"
-    assert [line for line in LOCK if not re.fullmatch(pinned, line)] == []
+@pytest.mark.parametrize("lock", [USER, DEV], ids=["user", "dev"])
+def test_a_lock_has_exact_versions_with_digests_and_nothing_else(lock):
+    assert len(lock) > 100
+    pinned = r"[a-z0-9.-]+==[0-9][0-9a-z.+]*( ; [a-z_]+ .*)?"
+    assert [line for line in lock if not re.fullmatch(pinned, line)] == []
+    assert [line for line, digests in lock.items() if not digests] == []
+    assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", one) for digests in lock.values() for one in digests)
+
+
+def test_users_and_developers_have_the_same_versions():
+    of_dev = {line.split(" ;")[0]: digests for line, digests in DEV.items()}
+    assert [line for line, digests in USER.items() if of_dev.get(line.split(" ;")[0]) != digests] == []
 
 
 def test_every_declared_dependency_is_locked():
     extras = itertools.chain(*PROJECT["project"]["optional-dependencies"].values())
-    declared = distributions([*PROJECT["project"]["dependencies"], *extras, *PROJECT["dependency-groups"]["dev"]])
-    assert declared - distributions(LOCK) == set()
+    declared, groups = PROJECT["project"]["dependencies"], PROJECT["dependency-groups"]
+    assert distributions([*declared, *groups["install"]]) - distributions(USER) == set()
+    assert distributions([*declared, *extras, *itertools.chain(*groups.values())]) - distributions(DEV) == set()
+
+
+def test_what_only_tests_need_is_not_installed_for_users():
+    assert not distributions(USER) & {"pytest", "mypy", "sphinx", "moto", "playwright", "ruff", "hypothesis"}
 
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():

@@ -17,7 +17,7 @@ def checkout(tmp_path):
     """A copy of what the script reads, and a folder `bin` that comes first in PATH."""
     (tmp_path / "bin").mkdir()
     shutil.copytree(ROOT / "scripts", tmp_path / "scripts")
-    for name in ("requirements.lock", "pyproject.toml"):
+    for name in ("requirements.lock", "requirements-dev.lock", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
     return tmp_path
 
@@ -75,6 +75,26 @@ def test_a_user_who_may_not_install_is_told_the_command(checkout):
     line = refusal(set_up(checkout, PYTHON=sys.executable))
     assert "apt-get install libexample1 libother-2" in line
     assert not (checkout / ".venv").exists()
+
+
+@needs_sh
+def test_sudo_is_used_with_yes_only(checkout):
+    command(checkout, "id", "echo 1000")
+    command(checkout, "apt-get", "exit 0")
+    command(checkout, "sudo", f'echo "$@" >>"{checkout}/asked"')
+    (checkout / "scripts/system_libraries.py").write_text("print('libexample1')\n")
+    assert "apt-get install libexample1" in refusal(set_up(checkout, PYTHON=sys.executable))
+    assert not (checkout / "asked").exists()
+    done = set_up(checkout, PYTHON=sys.executable, YES="1")
+    assert "still missing after installing" in done.stderr
+    assert "apt-get" in (checkout / "asked").read_text()
+
+
+@needs_sh
+def test_an_unknown_argument_is_named(checkout):
+    done = subprocess.run(["sh", "scripts/setup.sh", "dve"], cwd=checkout, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "setup: expected dev or --yes, got dve\n"
 
 
 @needs_sh

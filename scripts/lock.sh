@@ -22,7 +22,7 @@ compile() {
         echo "# Written by \`make lock\`; every version is tested together."
         # shellcheck disable=SC2086
         "$scratch/venv/bin/uv" pip compile pyproject.toml --universal --python-version 3.11 --only-binary :all: \
-            --generate-hashes --no-header --no-annotate --no-emit-index-url --quiet $keep "$@"
+            --generate-hashes --no-header --no-annotate --quiet $keep "$@"
     } >"$scratch/$file"
 }
 

@@ -57,7 +57,7 @@ from workbench.artefacts import (
     frozen,
 )
 from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
-from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError
+from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError, nearest
 from workbench.geometry.faces import FaceLines
 from workbench.geometry.poses import (
     interpolate_poses,
@@ -204,6 +204,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "joint_axes",
     "kernel",
     "motions",
+    "nearest",
     "numbered_lines",
     "pose_from",
     "quaternion_from_rotation",

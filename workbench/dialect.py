@@ -6,21 +6,24 @@ with these methods and a stage that calls `write_program`.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
-from workbench.artefacts import Document, Moves, PathGate, RobotCell, Toolpath
+from workbench.artefacts import Document, Judgement, Moves, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
 from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
+from workbench.strict_json import strict_json
 from workbench.units import DEG, Float
 
+NOT_CHECKED = "NOT CHECKED: "
 LONGEST_REMARK = 70  # characters
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
 
@@ -49,6 +52,9 @@ class ProgramJob:
     zone_mm: float  # from a target, where the next move may begin to blend in; 0: every target is reached
     turntable_deg: Float | None = None  # (k,) external axis at each target; None: it is not driven
     rounding_mm: float = 0.05  # by which blending may leave the path: sharper corners are driven to their point
+    base_from_workobject: Float = field(default_factory=lambda: np.eye(4))  # of the frame of the moves
+    tool_name: str | None = None  # of a tool that is measured on the controller; None: the program declares it
+    work_object_name: str | None = None  # of a frame that is measured on the controller; None: the program declares it
 
     @property
     def tool_centre_point_mm(self) -> Float:
@@ -67,9 +73,7 @@ class ProgramJob:
     @property
     def work_object(self) -> tuple[Float, Float]:
         """Position (3,) in mm and quaternion (4,) of the frame of the moves in the robot's base."""
-        pose = self.moves.toolpath.base_from_workobject
-        if pose is None or self.moves.postures is not None:  # postures hold in the base
-            pose = np.eye(4)
+        pose = self.base_from_workobject
         return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])
 
     @property
@@ -127,28 +131,112 @@ class Dialect(Protocol):
         """File names and texts of the program whose lines are `text`: mostly one."""
         ...
 
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """The program back from its files (name -> text), strictly: what it does not know is refused."""
+        ...
 
-def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> tuple[Document, ...]:
-    """The dialect's job as files; none where the path did not pass its checks: then no robot may run it.
+    def configuration(self, joints: Float, cell: Any) -> tuple[int, ...] | None:
+        """Of a posture (6,) in a cell, rad, as this dialect counts it; None: its programs say none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Written:
+    """A program's files, the decision on them, and what came of driving them."""
+
+    documents: tuple[Document, ...]  # none where the program may not run
+    gate: PathGate
+    judgement: Judgement | None  # None: there is no cell to drive it through
+
+
+def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> Written:
+    """The dialect's job as files, read back from them and driven through the cell: what fails leaves no program.
 
     Args:
         dialect: the job in its language.
         gate: the decision on the path of the job's moves.
-        cell: the robot cell of the pipeline, if it has one.
+        cell: the robot cell of the pipeline; without one no program is written.
 
     Raises:
         InputError: the gate is another path's, or does not hold for these moves (`released`); no moves, or values that
-            no controller could take.
+            no controller could take; a program that its own reader refuses.
     """
     name, moves = dialect.job.name, dialect.job.moves
-    if not released(name, moves.toolpath, gate, cell, moves):
-        return ()
+    free = released(name, moves.toolpath, gate, cell, moves)
+    assert gate is not None
+    if not free or cell is None:
+        return Written((), gate, None)
+    silent = tuple(f"{NOT_CHECKED}{text}" for text in cell.unchecked)
+    gate = dataclasses.replace(gate, loosened=gate.loosened + silent, unchecked=gate.unchecked + cell.unseen)
+    files = program_files(dialect, gate)
+    judgement = cell.judge(dialect.read(files), moves, gate.tolerance_mm, dialect.configuration)
+    record = Document("program_check.json", judgement_document(judgement))
+    if judgement.passed:
+        reason = f"{gate.reason}; the program was driven through its cell: {_least(judgement)}"
+        programs = tuple(Document(file, content.encode("ascii")) for file, content in files.items())
+        return Written((*programs, record), dataclasses.replace(gate, reason=reason), judgement)
+    first, more = judgement.violations[0], len(judgement.violations) - 1
+    also = f"; and {more} more (program_check.json)" if more else ""
+    refused = dataclasses.replace(gate, passed=False, reason=f"program refused: {place(first)}{also}")
+    return Written((record,), refused, judgement)
+
+
+def program_files(dialect: Dialect, gate: PathGate) -> Mapping[str, str]:
+    """The text of each file of the program, by name: not judged yet.
+
+    Raises:
+        InputError: no moves, or values that no controller could take.
+    """
+    moves = dialect.job.moves
     columns = (moves.position_mm, moves.quaternion_wxyz, moves.feed_mm_s, moves.via_position_mm[moves.circular])
     if not len(moves.layer) or not all(np.isfinite(column).all() for column in columns) or moves.feed_mm_s.min() <= 0:
-        raise InputError(name, "expected moves with finite targets and feeds above 0")
-    said = (dialect.remark(line) for line in reservations(gate)) if gate else ()
-    text = "\n".join([*dialect.head(), *said, *_moves(dialect), *dialect.foot()]) + "\n"
-    return tuple(Document(file, content.encode("ascii")) for file, content in dialect.documents(text).items())
+        raise InputError(dialect.job.name, "expected moves with finite targets and feeds above 0")
+    said = (dialect.remark(line) for line in reservations(gate))
+    return dialect.documents("\n".join([*dialect.head(), *said, *_moves(dialect), *dialect.foot()]) + "\n")
+
+
+def place(violation: Violation) -> str:
+    """A violation in words: where, and what."""
+    return f"line {violation.line}, at {violation.arc_length_mm:.1f} mm of its way: {violation.finding}"
+
+
+def _least(judgement: Judgement) -> str:
+    pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
+    clearance = f"{judgement.clearance_mm:.1f} mm between {pair}" if judgement.clearance_pair else "nothing could touch"
+    return (f"clearance at least {clearance}, {judgement.limit_margin / DEG:.2f} deg to the nearest limit, deviation "
+            f"{judgement.deviation_mm:.3f} mm")  # fmt: skip
+
+
+def judgement_document(judgement: Judgement) -> bytes:
+    """`program_check.json`: what was driven, how near it came to anything, and what is wrong."""
+    return strict_json(
+        {
+            "format": "program-check",
+            "version": 1,
+            "dialect": judgement.program.dialect,
+            "program": judgement.program.name,
+            "passed": judgement.passed,
+            "violations": [
+                {"line": one.line, "arc_length_mm": _known(one.arc_length_mm), "kind": one.kind, "finding": one.finding}
+                for one in judgement.violations
+            ],
+            "not_checked": list(judgement.unchecked),
+            "length_mm": _known(judgement.length_mm),
+            "time_s": _known(judgement.time_s),
+            "postures": judgement.postures,
+            "clearance_mm": _known(judgement.clearance_mm),
+            "clearance_pair": judgement.clearance_pair,
+            "limit_margin_deg": _known(judgement.limit_margin / DEG),
+            "wrist_deg": _known(judgement.wrist / DEG),
+            "condition": _known(judgement.condition),
+            "speed_share": _known(judgement.speed_share),
+            "deviation_mm": _known(judgement.deviation_mm),
+        }
+    )
+
+
+def _known(value: float) -> float | None:
+    return round(value, 6) if math.isfinite(value) else None
 
 
 def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCell | None,
@@ -181,9 +269,8 @@ def deviation_mm(moves: Moves) -> float:
 
 def reservations(gate: PathGate) -> tuple[str, ...]:
     """Comments on what was not looked at, or with less force than the rule; plain and in short lines."""
-    robot = () if gate.reached else ("reach, joint limits and collisions of the robot, which needs its cell",)
-    texts = [f"CHECK LOOSENED: {text}" for text in gate.loosened]
-    texts += [f"Not checked: {text}" for text in (*gate.unchecked, *robot)]
+    texts = [text if text.startswith(NOT_CHECKED) else f"CHECK LOOSENED: {text}" for text in gate.loosened]
+    texts += [f"{NOT_CHECKED}{text}" for text in gate.unchecked]
     return tuple(line for text in texts for line in textwrap.wrap(UNSAFE.sub("?", text), LONGEST_REMARK))
 
 

@@ -84,15 +84,6 @@ def test_a_groove_out_of_tolerance_rejects_the_part(place):
     assert workbench(place, "run", GROOVE, *arguments, "--set", 'weld.gate.reject=["undecided"]').returncode == 1
 
 
-def test_the_program_of_a_raw_edge(place):
-    pipeline, recording = "welding/pipelines/program_urscript.json", ROOT / "data/synthetic/raw_edge.h5"
-    done = workbench(place, "run", pipeline, "--input", f"recording={recording}", "--out", "program")
-    assert done.returncode == 0, done.stderr
-    lines = (place / "program/BevelPath.script").read_text().splitlines()
-    assert lines[0] == "def BevelPath():"
-    assert any(line.startswith("  # layer 1") for line in lines)
-
-
 def test_its_own_tests_pass(place):
     command = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", "welding", "welding/tests")
     done = run(place, *command)

@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Moves, ProgramMoves
-from workbench.dialect import ProgramJob
+from workbench.dialect import ProgramJob, program_files
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.program import write
 from workbench.program.fanuc import Fanuc
 from workbench.program.krl import Krl
-from workbench.program.parameters import tool
+from workbench.program.parameters import program_job
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
 from workbench.robot import Cell, forward_kinematics
@@ -30,8 +29,7 @@ from .postured import ROBOTS, cell_of, postured
 
 CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory", "irb6700"), ("kuka", "irb6700")]
 DIALECTS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "trajectory": Trajectory}
-SPINDLE = ((0, 0, 400), (1, 0, 0, 0), 15.0, (1, 2, 150))
-BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(20, 40))
+BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(34, 44))
 
 
 @pytest.fixture(scope="session")
@@ -45,19 +43,19 @@ def made(cells) -> dict[str, Moves]:
     return {robot: postured(cells[robot], robot, BEND) for robot in ROBOTS}
 
 
-def job_of(moves: Moves, zone_mm: float = 0.3) -> ProgramJob:
-    return ProgramJob("BevelPath", moves, tool(*SPINDLE, moves), zone_mm, moves.turntable_deg, 0.05)
+def job_of(moves: Moves, cell: Cell, zone_mm: float = 0.3) -> ProgramJob:
+    stated = replace(cell, tool_mass_kg=15.0, tool_centre_of_gravity_mm=np.array([1.0, 2, 150]))
+    return program_job("BevelPath", moves, stated, zone_mm, 0.05)
 
 
-def files(moves: Moves, cell: Cell, controller: str, **parameters: Any) -> dict[str, str]:
-    gate = replace(passed(moves.toolpath), reached=True)
-    parameters = {"tool_centre_of_gravity_mm": SPINDLE[3], **parameters}
-    documents = write(moves, gate, cell, controller=controller, **parameters)
-    return {one.name: one.content.decode("ascii") for one in documents}
+def files(moves: Moves, cell: Cell, controller: str, zone_mm: float = 0.3) -> dict[str, str]:
+    """The program as it is written, before it is judged."""
+    dialect = DIALECTS[controller](job_of(moves, cell, zone_mm), cell)
+    return dict(program_files(dialect, replace(passed(moves.toolpath), reached=True)))
 
 
 def back(moves: Moves, cell: Cell, controller: str, written: dict[str, str]) -> ProgramMoves:
-    return DIALECTS[controller](job_of(moves), cell).read(written)
+    return DIALECTS[controller](job_of(moves, cell), cell).read(written)
 
 
 def off(pose: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple[float, float]:
@@ -92,11 +90,9 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
         assert any(move.zone_mm > 0 for move in others)
     declared = program.tools[first.tool]
     if declared.flange_from_tool is not None:
-        spindle = tool(*SPINDLE, moves)
-        wanted = pose_from(rotation_from_quaternion(spindle.quaternion_wxyz), spindle.tool_centre_point_mm(5.0))
-        assert np.abs(declared.flange_from_tool - wanted).max() < 1e-3
+        assert np.abs(declared.flange_from_tool - moves.flange_from_point).max() < 1e-3
         assert declared.mass_kg == 15
-        assert declared.centre_of_gravity_mm == pytest.approx(SPINDLE[3])
+        assert declared.centre_of_gravity_mm == pytest.approx((1, 2, 150))
 
 
 @pytest.mark.parametrize(("controller", "robot"), CASES)
@@ -127,7 +123,7 @@ def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: st
 @pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] in ("kuka", "fanuc")])
 def test_configurations_are_those_of_the_postures(made, cells, controller: str, robot: str) -> None:
     moves, cell = made[robot], cells[robot]
-    dialect = DIALECTS[controller](job_of(moves), cell)
+    dialect = DIALECTS[controller](job_of(moves, cell), cell)
     program = dialect.read(files(moves, cell, controller))
     for i, move in enumerate(program.moves[1:], 1):
         assert move.configuration == dialect.configuration(moves.postures.joints[moves.point[i]], cell)
@@ -136,7 +132,7 @@ def test_configurations_are_those_of_the_postures(made, cells, controller: str, 
 def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
     """Home of a KUKA is S 2; A5 below zero sets bit 2; T has the signs (real data lists have S 2,T 35 and S 6,T 27)."""
     cell = cells["kr210"]
-    dialect = Krl(job_of(postured(cell, "kr210", Shape(length_mm=10))), cell)
+    dialect = Krl(job_of(postured(cell, "kr210", Shape(length_mm=10)), cell), cell)
     home = np.radians([0, -90, 90, 0, 10, 0])
     assert dialect.configuration(home, cell) == (2, 2)
     assert dialect.configuration(np.radians([-5, -90, 90, 5, 10, -5]), cell) == (2, 35)
@@ -147,7 +143,7 @@ def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
 
 def test_fanuc_says_the_configuration_and_the_level_joint(cells) -> None:
     cell = cells["m20ia"]
-    dialect = Fanuc(job_of(postured(cell, "m20ia", Shape(length_mm=10))), cell)
+    dialect = Fanuc(job_of(postured(cell, "m20ia", Shape(length_mm=10)), cell), cell)
     assert dialect.configuration(np.radians([0, 0, 0, 0, -90, 0]), cell) == (0, 0, 0, 0, 0, 0)  # N U T, 0, 0, 0
     assert dialect.configuration(np.radians([0, 0, 0, 0, 90, 200]), cell) == (1, 0, 0, 0, 0, 1)
     assert dialect.configuration(np.radians([0, 20, -150, 0, -90, -200]), cell)[1] == 1
@@ -185,9 +181,8 @@ def test_numbers_of_the_controllers_own_tool_and_frame(tmp_path: Path) -> None:
     for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia")):
         cell = cell_of(robot, tmp_path, dialect=controller, tool_number=3, frame_number=2, corner_region=True)
         moves = postured(cell, robot, Shape(length_mm=30))
-        gate = replace(passed(moves.toolpath), reached=True)
-        written = {d.name: d.content.decode() for d in write(moves, gate, cell, zone_mm=2.5)}  # the cell's controller
-        program = DIALECTS[controller](job_of(moves), cell).read(written)
+        written = files(moves, cell, controller, zone_mm=2.5)
+        program = DIALECTS[controller](job_of(moves, cell), cell).read(written)
         names = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}[controller]
         assert (program.moves[0].tool, program.moves[0].work_object) == names
         assert program.tools[names[0]].flange_from_tool is None
@@ -195,17 +190,18 @@ def test_numbers_of_the_controllers_own_tool_and_frame(tmp_path: Path) -> None:
         assert any(move.zone_mm == (2.5 if controller == "kuka" else 2.0) for move in program.moves)
 
 
-def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells, moves: Moves) -> None:
-    assert write(moves, passed(moves.toolpath), controller="kuka") == ()
+def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells) -> None:
     one = made["kr210"]
-    assert write(one, rejected(one.toolpath), cells["kr210"], controller="kuka") == ()
+    without = replace(passed(one.toolpath), reached=False)
+    assert write(replace(one, postures=None), without, controller="kuka") == (without,)
+    (gate,) = write(one, rejected(one.toolpath), cells["kr210"], controller="kuka")
+    assert not gate.passed
 
 
-def test_a_cell_that_names_no_controller_gets_rapid_and_the_program_says_so(made, cells) -> None:
+def test_a_cell_that_names_no_controller_is_refused(made, cells) -> None:
     one = made["irb6700"]
-    (document,) = write(one, replace(passed(one.toolpath), reached=True), cells["irb6700"])
-    assert document.name == "BevelPath.mod"
-    assert b"Not checked: the make of the controller" in document.content
+    with pytest.raises(InputError, match=r"\$\.controller: expected the make of the robot's controller"):
+        write(one, passed(one.toolpath), cells["irb6700"])
 
 
 EDITS = {

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -12,12 +13,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Gate, Moves, PathGate, RobotCell, Toolpath
+from workbench.artefacts import Gate, Moves, PathGate, Toolpath
+from workbench.dialect import program_files
 from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
 from workbench.pipeline.results import result_files
 from workbench.program import csv, write
+from workbench.program.parameters import program_job
+from workbench.program.rapid import Rapid
 from workbench.program.rapid_parser import parse_rapid
+from workbench.robot import Cell
+from workbench.robot.shapes import Shape as Shape_
 
 from .conftest import passed, rejected
 from .paths import Shape, mill_path, run_move
@@ -40,17 +46,26 @@ def test_another_paths_gate_releases_nothing(write: Callable[..., Any], path: To
 
 
 @pytest.mark.parametrize("write", WRITERS)
-def test_where_the_robot_is_known_moves_need_postures(write: Callable[..., Any], path: Toolpath) -> None:
-    moves, cell = simplify(path), RobotCell()
-    for gate in (passed(path), replace(passed(path), reached=True)):
+def test_where_the_robot_is_known_moves_need_postures(write: Callable[..., Any], path: Toolpath, irb6700: Cell) -> None:
+    moves = simplify(path)
+    for gate in (passed(path, reached=False), passed(path)):
         with pytest.raises(InputError, match="postures"):
-            write(moves, gate, cell)
+            write(moves, gate, irb6700)
     with pytest.raises(InputError, match="postures"):  # postures were found, the moves do without them
-        write(moves, replace(passed(path), reached=True))
+        write(moves, passed(path))
     with pytest.raises(InputError, match="postures"):
-        csv(path, passed(path), cell)
-    assert csv(path, replace(passed(path), reached=True), cell) is not None
-    assert write(moves, rejected(path), cell) == ()
+        csv(path, passed(path, reached=False), irb6700)
+    assert csv(path, passed(path), irb6700) is not None
+    (gate,) = write(moves, rejected(path), irb6700)
+    assert not gate.passed
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_without_a_cell_there_is_no_program(write: Callable[..., Any], path: Toolpath) -> None:
+    """The gate is passed on as it is: the path itself is sound."""
+    gate = passed(path, reached=False)
+    assert write(simplify(path), gate) == (gate,)
+    assert csv(path, gate) is not None
 
 
 @pytest.mark.parametrize(
@@ -60,20 +75,63 @@ def test_moves_may_not_leave_the_path_farther_than_it_was_checked_for(
     path: Toolpath, loose: dict[str, float], off: str
 ) -> None:
     with pytest.raises(InputError, match=rf"leave the path by up to {off}\d* mm, and it was checked for 0.05 mm"):
-        write(simplify(path, **loose), passed(path))
+        write(simplify(path, **loose), passed(path, reached=False))
 
 
-def test_what_was_not_checked_stands_in_the_program(path: Toolpath) -> None:
-    gate = replace(passed(path), loosened=("the rule\nENDPROC is\r; 2 mm " * 6,), unchecked=("the plate!",))
-    (document,) = write(simplify(path), gate)
-    lines = document.content.decode().splitlines()
-    said = [line.strip() for line in lines if "CHECK LOOSENED" in line or "Not checked" in line]
+def program(moves: Moves, gate: PathGate, cell: Cell, zone_mm: float = 0.3) -> str:
+    job = program_job("BevelPath", moves, cell, zone_mm, 0.05)
+    (content,) = program_files(Rapid(job, cell, "MillBevel", "tMill", "woEdge"), gate).values()
+    return content
+
+
+def test_what_was_not_checked_stands_in_the_program(moves: Moves, irb6700: Cell) -> None:
+    path = moves.toolpath
+    gate = replace(
+        passed(path), loosened=("the rule\nENDPROC is\r; 2 mm " * 6, "NOT CHECKED: load"), unchecked=("the plate!",)
+    )
+    lines = program(moves, gate, irb6700).splitlines()
+    said = [line.strip() for line in lines if "CHECK LOOSENED" in line or "NOT CHECKED" in line]
     assert said[0].startswith("! CHECK LOOSENED: the rule?ENDPROC is??")
-    assert "! Not checked: the plate?" in said
-    assert any("reach, joint limits and collisions" in line for line in said)
+    assert "! NOT CHECKED: load" in said
+    assert "! NOT CHECKED: the plate?" in said
     assert not any(line.strip().startswith("ENDPROC is") for line in lines)
     assert max(map(len, lines)) < 250
     assert csv(path, gate) is None  # a table cannot say so
+
+
+def test_what_the_cell_does_not_say_ends_in_exit_1(moves: Moves, irb6700: Cell) -> None:
+    """The program is there, with NOT CHECKED in its head; the gate is not clean, and says what is missing."""
+    *files, gate, judgement = write(moves, passed(moves.toolpath), irb6700)
+    assert judgement.passed, judgement.violations
+    assert [file.name for file in files] == ["BevelPath.mod", "program_check.json"]
+    for what in ("load of the tool", "envelope", "uncertainty", "accelerations", "links 1, 2"):
+        assert any(text.startswith("NOT CHECKED: ") and what in text for text in gate.loosened) == (
+            what != "links 1, 2"
+        )
+    assert (gate.passed, gate.clean) == (True, False)
+    assert b"! NOT CHECKED: the load of the tool" in files[0].content
+
+
+def test_a_program_that_fails_is_not_left(moves: Moves, irb6700: Cell) -> None:
+    """A box between two targets: no program, and line, place and pair are said."""
+    at = moves.position_mm[moves.cutting][4]
+    pose = np.eye(4)
+    pose[:3, 3] = at + np.array([0, 0, 60])
+    boxed = replace(irb6700, shapes=(*irb6700.shapes, Shape_("post", -1, "box", (30.0, 30.0, 30.0), pose)))
+    (record, gate, judgement) = write(moves, passed(moves.toolpath), with_spindle(boxed))
+    assert not judgement.passed
+    assert record.name == "program_check.json"
+    words = r"program refused: line \d+, at [\d.]+ mm of its way: .*post.*, expected a clearance of 5.00 mm"
+    assert re.search(words, gate.reason)
+    assert {"tool", "post"} <= set(re.findall(r"tool|post", gate.reason))
+
+
+def with_spindle(cell: Cell) -> Cell:
+    """A capsule around the cutter's axis, from 20 mm behind its tip on."""
+    pose = cell.chain.base_from_flange_at_zero @ cell.flange_from_cutter
+    pose = pose.copy()
+    pose[:3, 3] -= 120 * pose[:3, 2]
+    return replace(cell, shapes=(*cell.shapes, Shape_("tool", 6, "capsule", (30.0, 140.0), pose)))
 
 
 def test_a_loosened_check_is_not_clean() -> None:
@@ -199,10 +257,6 @@ def test_a_greater_penetration_loosens_the_check(path: Toolpath) -> None:
     assert "by 1 mm, the rule is 0.05 mm" in gate.loosened[0]
 
 
-def test_the_moves_of_a_checked_path_are_released(moves: Moves) -> None:
-    assert len(write(moves, passed(moves.toolpath))) == 1
-
-
 def parabola(corner: Any, before: Any, after: Any, zone_mm: float) -> Any:
     """The rounded corner, as controllers do it (a quadratic Bezier curve)."""
     u, v = (p - corner for p in (before, after))
@@ -211,14 +265,15 @@ def parabola(corner: Any, before: Any, after: Any, zone_mm: float) -> Any:
     return corner + (1 - f) ** 2 * a + f**2 * b
 
 
-def test_blending_does_not_leave_the_path_farther_than_it_was_checked_for(path: Toolpath) -> None:
+def test_blending_does_not_leave_the_path_farther_than_it_was_checked_for(moves: Moves, irb6700: Cell) -> None:
     """Wide zones would cut corners; sharp ones are driven to their point, and all others stay near it."""
-    (document,) = write(simplify(path, arcs=False), passed(path), zone_mm=5)
-    moves = parse_rapid(document.content.decode()).moves
+    path = moves.toolpath
+    straight = simplify(path, moves.postures, arcs=False, chord_tolerance_mm=0.001, angle_tolerance_deg=0.01)
+    moves = parse_rapid(program(straight, passed(path), irb6700, 5)).moves[1:]
     at = np.array([move.target.position_mm for move in moves])
     blended = [i for i in range(1, len(moves) - 1) if moves[i].zone_mm > 0]
     sharp = [i for i in range(1, len(moves) - 1) if not moves[i].zone_mm]
-    assert len(blended) > 10
+    assert len(blended) > 5
     assert len(sharp) >= 4
     for i in range(1, len(moves) - 1):
         rounded = parabola(at[i], at[i - 1], at[i + 1], 5)

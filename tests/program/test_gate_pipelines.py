@@ -165,14 +165,15 @@ def test_other_gates_are_refused_before_anything_runs(entries, words, tmp_path, 
 
 @pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").glob("*.json")), ids=lambda path: path.stem)
 def test_every_shipped_program_has_a_gate_on_its_path(pipeline):
-    """Where a shipped pipeline knows the robot, that is the gate of its postures."""
+    """Where a shipped pipeline knows the robot, that is the gate of its postures, and of the program for the table."""
     steps = {step.id: step for step in Pipeline.load(pipeline).plan().steps}
     for step in steps.values():
         if not step.stage.name.startswith("program."):
             continue
         gate = steps[step.sources["gate"][0]].stage.name
         known = any(one.stage.name == "robot.cell" for one in steps.values())
-        assert gate == ("stiffness.posture" if known else "path.check")
+        written = step.stage.name == "program.csv" and any(one.stage.name == "program.write" for one in steps.values())
+        assert gate == ("program.write" if written else "stiffness.posture" if known else "path.check")
 
 
 def vectors(low: float, high: float) -> st.SearchStrategy[list[float]]:

@@ -8,14 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.artefacts import Moves
+from workbench.dialect import program_files
 from workbench.errors import InputError
-from workbench.path import simplify
-from workbench.program import write
+from workbench.program.parameters import program_job
+from workbench.program.rapid import Rapid
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import JointTarget
+from workbench.robot import Cell
 
 from .conftest import passed
-from .paths import Shape, mill_path
 
 UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 MODULE = f"""! by hand
@@ -119,9 +120,10 @@ def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def text(moves: Moves) -> str:
-    (document,) = write(moves, passed(moves.toolpath))
-    return document.content.decode()
+def text(moves: Moves, irb6700: Cell) -> str:
+    job = program_job("BevelPath", moves, irb6700, 0.3, 0.05)
+    (content,) = program_files(Rapid(job, irb6700, "MillBevel", "tMill", "woEdge"), passed(moves.toolpath)).values()
+    return content
 
 
 PIECES = [
@@ -169,10 +171,10 @@ def test_any_text_is_refused_in_one_line(text: str) -> None:
         parse_rapid(text)
 
 
-def test_fifty_thousand_targets_are_read_in_seconds() -> None:
-    moves = simplify(mill_path(Shape(length_mm=5000, layers=10)), chord_tolerance_mm=0, angle_tolerance_deg=0)
-    (document,) = write(moves, passed(moves.toolpath))
+def test_fifty_thousand_targets_are_read_in_seconds(text: str) -> None:
+    move = next(line for line in text.splitlines() if "MoveL p2," in line)
+    long = text.replace(move, "\n".join([move] * 50_000))
     begin = time.process_time()
-    program = parse_rapid(document.content.decode())
+    program = parse_rapid(long)
     assert len(program.moves) > 50_000
     assert time.process_time() - begin < 10

@@ -38,9 +38,20 @@ class Pin:
         return np.array(pin.computeFrameJacobian(model, model.createData(), q, index, pin.LOCAL_WORLD_ALIGNED))
 
 
+def plainly(tree: Any) -> None:
+    """The shipped cell without clearance, envelope and uncertainty, and the cutter a part of the tool."""
+    del tree["uncertainty"], tree["robot"]["acceleration_deg_s2"], tree["tool"]["shapes"][2]["body"], tree["envelope"]
+    tree["margin_mm"] = 0
+
+
 @pytest.fixture(scope="session")
-def cell() -> Cell:
-    return read_cell(DATA / "cell.json")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Cell:
+    tree = json.loads((DATA / "cell.json").read_text())
+    plainly(tree)
+    tree["robot"]["urdf"] = str(DATA / tree["robot"]["urdf"])
+    file = tmp_path_factory.mktemp("plain") / "cell.json"
+    file.write_text(json.dumps(tree))
+    return read_cell(file)
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ def crowded(tree: Any) -> None:
          "box_mm": [600, 80, 80]},
         {"name": "lamp", "pose": {"position_mm": [1500, 800, 1800]}, "sphere_mm": 200},
     ]  # fmt: skip
+    tree["margin_mm"] = 0
     tree["workpiece"] = {"mesh": "cube.stl", "pose": {"position_mm": [-300, -100, 0]}}
     tree["tool"]["shapes"] += [{"box_mm": [60, 200, 90], "pose": {"position_mm": [0, 0, 60]}}]
 

@@ -8,6 +8,8 @@ from workbench.robot import Cell, CollisionModel, read_cell
 from workbench.robot.kinematics import motions
 from workbench.units import Float
 
+from .conftest import plainly
+
 
 def test_home_is_free_and_names_its_closest_pair(cell: Cell) -> None:
     model = CollisionModel(cell)
@@ -32,6 +34,7 @@ def test_height_above_the_floor(cell_file: Any) -> None:
     everything = ["base_link", "link_1", "link_2", "link_3", "link_4", "link_5", "tool", "turntable"]
 
     def only_flange(tree: Any) -> None:
+        plainly(tree)
         tree["may_touch"] = [[a, b] for a in [*everything, "link_6"] for b in [*everything, "floor"] if a != b]
         tree["may_touch"].remove(["link_6", "floor"])
 

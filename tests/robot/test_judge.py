@@ -12,6 +12,7 @@ from workbench.artefacts import Judgement, ProgramMove
 from workbench.robot import Cell, CollisionModel, read_cell
 from workbench.robot.judge import judge
 
+from .conftest import plainly
 from .programs import START, driven, outsiders_least, program, shifted, start_pose, to
 
 ROUTE = [(100, 0, 0), (100, 250, 0), (-50, 250, 60), (0, 0, 0)]
@@ -39,6 +40,7 @@ def test_a_free_program_passes_with_the_outsiders_numbers(cell: Cell) -> None:
 
 def clamped(cell_file: Callable[..., Path], at: Any, size: float) -> Cell:
     def change(tree: Any) -> None:
+        plainly(tree)
         box = {"name": "clamp", "pose": {"position_mm": list(map(float, at))}, "box_mm": [size] * 3}
         tree["fixtures"].append(box)
 

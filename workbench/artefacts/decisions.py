@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from workbench.artefacts.paths import Moves
+    from workbench.artefacts.programs import Judgement, ProgramMoves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +28,7 @@ class Gate:
 
     passed: bool
     reason: str
-    loosened: tuple[str, ...] = ()  # checks that a parameter made weaker than the rule: programs say so
+    loosened: tuple[str, ...] = ()  # checks made weaker than the rule, or not made (NOT CHECKED): programs say so
     unchecked: tuple[str, ...] = ()  # what nothing in the run could look at: programs say so
     warnings: tuple[str, ...] = ()  # what the pipeline lets through that the default would not
 
@@ -40,6 +44,20 @@ class Gate:
 
 
 class RobotCell:
-    """What a pipeline has where it knows the robot: then no program is written without postures."""
+    """What a pipeline has where it knows the robot: only there programs are written, and they are judged in it."""
 
     __slots__ = ()
+    unchecked: tuple[str, ...] = ()  # what its file does not say of it, so that nothing can look at it
+    unseen: tuple[str, ...] = ()  # what stands in it and was not shown: programs say so
+
+    def judge(self, program: ProgramMoves, moves: Moves, tolerance_mm: float,
+              configuration: Callable[..., tuple[int, ...] | None]) -> Judgement:  # fmt: skip
+        """Drive a program, as read back from its file, through this cell.
+
+        Args:
+            program: as read back.
+            moves: that it was written from: their path is what the tool must follow.
+            tolerance_mm: by which it may leave that path.
+            configuration: of joint angles (6,) in this cell, as the program's dialect counts it.
+        """
+        raise NotImplementedError

@@ -145,6 +145,7 @@ class Postures:
     flange_from_point: Float  # (4, 4) the tool frame in the flange
     has_turntable: bool
     warnings: tuple[str, ...] = ()
+    planned_turntable: float = 0.0  # where it stood when the path was planned, rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,8 @@
 
 A controller moves the position along a line, or along the circle through start, via and target, and turns the
 orientation by slerp from start to target, in step with the length of path. Poses may be left out where it passes all
-of them, in their order, within tolerances. Positions in mm, quaternions w x y z, angles in rad.
+of them, in their order, within tolerances, and an arc stays as near to the chords between them. Positions in mm,
+quaternions w x y z, angles in rad.
 """
 
 from __future__ import annotations
@@ -125,6 +126,13 @@ def _fits(
     for c in range(4):
         apart += (sign * q[j, c] - q[i, c]) ** 2
     turn = 2.0 * math.asin(min(1.0, math.sqrt(apart) / 2.0))  # between the quaternions: half the rotation's angle
+    if sweep > 0.0:  # between two poses the path is their chord: the arc may not bulge from it farther
+        for k in range(i, j):
+            step = 0.0
+            for c in range(3):
+                step += (p[k + 1, c] - p[k, c]) ** 2
+            if step > 8.0 * circle[RADIUS] * tolerances[0]:
+                return False
     before = 0.0
     for k in range(i + 1, j):
         if sweep > 0.0:

@@ -1,39 +1,19 @@
-"""Parameters that the stages of all dialects share: the tool on the flange and the zone."""
+"""What the dialects share: the zone, and the tool and the work object as the cell has them."""
 
 from __future__ import annotations
 
-import math
+import dataclasses
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from workbench.artefacts import Moves
-from workbench.dialect import MillingTool
-from workbench.geometry.poses import quaternion_from_rotation
+from workbench.dialect import MillingTool, ProgramJob
+from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.robot.cell import Cell
+from workbench.units import Float
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-
-
-def unit_quaternion(q: Quaternion) -> Quaternion:
-    """`q`, normalised; ValueError if its norm is not within 1e-3 of 1 (docs/conventions.md)."""
-    norm = math.hypot(*q)
-    if abs(norm - 1.0) > 1e-3:
-        raise ValueError(f"expected a quaternion w x y z of unit length, this one has {norm:.6g}")
-    return (q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm)
-
-
-ToolPosition = Annotated[
-    Vector, Field(description="in the flange: the point on the cutter's axis beside the middle of the bevel face")
-]
-ToolQuaternion = Annotated[
-    Quaternion,
-    Field(description="orientation of the path's frame in the flange, w x y z, each a number: z from shank to tip"),
-    AfterValidator(unit_quaternion),
-]
-ToolMass = Annotated[float, Field(gt=0, le=1000, description="of spindle and cutter")]
-ToolCentreOfGravity = Annotated[Vector, Field(description="centre of gravity of spindle and cutter in the flange")]
 Zone = Annotated[
     float,
     Field(
@@ -42,17 +22,38 @@ Zone = Annotated[
         description="how far before a target the next move may blend in, but at sharp corners; 0: never",
     ),
 ]
-
-TOOL_POSITION_MM: Vector = (0.0, 0.0, 400.0)
-TOOL_CENTRE_OF_GRAVITY_MM: Vector = (0.0, 0.0, 150.0)
-UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
+NO_LOAD_KG, NO_LOAD_MM = 0.001, (0.0, 0.0, 0.001)  # ABB's tool0: what a program says of a load that nobody stated
 
 
-def tool(position_mm: Vector, quaternion_wxyz: Quaternion, mass_kg: float, centre_of_gravity_mm: Vector,
-         moves: Moves | None = None) -> MillingTool:  # fmt: skip
-    """The tool that a stage's parameters describe; its frame is that of the postures where the moves rest on some."""
-    if moves is not None and moves.flange_from_point is not None:
-        pose, radius = moves.flange_from_point, moves.toolpath.cutter.diameter_mm / 2
-        return MillingTool(pose[:3, 3] - radius * pose[:3, 0], quaternion_from_rotation(pose[:3, :3]), mass_kg,
-                           np.array(centre_of_gravity_mm))  # fmt: skip
-    return MillingTool(np.array(position_mm), np.array(quaternion_wxyz), mass_kg, np.array(centre_of_gravity_mm))
+def program_job(name: str, moves: Moves, cell: Cell, zone_mm: float, rounding_mm: float) -> ProgramJob:
+    """The job as the cell has it.
+
+    A tool that the controller knows by name is the cutter's tip; one that the program declares is the path's own frame,
+    on the cutter's flank. Targets are in the cell's work object.
+    """
+    assert moves.flange_from_point is not None
+    tool = moves.flange_from_point if cell.tool_name is None else cell.flange_from_cutter
+    seen = as_seen(moves, inverse(cell.base_from_workobject), inverse(moves.flange_from_point) @ tool)
+    radius = moves.toolpath.cutter.diameter_mm / 2
+    stated = cell.tool_mass_kg is not None and cell.tool_centre_of_gravity_mm is not None
+    mass, centre = (cell.tool_mass_kg, cell.tool_centre_of_gravity_mm) if stated else (NO_LOAD_KG, np.array(NO_LOAD_MM))
+    assert mass is not None
+    assert centre is not None
+    spindle = MillingTool(tool[:3, 3] - radius * tool[:3, 0], quaternion_from_rotation(tool[:3, :3]), mass, centre)
+    return ProgramJob(name, seen, spindle, zone_mm, moves.turntable_deg, rounding_mm, cell.base_from_workobject,
+                      cell.tool_name, cell.work_object_name)  # fmt: skip
+
+
+def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Moves:
+    """The same moves as targets of another tool frame in another frame."""
+
+    def turned(position: Float, quaternion: Float) -> tuple[Float, Float]:
+        poses = frame_from_base @ pose_from(rotation_from_quaternion(quaternion), position) @ point_from_tool
+        return poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3])
+
+    position, quaternion = turned(moves.position_mm, moves.quaternion_wxyz)
+    via, via_turn = moves.via_position_mm.copy(), moves.via_quaternion_wxyz.copy()
+    arcs = moves.circular
+    via[arcs], via_turn[arcs] = turned(via[arcs], via_turn[arcs])
+    return dataclasses.replace(moves, position_mm=position, quaternion_wxyz=quaternion, via_position_mm=via,
+                               via_quaternion_wxyz=via_turn)  # fmt: skip

@@ -3,21 +3,26 @@
 Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
 quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
 Feeds have 3 significant digits, one speeddata each. Where the moves rest on postures the program begins with MoveAbsJ
-to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Axis
-configurations are not monitored: from its first posture on, the robot keeps its configuration; circular moves turn
-the tool in the frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
+to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Every
+target says its axis configuration, so that a restart in the middle takes the same posture; it is not monitored
+(ConfL\\Off), since the robot keeps it from its first posture on. Circular moves turn the tool in the frame of the work
+object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.artefacts import ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
-from workbench.units import Float, Int
+from workbench.program.rapid_reader import read_rapid
+from workbench.robot.cell import Cell
+from workbench.robot.sides import arm_sides
+from workbench.units import DEG, Float, Int
 
 UNUSED = "9E+09"  # an external axis that is not there
 TURN_DEG_S = 50  # where the orientation alone moves
@@ -28,6 +33,7 @@ class Rapid:
     """The dialect of ABB's controllers."""
 
     job: ProgramJob
+    cell: Cell
     procedure: str
     tool_name: str
     work_object_name: str
@@ -43,7 +49,8 @@ class Rapid:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
         zones = ["zonePath" if blends else "fine" for blends in self.job.blends]
-        tail = f"{self.tool_name}\\WObj:={self.work_object_name};"
+        tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
+        tail = f"{tool}\\WObj:={place};"
         return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
 
     def head(self) -> Iterator[str]:
@@ -54,25 +61,27 @@ class Rapid:
         z = job.zone_mm
         yield f"MODULE {job.name}"
         yield from (f"  ! {remark}" for remark in job.remarks)
-        yield f"  PERS tooldata {self.tool_name}:=[TRUE,{frame},{load}];"
-        yield f'  TASK PERS wobjdata {self.work_object_name}:=[FALSE,TRUE,"",{_pose(*job.work_object)},{NO_POSE}];'
+        if job.tool_name is None:
+            yield f"  PERS tooldata {self.tool_name}:=[TRUE,{frame},{load}];"
+        if job.work_object_name is None:
+            yield f'  TASK PERS wobjdata {self.work_object_name}:=[FALSE,TRUE,"",{_pose(*job.work_object)},{NO_POSE}];'
         if z:
             yield f"  CONST zonedata zonePath:=[FALSE,{z:g},{z:g},{z:g},{z / 10:g},{z:g},{z / 10:g}];"
         for i, feed in enumerate(self.feeds[0].tolist(), 1):
             yield f"  CONST speeddata feed{i}:=[{feed:.7g},{TURN_DEG_S},5000,1000];"
+        assert job.moves.joints_deg is not None
+        said = configurations(self.cell, job.moves.joints_deg * DEG)
         yield from _targets("p", np.arange(len(job.moves.layer)), job.moves.position_mm, job.moves.quaternion_wxyz,
-                            job.turntable_deg)  # fmt: skip
+                            job.turntable_deg, said)  # fmt: skip
         arcs = np.flatnonzero(job.moves.circular)
-        yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job))
+        yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
         yield from self._start_posture()
         yield f"  PROC {self.procedure}()"
         yield from ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
 
     def start(self) -> Iterable[str]:
-        """From wherever the robot stands, to the first target, in its posture where one is given."""
-        if self.job.moves.postures is not None:
-            return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}", f"    MoveL p1,{self.ends[0]}"]
-        return [f"    MoveJ p1,{self.ends[0]}"]
+        """By the axes to the first posture, and exactly to the first target."""
+        return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}", f"    MoveL p1,{self.ends[0]}"]
 
     def _start_posture(self) -> Iterator[str]:
         """Joint angles of the first target."""
@@ -99,9 +108,29 @@ class Rapid:
         """Settings as the controller starts with them."""
         return ["    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
 
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """Turn it back."""
+        ((name, text),) = files.items()
+        return read_rapid(text, name)
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """cf1, cf4, cf6, cfx of a posture (6,), rad."""
+        return tuple(configurations(cell, joints[None])[0].tolist())
+
     def documents(self, text: str) -> dict[str, str]:
         """One module."""
         return {f"{self.job.name}.mod": text}
+
+
+def configurations(cell: Cell, joints: Float) -> Int:
+    """cf1, cf4, cf6, cfx (n, 4) of postures (n, 6), rad (ABB, RAPID Data types: confdata).
+
+    cf1, cf4, cf6: the quarter turns of joints 1, 4 and 6, from 0 on upwards and from -1 on downwards. cfx: wrist centre
+    behind axis 1 (4), behind the lower arm (2), joint 5 negative (1).
+    """
+    quarters = np.floor(np.round(joints[:, [0, 3, 5]] / DEG, 3) / 90.0).astype(int)
+    sides = arm_sides(cell.chain, joints)
+    return np.column_stack([quarters, sides @ np.array([4, 2, 1])])
 
 
 def _halfway(job: ProgramJob) -> Float | None:
@@ -112,7 +141,7 @@ def _halfway(job: ProgramJob) -> Float | None:
 
 
 def _targets(
-    prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None
+    prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None, configuration: Int
 ) -> Iterator[str]:
     """One declaration a target, numbered from 1."""
     others = ",".join([UNUSED] * 5)
@@ -121,7 +150,7 @@ def _targets(
     for i, (x, y, z), (w, a, b, c) in rows:
         yield (
             f"  CONST robtarget {prefix}{i + 1}:=[[{x:.4f},{y:.4f},{z:.4f}],[{w:.8f},{a:.8f},{b:.8f},{c:.8f}],"
-            f"[0,0,0,0],[{axis[i]},{others}]];"
+            f"[{','.join(map(str, configuration[i].tolist()))}],[{axis[i]},{others}]];"
         )
 
 

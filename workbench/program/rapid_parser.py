@@ -12,6 +12,8 @@ controller can make.
     move        = (MoveL | MoveJ) target , end | MoveC via , target , end | MoveAbsJ target [\\ NoEOffs] , end
     end         = speed , zone , tool [\\ WObj := work object] ;
 
+A tool or work object that the module does not declare is taken for one that is measured on the controller.
+
 (ABB, RAPID Overview; RAPID Instructions, Functions and Data types.)
 """
 
@@ -28,6 +30,7 @@ from workbench.program.rapid_values import SHAPES, TOOL0, WOBJ0, read_value
 from workbench.program.rapid_words import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES
 from workbench.units import DEG
 
+ON_CONTROLLER = ("tooldata", "wobjdata")  # what a move may name without the module declaring it
 LEAST_DISTANCE_MM, LEAST_ANGLE_DEG = 0.1, 1.0  # of MoveC: start to via and target; between these, seen from the start
 MOVES = {"movel": "MoveL", "movec": "MoveC", "movej": "MoveJ", "moveabsj": "MoveAbsJ"}
 SWITCHES = {"confl": ("on", "off"), "confj": ("on", "off"), "cirpathmode": ("pathframe", "objectframe", "cirpointori")}
@@ -146,6 +149,9 @@ class _Parser:
 
     def named(self, kind: str) -> tuple[Any, str]:
         name, key = self.tokens.peek(), self.tokens.word()
+        if kind in ON_CONTROLLER and key not in self.taken and IDENTIFIER.fullmatch(name):
+            self.tokens.take(key)
+            return None, name
         if key not in self.data:
             self.tokens.refuse(f"the name of a {kind} that is declared")
         if self.data[key][0] != kind:

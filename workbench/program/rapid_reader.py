@@ -41,16 +41,23 @@ def read_rapid(text: str, name: str = "program") -> ProgramMoves:
     for place, where in objects.items():
         if where.held_by_robot:
             raise InputError(name, f"expected a work object that stands, the robot holds '{place}'")
-    spelt = {key.lower(): key for key in (*tools, *objects)}
+    declared = {key.lower() for key in (*tools, *objects)}
+    named = {move.tool: ProgramTool(None) for move in moving[0] if move.tool.lower() not in declared}
+    places: dict[str, Float | None] = {
+        move.work_object: None for move in moving[0] if move.work_object.lower() not in declared
+    }
+    spelt = {key.lower(): key for key in (*named, *places, *tools, *objects)}
     return ProgramMoves(
         dialect="abb",
         name=name,
         moves=tuple(_move(move, spelt, name) for move in moving[0]),
-        tools={
+        tools=named
+        | {
             key: ProgramTool(_matrix(data.frame), data.mass_kg, np.array(data.centre_of_gravity_mm))
             for key, data in tools.items()
         },
-        work_objects={key: _matrix(data.user_frame) @ _matrix(data.object_frame) for key, data in objects.items()},
+        work_objects=places
+        | {key: _matrix(data.user_frame) @ _matrix(data.object_frame) for key, data in objects.items()},
     )
 
 

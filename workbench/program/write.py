@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Moves, PathGate, RobotCell
+from workbench.artefacts import Document, Judgement, Moves, PathGate, RobotCell
 from workbench.dialect import Dialect, ProgramJob, released, write_program
 from workbench.errors import InputError
 from workbench.program.fanuc import Fanuc
 from workbench.program.krl import Krl
 from workbench.program.names import program_name
-from workbench.program.parameters import (
-    TOOL_CENTRE_OF_GRAVITY_MM,
-    TOOL_POSITION_MM,
-    UPRIGHT,
-    ToolCentreOfGravity,
-    ToolMass,
-    ToolPosition,
-    ToolQuaternion,
-    Zone,
-    tool,
-)
+from workbench.program.parameters import Zone, program_job
 from workbench.program.rapid import Rapid
 from workbench.program.rapid_words import free_name
 from workbench.program.trajectory import Trajectory
@@ -55,30 +44,33 @@ def write(
     procedure: Annotated[Name, Field(description="RAPID: name of the procedure that mills")] = "MillBevel",
     tool_name: Annotated[Name, Field(description="RAPID: name of the tool data")] = "tMill",
     work_object_name: Annotated[Name, Field(description="RAPID: name of the work object")] = "woEdge",
-    tool_position_mm: ToolPosition = TOOL_POSITION_MM,
-    tool_quaternion_wxyz: ToolQuaternion = UPRIGHT,
-    tool_mass_kg: ToolMass = 15.0,
-    tool_centre_of_gravity_mm: ToolCentreOfGravity = TOOL_CENTRE_OF_GRAVITY_MM,
     zone_mm: Zone = 0.3,
-) -> tuple[Document, ...]:
+) -> tuple[Document | PathGate | Judgement, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
     `abb`: a RAPID module. `kuka`: KRL, `.src` and `.dat`. `fanuc`: TP as ASCII, `.ls`. `ur`: URScript. `trajectory`:
-    joint angles and external axis over time, as CSV and JSON. All but RAPID need postures (`stiffness.posture`): their
-    programs begin with a move of the axes to the first one. Positions have 3 decimals or more, orientations 3 of a
-    degree or more. Feeds have 3 significant digits. The tool centre point lies on the cutter's flank, a radius off its
-    axis. Circular moves turn the tool in the frame of the work object, as `path.simplify` assumes. Files are ASCII;
-    names out of recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
+    joint angles and external axis over time, as CSV and JSON. A program is written only where the pipeline knows the
+    robot's cell, for moves that rest on postures (`stiffness.posture`); it begins with a move of the axes to the first
+    one. Its files are read back by the dialect's own strict reader and driven through the cell, between all targets
+    (docs/programs.md). What fails leaves no program: the gate says line, place and what is wrong. What the cell file
+    does not state stands in the program's head as NOT CHECKED, and the exit status is 1. `program_check.json` tells
+    how near the program came to anything.
+
+    Tool and work object are those of the controller where the cell file names them: then the tool is the cutter's tip.
+    Otherwise the program declares them: the tool centre point lies on the cutter's flank, a radius off its axis.
+    Positions have 3 decimals or more, orientations 3 of a degree or more. Feeds have 3 significant digits. Circular
+    moves turn the tool in the frame of the work object, as `path.simplify` assumes. Files are ASCII; names out of
+    recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
 
     Args:
         moves: the path as straight and circular moves.
         gate: of this path's own checks.
-        cell: the robot cell, where the pipeline has one: then the moves must rest on postures.
-        controller: the maker of the controller; null: what the cell's file says, RAPID where it says nothing.
+        cell: the robot cell; without one nothing is written, and the gate is passed on.
+        controller: the maker of the controller; null: what the cell's file says.
         name: of the program and its files.
         procedure: name of the procedure.
-        tool_name: name of the tool data.
-        work_object_name: name of the work object.
+        tool_name: name of the tool data, where the program declares it.
+        work_object_name: name of the work object, likewise.
 
     Raises:
         InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that
@@ -86,22 +78,25 @@ def write(
             that turns).
     """
     known = cell.controller.dialect if isinstance(cell, Cell) and cell.controller else None
-    chosen = controller or known or "abb"
-    if gate and not known and not controller:
-        said = "the make of the controller, which neither cell nor pipeline names"
-        gate = dataclasses.replace(gate, unchecked=(*gate.unchecked, said))
-    spindle = tool(tool_position_mm, tool_quaternion_wxyz, tool_mass_kg, tool_centre_of_gravity_mm, moves)
-    job = ProgramJob(name, moves, spindle, zone_mm, moves.turntable_deg, gate.tolerance_mm if gate else 0.0)
-    if chosen == "abb":
-        return write_program(_rapid(job, procedure, tool_name, work_object_name), gate, cell)
-    if not isinstance(cell, Cell):  # its programs say postures, and there are none without a cell
+    chosen = controller or known
+    if not isinstance(cell, Cell):
         released(name, moves.toolpath, gate, cell, moves)
-        return ()
-    return write_program(OTHERS[chosen](job, cell), gate, cell)
+        return (gate,)
+    if chosen is None:
+        raise InputError(f"{cell.source}: $.controller", "expected the make of the robot's controller: abb, kuka, "
+                         "fanuc, ur or trajectory (or the pipeline's input 'controller')")  # fmt: skip
+    if not released(name, moves.toolpath, gate, cell, moves):
+        return (gate,)
+    job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
+    dialect = (
+        _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)
+    )
+    written = write_program(dialect, gate, cell)
+    return (*written.documents, written.gate, *([written.judgement] if written.judgement else []))
 
 
-def _rapid(job: ProgramJob, procedure: str, tool_name: str, work_object_name: str) -> Rapid:
+def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:
     names = [job.name, procedure, tool_name, work_object_name]
     if len({name.lower() for name in names}) < len(names):
         raise InputError("program.write", f"expected four different names, got {', '.join(names)}")
-    return Rapid(job, procedure, tool_name, work_object_name)
+    return Rapid(job, cell, procedure, tool_name, work_object_name)

@@ -1,4 +1,4 @@
-"""The robot cell: its file, the robot's kinematics, collision. Stage `robot.cell`.
+"""The robot cell: its file, the robot's kinematics, collision. Stages `robot.cell`, `robot.plate`.
 
 Kinematics come from the URDF by pinocchio; the kernels here are vectorised over postures and proven equal to it in the
 tests. Collision is python-fcl's.
@@ -18,6 +18,7 @@ from workbench.robot.kinematics import (
     motions,
 )
 from workbench.robot.margins import Margins, dexterity
+from workbench.robot.plate import plate
 from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
 from workbench.robot.sides import arm_sides
@@ -50,6 +51,7 @@ __all__ = [
     "jacobian_derivative",
     "joint_axes",
     "motions",
+    "plate",
     "read_cell",
     "spherical_wrist",
     "turntable_pose",

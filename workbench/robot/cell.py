@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.artefacts import RobotCell
+from workbench.artefacts import Judgement, Moves, ProgramMoves, RobotCell
 from workbench.errors import InputError
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
@@ -77,7 +77,34 @@ class Cell(RobotCell):
         default_factory=dict
     )  # flange_from_tool (4, 4) by the controller's name
     controller_frames: Mapping[str, Float] = field(default_factory=dict)  # base_from_workobject (4, 4), likewise
+    tool_mass_kg: float | None = None
+    tool_centre_of_gravity_mm: Float | None = None  # (3,) in the flange
+    base_from_workobject: Float = field(default_factory=lambda: np.eye(4))
+    joint_stiffness_nm_per_rad: Float | None = None  # (6,) of this robot; None: not stated
+    material: str | None = None  # of the workpiece: whose cutting coefficients hold; None: not stated
     unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
+    unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
+
+    @property
+    def tool_name(self) -> str | None:
+        """Of the tool as the controller has it; None: programs declare it."""
+        return next(iter(self.controller_tools), None)
+
+    @property
+    def work_object_name(self) -> str | None:
+        """Of the work object as the controller has it; None: programs declare it."""
+        return next(iter(self.controller_frames), None)
+
+    def judge(self, program: ProgramMoves, moves: Moves, tolerance_mm: float,
+              configuration: Callable[..., tuple[int, ...] | None]) -> Judgement:  # fmt: skip
+        """Drive a program through this cell (`workbench.robot.judge`)."""
+        from workbench.robot.judge import judge
+        from workbench.robot.surface import Planned
+
+        postures = moves.postures
+        assert postures is not None
+        planned = Planned(moves.toolpath, postures.planned_turntable, tolerance_mm, postures.flange_from_point)
+        return judge(self, program, planned, configuration)
 
 
 def within_margins(cell: Cell) -> Cell:
@@ -89,11 +116,16 @@ def within_margins(cell: Cell) -> Cell:
     inwards = cell.margins.limit * np.array([1.0, -1.0])
     limits, table = cell.chain.limits + inwards, cell.turntable
     if table is not None:
-        table = dataclasses.replace(table, limits=table.limits + inwards)
-    if (np.diff(limits) <= 0).any() or (table is not None and table.limits[0] >= table.limits[1]):
+        table = dataclasses.replace(table, limits=table.limits + turntable_margin(cell) * np.array([1.0, -1.0]))
+    if (np.diff(limits) <= 0).any():
         raise InputError(f"{cell.source}: $.margins.limit_deg", f"no range is left of a joint within "
                          f"{np.degrees(cell.margins.limit):g} deg of its limits")  # fmt: skip
     return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits), turntable=table)
+
+
+def turntable_margin(cell: Cell) -> float:
+    """What the turntable keeps from its limits, rad: the margin, but no more than a quarter of a narrow range."""
+    return 0.0 if cell.turntable is None else float(min(cell.margins.limit, np.ptp(cell.turntable.limits) / 4))
 
 
 def spindle_warning(flange_from_cutter: Float) -> str | None:

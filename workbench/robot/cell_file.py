@@ -18,6 +18,8 @@ Quaternion = tuple[float, float, float, float]
 
 
 Six = tuple[Size, Size, Size, Size, Size, Size]
+Spring = Annotated[float, Field(gt=0, le=1e12)]
+Springs = tuple[Spring, Spring, Spring, Spring, Spring, Spring]
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
 
 
@@ -57,7 +59,7 @@ class RobotPart(_Part):
         default={}, description="ROS packages of its meshes (package://name/...): name to folder, relative to this file"
     )
     acceleration_deg_s2: Six | None = Field(default=None, description="largest of the joints; null: not judged")
-    joint_stiffness_nm_per_rad: Six | None = Field(
+    joint_stiffness_nm_per_rad: Springs | None = Field(
         default=None, description="of this robot, where no stiffness.json is named; null: unknown"
     )
 
@@ -128,6 +130,9 @@ class WorkpiecePart(_Part):
     pose: Pose = Field(default=Placed(), description="of the mesh's frame, in the turntable's frame (or the base)")
     mesh: str | None = Field(
         default=None, description="an STL, OBJ or PLY file in mm, or a cloud (PLY, PCD, XYZ); null: nothing to run into"
+    )
+    material: str | None = Field(
+        default=None, description="whose cutting coefficients hold (`stiffness.force`); null: not stated"
     )
     voxel_mm: float = Field(default=10.0, gt=0, le=1000, description="edge of the cubes that hold a cloud's points")
 

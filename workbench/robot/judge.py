@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.artefacts import Judgement, ProgramMoves, Violation
 from workbench.robot.bounds import SAFE_MM, bounding_volumes, pair_bounds_mm
-from workbench.robot.cell import Cell
+from workbench.robot.cell import Cell, turntable_margin
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.drive import Places, between, first_look, joined
 from workbench.robot.kinematics import forward_kinematics, joint_axes, motions
@@ -210,7 +210,7 @@ def _limits(cell: Cell, seven: Float, asked: Float) -> tuple[Float, Int]:
     margin = np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked
     if cell.turntable is not None:
         table = np.minimum(seven[:, 6] - cell.turntable.limits[0], cell.turntable.limits[1] - seven[:, 6])
-        margin = np.column_stack([margin, table])
+        margin = np.column_stack([margin, table + cell.margins.limit - turntable_margin(cell)])  # as the others count
     which = margin.argmin(axis=1)
     return margin[np.arange(len(margin)), which], which
 
@@ -287,7 +287,7 @@ def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, pl
     faults += _configurations(cell, program, way, places, at, configuration)
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
-    unchecked = list(cell.unchecked)
+    unchecked = [*cell.unchecked, *cell.unseen]
     deviation = float("nan")
     if planned is None:
         unchecked.append("the tool's deviation from its path: no path was given")

@@ -23,6 +23,7 @@ from workbench.robot.cell_file import (
     ToolPart,
     TurntablePart,
     UncertaintyPart,
+    WorkObjectPart,
     WorkpiecePart,
     matrix_of,
 )
@@ -30,17 +31,21 @@ from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
-from workbench.robot.workpiece import read_workpiece
+from workbench.robot.workpiece import read_workpiece, scanned
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
 
+NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
 @stage("robot.cell")
-def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON or YAML)")]) -> Cell:
+def cell(
+    *,
+    cell: Annotated[InputFile | None, Field(description="a cell file (JSON or YAML); null: none, and no program")],
+) -> Cell | None:
     """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
 
     Args:
@@ -49,7 +54,7 @@ def cell(*, cell: Annotated[InputFile, Field(description="a cell file (JSON or Y
     Raises:
         InputError: the file or one that it names is missing or unusable, an unknown frame.
     """
-    return read_cell(cell)
+    return None if cell is None else read_cell(cell)
 
 
 def read_cell(path: Path) -> Cell:
@@ -63,7 +68,7 @@ def read_cell(path: Path) -> Cell:
     chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, robot.held, packages)
     cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
     shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, path))
-    known = {shape.body for shape in shapes}
+    known = {shape.body for shape in shapes} | {"tool", "cutter", "workpiece"}  # a scan may become the workpiece
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
             raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
@@ -75,6 +80,10 @@ def read_cell(path: Path) -> Cell:
         may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
         margins=_margins(part), accelerations=_accelerations(part.robot), controller_tools=tools,
         controller_frames=frames, unchecked=tuple(_not_said(part, shapes)),
+        unseen=() if part.workpiece.mesh else (NO_WORKPIECE,), tool_mass_kg=part.tool.mass_kg,
+        tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
+        base_from_workobject=_pose((part.work_object or WorkObjectPart()).pose, f"{path}: $.work_object.pose"),
+        material=part.workpiece.material, joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
         controller=_controller(part.controller),
     )  # fmt: skip
 
@@ -88,6 +97,10 @@ def _margins(part: CellPart) -> Margins:
         part_mm=float(np.hypot(said.base_u_mm, said.turntable_u_mm)),
         part_rad=float(np.hypot(said.base_u_deg, said.turntable_u_deg)) * DEG,
     )  # fmt: skip
+
+
+def _array(values: tuple[float, ...] | None) -> Float | None:
+    return None if values is None else np.array(values)
 
 
 def _accelerations(part: RobotPart) -> Float | None:
@@ -113,8 +126,10 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
         yield f"that these joints stand where the cell file has them, and nothing moves them: {stands}"
     if not part.tool.shapes:
         yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
-    if part.workpiece.mesh is None:
-        yield "collision with the workpiece: the cell file gives none ($.workpiece.mesh)"
+    if part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm):
+        yield "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"
+    if part.work_object is None:
+        yield "the work object: the cell file states none ($.work_object); targets are in the robot's base"
     if part.envelope is None:
         yield "the robot's envelope: the cell file states none ($.envelope)"
     if part.uncertainty is None:
@@ -167,7 +182,7 @@ def _around(part: CellPart, path: Path) -> list[Shape]:
         found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
     found += [] if part.envelope is None else _walls(part.envelope)
     if part.workpiece.mesh is not None:
-        found.append(_workpiece(part.workpiece, ON_TURNTABLE if table else ON_BASE, path))
+        found += _workpiece(part.workpiece, ON_TURNTABLE if table else ON_BASE, path)
     for i, fixture in enumerate(part.fixtures):
         where = f"{path}: $.fixtures[{i}]"
         if fixture.on == "turntable" and table is None:
@@ -177,10 +192,13 @@ def _around(part: CellPart, path: Path) -> list[Shape]:
     return found
 
 
-def _workpiece(part: WorkpiecePart, link: int, path: Path) -> Shape:
+def _workpiece(part: WorkpiecePart, link: int, path: Path) -> list[Shape]:
     assert part.mesh is not None
-    solid = read_workpiece(path.parent / part.mesh, f"{path}: $.workpiece.mesh", part.voxel_mm)
-    return Shape("workpiece", link, "mesh", (), _pose(part.pose, f"{path}: $.workpiece.pose"), *solid)
+    where, pose = f"{path}: $.workpiece.mesh", _pose(part.pose, f"{path}: $.workpiece.pose")
+    points, triangles = read_workpiece(path.parent / part.mesh, where)
+    if len(triangles):
+        return [Shape("workpiece", link, "mesh", (), pose, points, triangles)]
+    return scanned(points, part.voxel_mm, link, pose, where)
 
 
 def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, path: Path) -> Shape:

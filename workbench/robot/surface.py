@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import Layer, Toolpath
-from workbench.geometry.poses import inverse, rotation_from_quaternion
+from workbench.artefacts import Layer, Toolpath, Travel
+from workbench.geometry.poses import interpolate_poses, inverse
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
-from workbench.units import AnyArray, Float, Int
+from workbench.units import DEG, AnyArray, Float, Int
 
 NEAR_MM = 20.0  # along the way, in which a place looks for its counterpart on the path
 MOST_STEP_MM = 1.0  # between points of the path that are compared with
+MOST_TURN = 0.5 * DEG  # likewise
+NO_LENGTH_MM = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,8 +32,8 @@ class Planned:
 def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> tuple[float, list[tuple[int, str]]]:
     """The largest deviation over all layers, mm, and what is wrong: index of the place and words.
 
-    Off the path's line, and turned, over half the flutes. Every layer must be driven from end to end in its order; what
-    lies between the layers is in the air and only collides.
+    The cutter's axis off the path's, and turned, over half the flutes. Layers and the travels between them must be
+    driven from end to end in their order: then what was checked of the path holds for the program.
 
     Args:
         cell: the turntable.
@@ -40,10 +42,11 @@ def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> t
         turntable: (n,) rad.
     """
     back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
+    back[:, :3, 3] -= planned.toolpath.cutter.diameter_mm / 2 * back[:, :3, 0]  # a cutter may turn about its axis
     faults: list[tuple[int, str]] = []
     largest, begin = 0.0, 0
-    for layer in planned.toolpath.layers:
-        found = _layer(planned, layer, back[begin:])
+    for name, points, axis in _parts(planned.toolpath):
+        found = _part(planned, name, points, axis, back[begin:])
         if isinstance(found, str):
             faults.append((begin, found))
             continue
@@ -51,10 +54,41 @@ def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> t
         worst = int(off.argmax())
         largest = max(largest, float(off[worst]))
         if off[worst] > planned.tolerance_mm:
-            faults.append((begin + first + worst, f"the tool leaves layer {layer.index} of the path by "
-                           f"{off[worst]:.3f} mm, expected at most {planned.tolerance_mm:g} mm"))  # fmt: skip
+            finding = f"the tool leaves {name} of the path by {off[worst]:.3f} mm, expected at most "
+            faults.append((begin + first + worst, f"{finding}{planned.tolerance_mm:g} mm"))
         begin += first + len(off) - 1
     return largest, faults
+
+
+def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float]]:
+    """Layers and what lies between them, in their order: a name, points (k, 3) on the cutter's axis, the axis (k, 3).
+
+    A travel begins where the part before it ends, and ends where the next one begins. Between its points the path's own
+    frame moves straight and turns evenly, as `stiffness.posture` fills it up.
+    """
+    parts = [part for part in path.in_order if len(part.feed_mm_s)]
+    for i, part in enumerate(parts):
+        row = [part]
+        if not isinstance(part, Layer):
+            row = [*parts[max(i - 1, 0) : i], part, *parts[i + 1 : i + 2]]
+        position = np.concatenate([_ends(one, j, row, part)[0] for j, one in enumerate(row)])
+        quaternion = np.concatenate([_ends(one, j, row, part)[1] for j, one in enumerate(row)])
+        if np.linalg.norm(np.diff(position, axis=0), axis=1).sum() <= NO_LENGTH_MM:
+            continue
+        name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_beside(parts, i)}"
+        yield name, *_densified(path, position, quaternion)
+
+
+def _beside(parts: list[Layer | Travel], i: int) -> str:
+    """Which layer a travel follows, or leads to."""
+    before = [part.index for part in parts[:i] if isinstance(part, Layer)]
+    return f"behind layer {before[-1]}" if before else "before the first layer"
+
+
+def _ends(one: Layer | Travel, place: int, row: list[Layer | Travel], part: Layer | Travel) -> tuple[Float, Float]:
+    """All points of the part itself, the last one of the part before it, the first one of the part behind it."""
+    which = slice(None) if one is part else slice(-1, None) if place == 0 else slice(0, 1)
+    return one.position_mm[which], one.quaternion_wxyz[which]
 
 
 def _poses(cell: Cell, turntable: Float) -> Float:
@@ -62,31 +96,28 @@ def _poses(cell: Cell, turntable: Float) -> Float:
     return np.array([turntable_pose(cell, float(angle)) for angle in distinct])[which]
 
 
-def _layer(planned: Planned, layer: Layer, tool: Float) -> tuple[int, Float] | str:
-    """Index of the first place on a layer, and the deviation (k,) from there to its last; or what is wrong."""
-    path = planned.toolpath
-    points, axes = path.in_base(layer.position_mm), rotation_from_quaternion(layer.quaternion_wxyz)
-    if path.base_from_workobject is not None:
-        axes = path.base_from_workobject[:3, :3] @ axes
+def _part(planned: Planned, name: str, fine: Float, axis: Float, tool: Float) -> tuple[int, Float] | str:
+    """Index of the first place on a part, and the deviation (k,) from there to its last; or what is wrong."""
     near = max(10 * planned.tolerance_mm, 0.5)
-    first = _first(tool[:, :3, 3], points[0], near)
+    first = _first(tool[:, :3, 3], fine[0], near)
     if first is None:
-        return f"the program never comes to the beginning of layer {layer.index} of its path"
-    last = _first(tool[first:, :3, 3], points[-1], near)
+        return f"the program never comes to the beginning of {name} of its path"
+    last = _first(tool[first:, :3, 3], fine[-1], near)
     if last is None:
-        return f"the program never comes to the end of layer {layer.index} of its path"
+        return f"the program never comes to the end of {name} of its path"
     driven = tool[first : first + last + 1]
     if len(driven) < 2:
-        return f"layer {layer.index} of the path is not driven"
-    lever = path.cutter.flute_length_mm / 2
-    fine, turned = _densified(points, axes)
-    there, back_ = _along(driven[:, :3, 3]), _along(fine)
-    if abs(there[-1] - back_[-1]) > 0.01 * back_[-1] + NEAR_MM / 2:
-        return f"layer {layer.index} of the path is {back_[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm"
-    off = _apart(driven, there * back_[-1] / max(there[-1], 1e-9), fine, turned, back_, lever)
-    missed = _apart_points(fine, back_ * there[-1] / max(back_[-1], 1e-9), driven[:, :3, 3], there)
-    off[np.searchsorted(there, there[-1] * 0.5)] = max(off[np.searchsorted(there, there[-1] * 0.5)],
-                                                      float(missed.max()))  # fmt: skip
+        return f"{name} of the path is not driven"
+    lever = planned.toolpath.cutter.flute_length_mm / 2
+    there, back = _along(driven[:, :3, 3]), _along(fine)
+    if abs(there[-1] - back[-1]) > 0.01 * back[-1] + NEAR_MM / 2:
+        return f"{name} of the path is {back[-1]:.1f} mm long, the program drives {there[-1]:.1f} mm"
+    off = _apart(driven, there * back[-1] / max(there[-1], 1e-9), fine, axis, back, lever)
+    along = back * there[-1] / max(back[-1], 1e-9)
+    missed = _apart_points(fine, along, driven[:, :3, 3], there)
+    worst = int(missed.argmax())
+    nearest = min(int(np.searchsorted(there, along[worst])), len(off) - 1)
+    off[nearest] = max(off[nearest], float(missed[worst]))
     return first, off
 
 
@@ -114,16 +145,16 @@ def _along(position: Float) -> Float:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
 
 
-def _densified(points: Float, axes: Float) -> tuple[Float, Float]:
-    """Points no farther than MOST_STEP_MM from each other, and the frames of the nearest given ones."""
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    count = np.maximum(np.ceil(step / MOST_STEP_MM), 1).astype(int)
-    at = np.concatenate([*(i + np.arange(c) / c for i, c in enumerate(count.tolist())), [len(points) - 1]])
-    index = np.minimum(at.astype(int), len(points) - 2)
-    share = (at - index)[:, None]
-    fine = points[index] + share * (points[index + 1] - points[index])
-    turned = axes[index] + share[..., None] * (axes[index + 1] - axes[index])  # a degree apart at most: near enough
-    return fine, turned
+def _densified(path: Toolpath, position: Float, quaternion: Float) -> tuple[Float, Float]:
+    """Points of the cutter's axis in the base, no farther than MOST_STEP_MM from each other, and its direction."""
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    turn = 2 * np.arccos(np.clip(np.abs((quaternion[1:] * quaternion[:-1]).sum(axis=1)), 0, 1))
+    count = np.maximum(np.ceil(np.maximum(step / MOST_STEP_MM, turn / MOST_TURN)), 1).astype(int)
+    at = np.concatenate([*(i + np.arange(c) / c for i, c in enumerate(count.tolist())), [len(position) - 1]])
+    poses = interpolate_poses(at, np.arange(len(position), dtype=float), position, quaternion)
+    axes, points = poses[:, :3, :3], poses[:, :3, 3] - path.cutter.diameter_mm / 2 * poses[:, :3, 0]
+    turned = np.eye(3) if path.base_from_workobject is None else path.base_from_workobject[:3, :3]
+    return path.in_base(points), axes[:, :, 2] @ turned.T
 
 
 def _windows(places: Float, along: Float) -> Iterator[Int]:
@@ -134,15 +165,15 @@ def _windows(places: Float, along: Float) -> Iterator[Int]:
         yield np.minimum(low + shift, high)
 
 
-def _apart(driven: Float, places: Float, fine: Float, turned: Float, along: Float, lever: float) -> Float:
-    """Distance (k,) of the driven tool from the path near the same arc length, and its axis's tilt times the lever."""
+def _apart(driven: Float, places: Float, fine: Float, axes: Float, along: Float, lever: float) -> Float:
+    """Distance (k,) of the driven axis from the path's near the same arc length, and its tilt times the lever."""
     best, axis = np.full(len(driven), np.inf), np.zeros((len(driven), 3))
     for segment in _windows(places, along):
         start = fine[segment]
         distance, share = _to_segments(driven[:, :3, 3], start, fine[segment + 1] - start)
         nearer = distance < best
         best = np.where(nearer, distance, best)
-        z = turned[segment, :, 2] + share[:, None] * (turned[segment + 1, :, 2] - turned[segment, :, 2])
+        z = axes[segment] + share[:, None] * (axes[segment + 1] - axes[segment])
         axis[nearer] = z[nearer]
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-12)
     tilt = np.linalg.norm(np.cross(axis, driven[:, :3, 2]), axis=1)

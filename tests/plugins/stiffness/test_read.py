@@ -1,5 +1,6 @@
 """`stiffness.read`: a file's stiffness, or given numbers; nothing that is no stiffness."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,18 @@ from workbench.errors import InputError, PipelineError
 from workbench.plugins.stiffness import read
 from workbench.plugins.stiffness.read import stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness
+from workbench.robot import Cell
 
 from .conftest import K
 
 
-def test_default_is_table_2() -> None:
-    assert read().nm_per_rad.tolist() == K.tolist()
+def test_stiffness_is_the_cells_or_nobodys(cell: Cell) -> None:
+    """No other robot's numbers stand in: the shipped cell states the paper's Table 2."""
+    assert read(cell).nm_per_rad.tolist() == K.tolist()
+    assert read() is None
+    with pytest.raises(InputError, match=r"\$\.robot\.joint_stiffness_nm_per_rad: expected the joint stiffness"):
+        read(dataclasses.replace(cell, joint_stiffness_nm_per_rad=None))
+    assert read(joint_stiffness_nm_per_rad=[1e6] * 6).nm_per_rad.tolist() == [1e6] * 6
 
 
 def test_a_file_comes_back(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from workbench.api import (
     DEG,
+    Cell,
     Document,
     Engagement,
     Float,
@@ -16,6 +17,7 @@ from workbench.api import (
     Layer,
     LayerEngagement,
     Toolpath,
+    nearest,
     rotation_from_quaternion,
     stage,
     strict_json,
@@ -24,6 +26,7 @@ from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficie
 from workbench.plugins.stiffness.cutting import milling_force
 from workbench.plugins.stiffness.values import LayerForce, MillingForce
 
+STAND_IN = "al7075_t6"  # of a plate whose material nobody states
 Pressure = Annotated[float, Field(ge=0, le=1e5)]
 Six = tuple[Pressure, Pressure, Pressure, Pressure, Pressure, Pressure]
 
@@ -32,11 +35,12 @@ Six = tuple[Pressure, Pressure, Pressure, Pressure, Pressure, Pressure]
 def force(
     toolpath: Toolpath,
     engagement: Engagement | None = None,
+    cell: Cell | None = None,
     *,
     material: Annotated[
-        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"],
-        Field(description="published coefficients"),
-    ] = "al7075_t6",
+        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"] | None,
+        Field(description="published coefficients; null: the cell's material, or al7075_t6 stands in"),
+    ] = None,
     coefficients: Annotated[
         Six | None, Field(description="instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six)")
     ] = None,
@@ -59,6 +63,7 @@ def force(
     Args:
         toolpath: points, feed, cutter.
         engagement: what the cutter meets, as milled in simulation; without it the depths below hold all along.
+        cell: the robot cell, whose file may state the workpiece's material.
         material: whose published coefficients to take.
         coefficients: six of one's own.
         spindle_rpm: turns a minute.
@@ -69,9 +74,10 @@ def force(
         runout_angle_deg: of tooth 1 against it.
 
     Raises:
-        InputError: the engagement is of another path; a radial depth beyond the cutter's diameter.
+        InputError: the engagement is of another path; a radial depth beyond the cutter's diameter; a material in the
+            cell file that has no published coefficients.
     """
-    of = PUBLISHED[material] if coefficients is None else CuttingCoefficients(*coefficients)
+    of, assumed = _coefficients(cell, material, coefficients)
     met = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
     layers = []
     for layer in toolpath.layers:
@@ -83,8 +89,22 @@ def force(
         through = milling_force(of, toolpath.cutter, per_tooth, radial, axial, helix=helix_deg * DEG,
                                 runout_mm=runout_mm, runout_angle=runout_angle_deg * DEG)  # fmt: skip
         layers.append(_layer_force(layer, through))
-    found = MillingForce(tuple(layers), of.source)
+    found = MillingForce(tuple(layers), of.source, assumed)
     return found, Document("milling_force.json", _document(found))
+
+
+def _coefficients(cell: Cell | None, material: str | None, given: Six | None) -> tuple[CuttingCoefficients, str]:
+    """Of the plate, and what is assumed of it."""
+    if given is not None:
+        return CuttingCoefficients(*given), ""
+    if material is None and cell is not None and cell.material is not None:
+        material = cell.material
+        if material not in PUBLISHED:
+            raise InputError(f"{cell.source}: $.workpiece.material", f"expected one of {', '.join(PUBLISHED)}"
+                             f"{nearest(material, PUBLISHED)}")  # fmt: skip
+    if material is not None:
+        return PUBLISHED[material], ""
+    return PUBLISHED[STAND_IN], f"the material of the plate: coefficients of {STAND_IN} stand in ($.workpiece.material)"
 
 
 def _depths(layer: Layer, met: LayerEngagement | None, toolpath: Toolpath, radial_mm: float | None,

@@ -38,8 +38,8 @@ Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(g
 
 @stage("stiffness.posture")
 def posture(
-    cell: Cell,
-    stiffness: JointStiffness,
+    cell: Cell | None,
+    stiffness: JointStiffness | None,
     toolpath: Toolpath,
     force: MillingForce,
     gate: PathGate | None = None,
@@ -79,7 +79,7 @@ def posture(
     whole_map: Annotated[
         bool, Field(description="false: cells worse than the optimum are not examined for collision")
     ] = True,
-) -> tuple[Postures, PathGate | None, Document, Chapter]:
+) -> tuple[Postures, PathGate | None, Document, Chapter] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
     `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
@@ -91,7 +91,7 @@ def posture(
     uncertainty of tool and part may ask of the joints besides. Writes `posture.json`.
 
     Args:
-        cell: robot, tool, turntable, what stands around.
+        cell: robot, tool, turntable, what stands around; without one there are no postures.
         stiffness: of the joints.
         toolpath: the path, as planned.
         force: on the cutter along it.
@@ -113,6 +113,12 @@ def posture(
         InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
             kernels hold for; the force is of another path.
     """
+    if cell is None:
+        return None
+    if stiffness is None:
+        raise InputError(
+            "stiffness.posture", "expected the joint stiffness of this robot (stiffness.read behind robot.cell)"
+        )
     kept = within_margins(cell)
     arm, k = arm_of(kept.chain), stiffness.nm_per_rad
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
@@ -135,7 +141,12 @@ def posture(
         law_bound_mm=None if bound_mm is None else bound_mm / len(points.loaded),
         law_gap=None if bound_mm is None else max(chosen.cost_mm / bound_mm - 1, 0.0),
     )  # fmt: skip
-    return made, _gate(gate, found), Document("posture.json", posture_document(found)), posture_chapter(cell, found)
+    return (
+        made,
+        _gate(gate, found, force),
+        Document("posture.json", posture_document(found)),
+        posture_chapter(cell, found),
+    )
 
 
 def grid(limits_deg: Range, step_deg: float) -> Float:
@@ -158,8 +169,10 @@ def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
     if limits_deg is not None:
         low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
     angles = grid((low, high), step_deg)
-    inside = (cell.turntable.limits[0] + cell.margins.limit, cell.turntable.limits[1] - cell.margins.limit)
-    kept = angles[(angles >= inside[0] - 1e-9) & (angles <= inside[1] + 1e-9)]
+    low, high = within_margins(cell).turntable.limits  # type: ignore[union-attr]  # there is one
+    kept = angles[(angles >= low - 1e-9) & (angles <= high + 1e-9)]
+    if not len(kept) and high > low:
+        kept = grid((low / DEG, high / DEG), step_deg)
     if not len(kept):
         why = f"expected turntable angles {cell.margins.limit / DEG:g} deg from its limits, found none"
         raise InputError("stiffness.posture", why)
@@ -177,10 +190,12 @@ def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> di
     return {name: case_at(examiner, k, *place) for name, place in places.items()}
 
 
-def _gate(gate: PathGate | None, found: Found) -> PathGate | None:
+def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate | None:
     """The decision so far, with what was found; None where it is on another path, or there is none."""
     if gate is None or gate.toolpath is not found.postures.toolpath:
         return None
     mean = found.displacement_mm.mean()
     reason = f"postures found for {len(found.points.layer)} points, mean displacement {mean:.4f} mm"
-    return dataclasses.replace(gate, reason=f"{gate.reason}; {reason}", reached=True)
+    assumed = (f"NOT CHECKED: {force.assumed}",) if force.assumed else ()
+    loosened = (*gate.loosened, *assumed)
+    return dataclasses.replace(gate, reason=f"{gate.reason}; {reason}", reached=True, loosened=loosened)

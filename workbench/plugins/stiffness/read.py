@@ -8,33 +8,48 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, InputFile, StiffnessFile, stage
-from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, JointStiffness
+from workbench.api import Cell, Document, Float, InputError, InputFile, StiffnessFile, stage
+from workbench.plugins.stiffness.values import JointStiffness
 
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 
 
 @stage("stiffness.read")
 def read(
+    cell: Cell | None = None,
     *,
-    stiffness: Annotated[InputFile | None, Field(description="a stiffness.json; null: the numbers given here")] = None,
+    stiffness: Annotated[
+        InputFile | None, Field(description="a stiffness.json; null: the numbers given here, or the cell's")
+    ] = None,
     joint_stiffness_nm_per_rad: Annotated[
-        tuple[Positive, Positive, Positive, Positive, Positive, Positive],
-        Field(description="stiffness of the six joints, where no file is named"),
-    ] = TABLE_2_NM_PER_RAD,
-) -> JointStiffness:
-    """Take the robot's joint stiffness from a file, or as given (default: the paper's Table 2).
+        tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None,
+        Field(description="stiffness of the six joints, where no file is named; null: the cell's"),
+    ] = None,
+) -> JointStiffness | None:
+    """Take the robot's joint stiffness from a file, as given, or from the cell's file: that of this robot, no other's.
 
     Args:
+        cell: the robot cell, whose file may state the stiffness.
         stiffness: a `stiffness.json`, as `stiffness.identify` writes it.
         joint_stiffness_nm_per_rad: six numbers, exact, where no file is named.
 
     Raises:
-        InputError: a stiffness of zero or less, a covariance that is none.
+        InputError: a stiffness of zero or less, a covariance that is none; a cell whose stiffness nobody states.
     """
     if stiffness is not None:
         return read_stiffness(stiffness)
-    return JointStiffness(np.array(joint_stiffness_nm_per_rad), np.zeros((6, 6)), 0.0, 0, 0, "given")
+    given = joint_stiffness_nm_per_rad
+    if given is None and cell is not None:
+        if cell.joint_stiffness_nm_per_rad is None:
+            where = f"{cell.source}: $.robot.joint_stiffness_nm_per_rad"
+            raise InputError(where, "expected the joint stiffness of this robot, here or as a stiffness.json "
+                             "(stiffness.identify makes it from loading tests)")  # fmt: skip
+        return _exact(cell.joint_stiffness_nm_per_rad, cell.source)
+    return None if given is None else _exact(np.array(given), "given")
+
+
+def _exact(values: Float, source: str) -> JointStiffness:
+    return JointStiffness(values, np.zeros((6, 6)), 0.0, 0, 0, source)
 
 
 def read_stiffness(path: Path) -> JointStiffness:

@@ -95,7 +95,7 @@ def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, 
         displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
         clearance_mm=_clearances(examiner, joints, law.table) if clearance else np.full(len(joints), np.nan),
         flange_from_point=flange_from_point, has_turntable=cell.turntable is not None,
-        warnings=warnings + _too_fast(cell, joints, points),
+        warnings=warnings + _too_fast(cell, joints, points), planned_turntable=points.planned,
     )  # fmt: skip
 
 

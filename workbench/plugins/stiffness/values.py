@@ -76,6 +76,7 @@ class MillingForce:
 
     layers: tuple[LayerForce, ...]
     source: str  # of the coefficients
+    assumed: str = ""  # what stands in for what nobody stated: programs say so
     warnings: tuple[str, ...] = ()
 
 

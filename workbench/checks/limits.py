@@ -86,9 +86,17 @@ LIMITS: dict[str, Limit] = {
         (0.34, 1.0), "share of the frames that show something in which the faces of the edge were found",
         "an edge is there all along a plate",
     ),
-    "face_misfit": Limit(
-        2.5, "deviation of a face from straight lines over that of its noise, as a ratio",
-        "the faces of a bevel are milled or cut straight; a dome or a bar is not",
+    "face_bow": Limit(
+        0.01, "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",
+        "faces are cut straight; chords of domes, bars and cables bow by 0.012 to 0.1",
+    ),
+    "size_scatter": Limit(
+        0.15, "scatter of the root face's width from frame to frame, over its width; 0.7 columns where that is more",
+        "a root face changes slowly along the edge; what is cut out of a cable or of noise does not",
+    ),
+    "hollow_share": Limit(
+        0.3, "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
+        "a plate's edge is convex all round; grooves, fillets and steps are not",
     ),
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from workbench.units import DEG, Float, Int
 
 REACH = 3  # profiles on each side, for the direction of the way
 LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
+SURE = 3.0  # standard uncertainties by which a turn of the section is one
 LEAST_SINE = 0.1  # of the angle between a section's line and the way
 LEAST_MM = 1e-6  # of way between them
 
@@ -50,7 +52,12 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float] | N
         return None
     low, high = np.percentile(oblique[here], [5, 95])
     across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
-    return (float(np.median(oblique[here])), float(high - low) / 2.0, _twist(across, tangent, stretch), length)
+    return (
+        float(np.median(oblique[here])),
+        float(high - low) / 2.0,
+        _twist(across, tangent, stretch, chain.turn_u),
+        length,
+    )
 
 
 def section_turns(chain: Chain, pose: Float) -> Float | None:
@@ -88,7 +95,7 @@ def way_of(place: Float, stretch: Int, pose: Float) -> tuple[float, Float, Float
     return length, tangent, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
 
 
-def _twist(across: Float, tangent: Float, stretch: Int) -> float:
+def _twist(across: Float, tangent: Float, stretch: Int, turn_u: Float) -> float:
     """Greatest turn (deg) of directions `across` about the way, against directions carried along without twist."""
     greatest = 0.0
     for number in np.unique(stretch):
@@ -97,7 +104,8 @@ def _twist(across: Float, tangent: Float, stretch: Int) -> float:
             continue
         angle = _turns(across, tangent, at)
         if angle is not None:
-            greatest = max(greatest, float(np.ptp(angle)) / DEG)
+            u = math.sqrt(float((turn_u[at[:-1]] ** 2).sum()))
+            greatest = max(greatest, (float(np.ptp(angle)) - SURE * u) / DEG)
     return greatest
 
 

@@ -34,7 +34,7 @@ class Chain:
     turn: Float  # (k - 1,) rad
     good: Bool  # (k - 1,) the two profiles agree on at least half of what both show
     misfit_mm: Float  # (k - 1,) robust standard deviation of what is left, normal to the profile
-    sensed: Float  # (k - 1,) how well the profiles determine the worst of both shifts: least over greatest eigenvalue
+    turn_u: Float  # (k - 1,) standard uncertainty of the turn by the noise of the profiles, rad; large on round shapes
 
     def track(self) -> tuple[Float, Float, Int]:
         """A point that goes with the section (k, 2), its turn (k,) rad, and the stretch (k,) that it is in.
@@ -142,9 +142,9 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain:
     moved = np.hypot(motion[:, 0], motion[:, 1])
     good = (agreeing >= np.maximum(SHARE * both, 8)) & (spread < MISFITS * usual)
     good &= moved < max(LEAST_STEP_MM, STEPS * float(np.median(moved)))
-    eigen = np.linalg.eigvalsh(normal[:, :2, :2])
+    variance = np.linalg.inv(normal + 1e-9 * ridge)[:, 2, 2]
     return Chain(frames, np.array([x0, z0]), motion[:, 0], motion[:, 1], motion[:, 2], good, spread,
-                 eigen[:, 0] / np.maximum(eigen[:, 1], 1e-300))  # fmt: skip
+                 spread * np.sqrt(variance))  # fmt: skip
 
 
 def _slopes(surface: Float, pitch: float) -> Float:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge
+from workbench.checks import checked_limits
+from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.measure import Measured, measure_edge
@@ -30,6 +33,10 @@ def segment(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
     ] = 0.07,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of the checks of the faces by name (docs/checks.md)"),
+    ] = {},  # noqa: B006  (never changed)
 ) -> Edge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
@@ -43,13 +50,18 @@ def segment(
         bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
+        limits: limits of the checks of the faces by name. One that passes only by a wider limit than the default is
+            named in the results.
 
     Raises:
-        InputError: no root face next to a bevel face in view.
+        InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
+            beside the faces, or only here and there along the scan.
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
+    checks = require_bevel(cloud, tracked.labels, checked_limits(limits, "edge.segment.limits"))
     measured = measure_edge(cloud, tracked)
-    return _edge(cloud, tracked, measured, robot_noise_mm)
+    edge = _edge(cloud, tracked, measured, robot_noise_mm)
+    return replace(edge, checks=(*edge.checks, *checks))
 
 
 def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_mm: float) -> Edge:

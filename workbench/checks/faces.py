@@ -1,0 +1,174 @@
+"""Is this a bevel at all? What the faces that were found must satisfy before any size of theirs is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
+from workbench.checks.judge import refuse_failed
+from workbench.checks.limits import Bound, check, most
+from workbench.units import AnyArray, Float
+
+SAMPLE = 40  # frames with faces
+LEAST_POINTS = 8  # of a face, to tell whether it is straight
+SURE = 3.0  # standard uncertainties by which a bow is one
+SMALL_BOW_MM = 0.03  # no face is straighter than that for certain
+LEAST_RETURNS = 16  # of a frame that shows something
+LEAST_FRAMES = 4
+HOLLOW = np.radians(12.0)  # turn beyond which a surface turns back
+SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
+NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
+
+
+def require_bevel(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:
+    """As `judge_faces`.
+
+    Raises:
+        InputError: what was found is no bevel.
+    """
+    checks = judge_faces(cloud, labels, limits)
+    refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
+    return checks
+
+
+def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:
+    """Checks of the faces (labels of `workbench.artefacts`, (N, M)) that were found in a cloud; none raises.
+
+    The faces of a bevel are straight in the section and are there along the whole edge. On anything round, two chords
+    that differ by 20 deg and more bow by a tenth of their width; on a bevel by less than a hundredth.
+    """
+    given = limits or {}
+    shows = cloud.keep.sum(axis=1) >= LEAST_RETURNS
+    found = ((labels == ROOT_FACE) | (labels == BEVEL_FACE)).any(axis=1)
+    share = float((found & shows).sum() / max(int(shows.sum()), 1))
+    told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
+    rows = np.flatnonzero(found)
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
+    bow, name = max((_bow(cloud, labels, rows, face), NAMES[face]) for face in NAMES)
+    round_ = (
+        f"what would be its {name} bows by {100 * bow:.0f} % of its width: a dome, a bar, a cable or a rounded groove?"
+    )
+    scatter, blur = _size_scatter(cloud, labels, rows)
+    uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
+    hollow = _hollow_share(cloud, labels, rows)
+    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
+    widest = max(most("size_scatter"), blur)
+    return (
+        check("edge_share", share, told, given=given),
+        check("face_bow", bow, round_, given=given),
+        check("size_scatter", scatter, uneven, given=given, default=widest),
+        check("hollow_share", hollow, groove, given=given),
+    )
+
+
+def _bow(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> float:
+    """Bow of a face over its width, the median of the frames; 0 where it is not certain."""
+    bows, widths = [], []
+    for i in rows:
+        on = (labels[i] == face) & cloud.keep[i]
+        if on.sum() < LEAST_POINTS:
+            continue
+        found = _sagitta(cloud.x_mm[i][on].astype(np.float64), cloud.z_mm[i][on].astype(np.float64))
+        if found is not None:
+            bows.append(found[0])
+            widths.append(found[1])
+    if len(bows) < 4:
+        return 0.0
+    middle = float(np.median(bows))
+    spread = float(np.median(np.abs(np.array(bows) - middle))) / 0.6745
+    u = 1.2533 * spread / np.sqrt(len(bows))
+    if abs(middle) < max(SURE * u, SMALL_BOW_MM):
+        return 0.0
+    return abs(middle) / float(np.median(widths))
+
+
+def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:
+    """Robust standard deviation of the root face's width between neighbouring frames of the sample, over the width.
+
+    And 0.7 columns over the width, which is what the columns alone may make it.
+    """
+    widths, counts = [], []
+    for i in rows:
+        on = (labels[i] == ROOT_FACE) & cloud.keep[i]
+        if on.sum() >= 2:
+            counts.append(int(on.sum()))
+            widths.append(float(np.hypot(np.ptp(cloud.x_mm[i][on]), np.ptp(cloud.z_mm[i][on]))))
+    if len(widths) < LEAST_FRAMES or not np.median(widths) > 0:
+        return 0.0, 0.0
+    scatter = np.median(np.abs(np.diff(widths))) / 0.6745 / np.sqrt(2.0)
+    return float(scatter / np.median(widths)), float(0.7 / np.median(counts))
+
+
+def _sagitta(x: Float, z: Float) -> tuple[float, float] | None:
+    """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
+    at, across = x - x.mean(), z - z.mean()
+    direction = np.linalg.svd(np.stack([at, across], axis=1), full_matrices=False)[2][0]
+    u, v = at * direction[0] + across * direction[1], across * direction[0] - at * direction[1]
+    width = float(np.ptp(u))
+    if width <= 0:
+        return None
+    basis = np.stack([np.ones_like(u), u, u * u], axis=1)
+    weight = np.ones_like(u)
+    for _ in range(3):
+        fit = np.linalg.lstsq(basis * weight[:, None], v * weight, rcond=None)[0]
+        off = np.abs(v - basis @ fit)
+        weight = (off < 4.0 * np.median(off) + 1e-9).astype(np.float64)
+    return float(fit[2]) * width**2 / 4.0, width
+
+
+def _hollow_share(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> float:
+    """Share of frames in which a surface that joins root face or bevel face turns the other way than these two do."""
+    hollow = [_is_hollow(cloud, labels[i], int(i)) for i in rows]
+    seen = [one for one in hollow if one is not None]
+    return float(np.mean(seen)) if len(seen) >= LEAST_FRAMES else 0.0
+
+
+def _is_hollow(cloud: Cloud, labels: AnyArray, i: int) -> bool | None:
+    """Of one frame; None: its faces do not stand side by side.
+
+    From face to face along a profile of a convex edge the direction turns one way. In a groove it turns back.
+    """
+    x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
+    kept = np.flatnonzero(cloud.keep[i])
+    on = [np.flatnonzero((labels == face) & cloud.keep[i]) for face in NAMES]
+    if min(len(one) for one in on) < LEAST_POINTS // 2:
+        return None
+    first, second = sorted(on, key=lambda one: float(np.median(one)))
+    sign = 1.0 if x[kept[-1]] >= x[kept[0]] else -1.0
+    between = _direction(x[second], z[second], sign) - _direction(x[first], z[first], sign)
+    before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
+    after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
+    turns = []
+    if before is not None:
+        turns.append(_direction(x[first], z[first], sign) - before)
+    if after is not None:
+        turns.append(after - _direction(x[second], z[second], sign))
+    return any(turn * np.sign(between) < -HOLLOW for turn in turns)
+
+
+def _direction(x: Float, z: Float, sign: float) -> float:
+    """Angle (rad) of a straight run of returns, along rising columns; robust against a few strays."""
+    half = len(x) // 2
+    return float(
+        np.arctan2(np.median(z[half:]) - np.median(z[:half]), sign * (np.median(x[half:]) - np.median(x[:half])))
+    )
+
+
+def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -> float | None:
+    """Direction of the surface that begins where a face ends, if one does: without a jump, and long enough.
+
+    `beyond` and `face` are columns, both from the face's end on.
+    """
+    run, end = beyond[SKIP : SKIP + BESIDE], face[0]
+    if len(run) < BESIDE or abs(int(run[-1]) - int(end)) > 2 * (BESIDE + SKIP):
+        return None
+    step = np.hypot(np.diff(x[run]), np.diff(z[run]))
+    own = face[:BESIDE]
+    usual = max(float(np.median(step)), float(np.median(np.hypot(np.diff(x[own]), np.diff(z[own])))))
+    gap = float(np.hypot(x[run[0]] - x[end], z[run[0]] - z[end]))
+    if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
+        return None
+    run = np.sort(run)
+    return _direction(x[run], z[run], sign)

@@ -77,7 +77,7 @@ def check(
         given_way = greatest_mm(predicted)
         much = [f"the tool is expected {given_way:.2f} mm beside the path, more than {MOST_DEFLECTION_MM:g} mm"]
         faults = chain(much if given_way > MOST_DEFLECTION_MM else [], faults,
-                       collisions(toolpath, edge, cloud, penetration_mm + given_way))  # fmt: skip
+                       collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False))  # fmt: skip
     return decision(toolpath, faults, penetration_mm, (*weakened(penetration_mm), *loosened_checks(toolpath)))
 
 

@@ -21,20 +21,21 @@ CORE_SHARE = 0.95  # of the radius: what comes so near the axis was run into, wh
 STEP_MM = 1.0  # between looks at a move through the air
 
 
-def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float) -> Iterator[str]:
+def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float,
+               as_it_comes: bool = True) -> Iterator[str]:  # fmt: skip
     """Where the cutter enters what it must not, in words.
 
     The finished part and all that is foreign by more than `penetration_mm` + 3 u; where it is not meant to cut, the
-    stock that earlier layers left by more than a ramp takes at its foot.
+    stock that earlier layers left by more than a ramp takes at its foot. A layer that takes nothing away; not of a path
+    that the tool will not follow `as_it_comes`, whose layers need not lie where they cut.
     """
     stands = standing(toolpath, cloud, edge, swept=True)
     taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
     above = [layer.height_mm for layer in (*toolpath.before, *toolpath.layers)]
     for order, layer in enumerate(toolpath.layers, start=len(toolpath.before) + 1):
-        lower = (
-            order > 1 and above[order - 2] - layer.height_mm > LEAST_DEPTH_MM
-        )  # the first may be too thin for a point
-        if lower and order not in taken:
+        # The first layer of all may be too thin to hold a point, and so may one that only evens out what is left.
+        lower = order > 1 and above[order - 2] - layer.height_mm > LEAST_DEPTH_MM
+        if as_it_comes and lower and order not in taken:
             yield f"layer {layer.index} takes nothing away that was measured"
     foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support

@@ -108,10 +108,11 @@ def correct(
     shift = along((cut.root_mm - toolpath.root_mm) * sine, np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
                   -frames.x, -frames_at.x, LARGEST_MM, repeatability_mm)  # fmt: skip
     turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
-    expected = _under_load(shift, predicted, yield_share, toolpath, finish)
+    evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
+    expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
     by = np.where(shift.significant, -expected.value, 0.0)
     tilt = np.where(turn.significant, -turn.value, 0.0)
-    finishing = finishing if by[finish.cutting].min() < -LEAST_DEPTH_MM else _without_first(finishing)
+    finishing = finishing if evened else _without_first(finishing)
     path, comes = _corrected(finishing, frames_at, by, tilt)
     stock = _stock(toolpath.finish_allowance_mm, shift, turn, tilt, finish)
     found = PathCorrection(
@@ -178,22 +179,52 @@ def _well_inside(layer: Layer, radius_mm: float) -> Bool:
 
 
 def _under_load(shift: Estimate, predicted: PathDeflection | None, yield_share: float, toolpath: Toolpath,
-                finish: Layer) -> Estimate:  # fmt: skip
+                finish: Layer, evened: bool) -> Estimate:  # fmt: skip
     """The shift as the finishing pass will show it: its load over that of the first cut's last layer is not 1.
 
-    Load goes with the face's width and with the height of the stock, where less of that is left.
+    Load goes with the face's width and with a power of the height of the stock. That is less where the cut went too
+    deep; what stands too high is `evened` by a layer of its own, which gives way otherwise and leaves another height.
     """
     final, at, allowance = toolpath.layers[-1], finish.arc_length_mm, toolpath.finish_allowance_mm
-    load = _width(finish, at) / _width(final, at) * (1.0 + np.maximum(np.minimum(shift.value, 0.0) / allowance, -1.0))
+    wider, over = _width(finish, at) / _width(final, at), shift.value / allowance
     if predicted is None:
+        load = wider * (1.0 + np.clip(over, -1.0, 0.0))
         return replace(shift, u=np.hypot(shift.u, yield_share * allowance * (load - 1.0) / math.sqrt(3.0)))
-    moved = predicted.by_layer_mm.get(final.index)
-    if moved is None or moved.shape != final.position_mm.shape:
-        raise InputError("prediction", f"expected that of the first path; it has no layer {final.index} of "
-                         f"{len(final.position_mm)} points")  # fmt: skip
-    cut = final.cutting
-    more = np.interp(at, final.arc_length_mm[cut], -moved[cut, 0]) * (load - 1.0)  # b is -x
+    gives, power = _gives_way(final, predicted), _power(toolpath, predicted)
+    here = np.interp(at, final.arc_length_mm[final.cutting], gives[final.cutting])
+    height = 1.0 + np.clip(over, -1.0, 0.0)
+    if evened:
+        left = 1.0 + here / allowance * (np.maximum(over, 0.0) ** power - 1.0)
+        height = np.where(over > 0.0, np.clip(left, 0.0, 2.0), height)
+    more = here * (wider * height**power - 1.0)
     return replace(shift, value=shift.value + more, u=np.hypot(shift.u, YIELD_U * more))
+
+
+def _gives_way(layer: Layer, predicted: PathDeflection) -> Float:
+    """Displacement (k,) along b, against x, at a layer's points."""
+    moved = predicted.by_layer_mm.get(layer.index)
+    if moved is None or moved.shape != layer.position_mm.shape:
+        raise InputError("prediction", f"expected that of the first path; it has no layer {layer.index} of "
+                         f"{len(layer.position_mm)} points")  # fmt: skip
+    return -moved[:, 0]
+
+
+def _power(toolpath: Toolpath, predicted: PathDeflection) -> float:
+    """Of the stock's height, with which the load of one width goes: 1/2 for rubbing edges, 1 for chips of full size.
+
+    From the prediction itself: the layer before the last takes the depth of cut, the last one the allowance.
+    """
+    if len(toolpath.layers) < 2 or toolpath.depth_of_cut_mm == toolpath.finish_allowance_mm:
+        return 1.0
+    before, last = (
+        float(np.median(np.abs(_gives_way(layer, predicted)[layer.cutting]) / layer.width_mm[layer.cutting]))
+        for layer in toolpath.layers[-2:]
+    )
+    if before <= 0.0 or last <= 0.0:
+        return 1.0
+    return min(
+        max(math.log(before / last) / math.log(toolpath.depth_of_cut_mm / toolpath.finish_allowance_mm), 0.0), 1.0
+    )
 
 
 def _width(layer: Layer, at: Float) -> Float:

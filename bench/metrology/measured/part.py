@@ -32,6 +32,7 @@ ALLOWANCE_MM = 0.5
 LARGEST_TOOL_ERROR_MM = 0.6
 HAND_EYE_MM = 0.4  # root mean square of its length
 LARGEST_WEAR_MM = 0.05
+BALANCING = 6  # rounds of force and deflection, each halfway to the next: within some micrometres
 MODEL_ERROR = 0.15  # relative, of force and stiffness together
 STEP_MM = 2.0
 
@@ -122,16 +123,20 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: F
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, offset_mm: Float, wear_mm: float, worn_mm: float,
             seed: int) -> Workpiece:  # fmt: skip
-    """The part milled; where the cell gives way, by the force of what the rigid cell would have met."""
+    """The part milled; where the cell gives way, by the force of what the cutter then meets: in balance."""
     wrong: dict[str, Any] = {
         "offset_mm": tuple(float(v) for v in offset_mm), "robot_noise_mm": cell.noise_mm,
         "robot_repeating_mm": cell.repeating_mm, "wear_mm": wear_mm, "worn_mm": worn_mm, "seed": seed,
     }  # fmt: skip
+    done, engagement = mill(part, path, **wrong)
     bending: PathDeflection | None = None
-    if cell.gives_way:
-        _, engagement = mill(part, path, **wrong)
-        bending = give_way(path, engagement, seed)
-    return mill(part, path, bending, **wrong)[0]
+    for _ in range(BALANCING if cell.gives_way else 0):
+        now = give_way(path, engagement, seed).by_layer_mm
+        if bending is not None:
+            now = {index: 0.5 * (moved + bending.by_layer_mm[index]) for index, moved in now.items()}
+        bending = PathDeflection(now)
+        done, engagement = mill(part, path, bending, **wrong)
+    return done
 
 
 def _predicted(part: Workpiece, path: Toolpath, seed: int) -> PathDeflection:

@@ -115,7 +115,12 @@ def test_the_tool_that_errs_as_measured_comes_where_it_was_planned(scan: Raw, pl
 def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw, plan: Toolpath) -> None:
     """The cut lies 0.2 mm deeper; the tool gave way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm."""
     final = plan.layers[-1]
-    gave = PathDeflection({final.index: np.tile([-0.1, 0.02, 0.0], (len(final.position_mm), 1))})
+    width = np.where(final.cutting, final.width_mm, np.nan)
+    gave = PathDeflection({
+        layer.index: np.stack([np.nan_to_num(-0.1 * (2.0 if layer is not final else 1.0) * layer.width_mm / width),
+                               *np.zeros((2, len(width)))], axis=1)
+        for layer in plan.layers
+    })  # fmt: skip
     cut = inspected(scan, FIRST_ROOT - 0.2 / SINE)
     _, found = correct(cut, plan, gave, **QUIET)
     assert plan.finishing is not None

@@ -1,9 +1,11 @@
-"""Stages of the hand-eye calibration on a sphere: circles, the hand-eye pose, the next postures, validation, report."""
+"""Stages of calibration: the hand-eye pose on a sphere, with its next postures and validation; tool; turntable."""
 
 from workbench.plugins.calibration.circles import circles
 from workbench.plugins.calibration.hand_eye import hand_eye
 from workbench.plugins.calibration.plan import plan
 from workbench.plugins.calibration.report import report
+from workbench.plugins.calibration.tcp import tcp
+from workbench.plugins.calibration.turntable import turntable
 from workbench.plugins.calibration.validate import validate
 
-__all__ = ["circles", "hand_eye", "plan", "report", "validate"]
+__all__ = ["circles", "hand_eye", "plan", "report", "tcp", "turntable", "validate"]

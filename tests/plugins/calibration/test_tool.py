@@ -1,0 +1,172 @@
+"""`calibrate.tcp` and `calibrate.turntable` on cells whose truth is known."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.api import DEG, Float, InputError, quaternion_from_rotation, rotation_from_vector
+from workbench.plugins.calibration import tcp as tcp_stage
+from workbench.plugins.calibration import turntable as turntable_stage
+
+TIP, SHANK = np.array([80.0, -20.0, 250.0]), np.array([80.0, -20.0, 200.0])
+REFERENCES = np.array([[1200.0, 100.0, 600.0], [1300.0, -200.0, 650.0]])
+NOISE_MM, NOISE = 0.05, 0.01 * DEG
+AXIS = np.array([0.02, -0.03, 1.0]) / np.linalg.norm([0.02, -0.03, 1.0])
+CENTRE = np.array([1500.0, 200.0, 400.0])
+
+
+def touch_rows(rng: Any, count: int = 16, spread: float = 0.6, about: Float | None = None,
+               known_mm: float | None = None) -> list[str]:  # fmt: skip
+    """CSV rows of touches; `about`: the flange turns about that axis only; `known_mm`: u of references told."""
+    vectors = rng.normal(size=(count, 3)) * spread
+    if about is not None:
+        vectors = (vectors @ about)[:, None] * about
+    rotation, shift = rotation_from_vector(vectors), rng.normal(size=3) * (known_mm or 0.0)
+    rows = []
+    for i, turn in enumerate(rotation):
+        point, name = ((TIP, "tip"), (SHANK, "shank"))[i % 2]
+        k = i // 2 % 2
+        lever = turn @ point
+        at = REFERENCES[k] - lever + rng.normal(size=3) * NOISE_MM - np.cross(rng.normal(size=3) * NOISE, lever)
+        told = [*at, *quaternion_from_rotation(turn), *(REFERENCES[k] + shift if known_mm is not None else [])]
+        rows.append(f"ball {k},{name}," + ",".join(f"{v:.9f}" for v in told))
+    return rows
+
+
+def touch_file(folder: Path, rows: list[str]) -> Path:
+    header = "reference,tool_point,x_mm,y_mm,z_mm,qw,qx,qy,qz"
+    header += ",px_mm,py_mm,pz_mm" if rows[0].count(",") > 9 else ""
+    path = folder / "touches.csv"
+    path.write_text("\n".join(["# touches", header, *rows]) + "\n")
+    return path
+
+
+def calibrated(path: Path, **more: Any) -> dict[str, Any]:
+    noise = {"robot_noise_mm": NOISE_MM, "robot_noise_deg": NOISE / DEG, "touch_noise_mm": 0.0} | more
+    return json.loads(tcp_stage(touches=path, **noise)[0].content)
+
+
+@pytest.mark.parametrize("known_mm", [None, 0.05])
+def test_tool_points_and_axis_within_what_their_covariance_says(tmp_path: Path, known_mm: float | None) -> None:
+    rng, chi, axis_in = np.random.default_rng(7), [], []
+    for _ in range(100):
+        found = calibrated(touch_file(tmp_path, touch_rows(rng, known_mm=known_mm)))
+        assert [p["name"] for p in found["points"]] == ["tip", "shank"]
+        off = np.concatenate(
+            [np.array(p["position_mm"]) - t for p, t in zip(found["points"], (TIP, SHANK), strict=True)]
+        )
+        chi.append(off @ np.linalg.solve(np.array(found["covariance_mm2"]), off))
+        angle = math.acos(min(1.0, np.array(found["axis"]["direction"]) @ (TIP - SHANK) / 50.0)) / DEG
+        axis_in.append(angle <= 2.5 * found["axis"]["u_deg"])  # two directions: 2.45 for 95 %
+        assert found["left_out"] == []
+    assert 4.8 < np.mean(chi) < 6.6  # six degrees of freedom; the covariance only ever grows with the misfit
+    assert np.mean(axis_in) > 0.9
+
+
+def test_a_blunder_is_left_out_and_told(tmp_path: Path) -> None:
+    rows = touch_rows(np.random.default_rng(3))
+    cells = rows[5].split(",")
+    cells[2] = f"{float(cells[2]) + 3.0:.6f}"
+    rows[5] = ",".join(cells)
+    found = calibrated(touch_file(tmp_path, rows))
+    assert [one["line"] for one in found["left_out"]] == [8]
+    assert "3.0" in found["left_out"][0]["cause"] or "2.9" in found["left_out"][0]["cause"]
+    assert np.linalg.norm(np.array(found["points"][0]["position_mm"]) - TIP) < 0.2
+
+
+def test_what_no_touch_determines_is_named(tmp_path: Path) -> None:
+    """A flange that turns about its z only never shows how far along z the tip is."""
+    rows = touch_rows(np.random.default_rng(4), about=np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(InputError, match=r"nothing determines the tool point 'tip' along \(.0\.00, .0\.00, \+1\.00\)"):
+        calibrated(touch_file(tmp_path, rows))
+
+
+def test_more_noise_than_stated_widens_the_uncertainty_and_is_told(tmp_path: Path) -> None:
+    path = touch_file(tmp_path, touch_rows(np.random.default_rng(5), count=24))
+    honest, proud = calibrated(path), calibrated(path, robot_noise_mm=0.01, robot_noise_deg=0.001)
+    assert proud["points"][0]["u_mm"] == pytest.approx(honest["points"][0]["u_mm"], rel=0.4)
+    assert any("as far apart as the stated noise says" in words for words in proud["warnings"])
+
+
+@pytest.mark.parametrize(("tolerance", "enough"), [(0.5, True), (0.05, False)])
+def test_the_report_says_whether_it_is_good_enough(tmp_path: Path, tolerance: float, enough: bool) -> None:
+    found = calibrated(touch_file(tmp_path, touch_rows(np.random.default_rng(6))), root_tolerance_mm=tolerance)
+    assert found["good_enough"] is enough
+    assert ("not good enough" in found["verdict"]) is not enough
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("ball 0,tip,1,2,3,2,0,0,0", "line 19: expected a quaternion of norm 1"),
+        ("ball 0,tip,1,2,x,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("ball 0,tip,1,2,3,1,0,0", "line 19: expected 9 cells, found 8"),
+    ],
+)
+def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
+    rows = [*touch_rows(np.random.default_rng(1)), row]
+    with pytest.raises(InputError, match=words):
+        calibrated(touch_file(tmp_path, rows))
+
+
+def mark_rows(rng: Any, markers: int = 3, angles: tuple[float, ...] = (0, 40, 80, 120), away_mm: float = 200.0,
+              tall_mm: float = 100.0) -> list[str]:  # fmt: skip
+    rows = []
+    for k in range(markers):
+        q = rng.normal(size=3) * [away_mm, away_mm, tall_mm]
+        for angle in angles:
+            turned = rotation_from_vector((angle + rng.normal() * 0.002) * DEG * AXIS)
+            p = CENTRE + turned @ q + rng.normal(size=3) * 0.05
+            rows.append(f"m{k},{angle}," + ",".join(f"{v:.6f}" for v in p))
+    return rows
+
+
+def turned(folder: Path, rows: list[str], **more: Any) -> dict[str, Any]:
+    path = folder / "marks.csv"
+    path.write_text("\n".join(["marker,angle_deg,x_mm,y_mm,z_mm", *rows]) + "\n")
+    return json.loads(turntable_stage(marks=path, **more)[0].content)
+
+
+def test_a_turntables_axis_within_what_its_covariance_says(tmp_path: Path) -> None:
+    rng, chi = np.random.default_rng(2), []
+    for _ in range(25):
+        found = turned(tmp_path, mark_rows(rng))
+        point, across = np.array(found["axis_point_mm"]), np.array(found["across"])
+        direction = np.array(found["axis_direction"])
+        true = CENTRE + AXIS * ((point - CENTRE) @ AXIS)
+        off = np.concatenate([across @ (point - true), across @ (direction - AXIS)])
+        chi.append(off @ np.linalg.solve(np.array(found["covariance"]), off))
+        assert direction @ AXIS > 0.999999  # rising angles turn about it
+        pose = np.array(found["base_from_turntable"])
+        assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+        assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    assert 2.6 < np.mean(chi) < 5.2  # four degrees of freedom
+
+
+def test_a_markers_blunder_is_left_out(tmp_path: Path) -> None:
+    rows = mark_rows(np.random.default_rng(8), markers=4)
+    cells = rows[6].split(",")
+    cells[4] = f"{float(cells[4]) + 2.0:.6f}"
+    rows[6] = ",".join(cells)
+    found = turned(tmp_path, rows)
+    assert [one["line"] for one in found["left_out"]] == [8]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (mark_rows(np.random.default_rng(1), angles=(0, 2)), "no axis shows"),
+        (mark_rows(np.random.default_rng(1), markers=1, angles=(0, 90)), "leave the axis open"),
+        (mark_rows(np.random.default_rng(1), away_mm=0.5, tall_mm=0.5), "expected at most 0.2 mm"),
+        (mark_rows(np.random.default_rng(1), markers=2, angles=(0, 6), tall_mm=1.0), "expected at most 0.2 mm"),
+    ],
+)
+def test_a_turntable_that_remains_open_is_refused(tmp_path: Path, rows: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        turned(tmp_path, rows)

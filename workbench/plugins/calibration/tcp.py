@@ -1,0 +1,306 @@
+"""`calibrate.tcp`: where the tool's tip and axis are on the flange, from touching fixed points in many postures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    Chapter,
+    Document,
+    Float,
+    InputError,
+    InputFile,
+    Int,
+    rotation_from_quaternion,
+    stage,
+    strict_json,
+)
+from workbench.plugins.calibration.rows import Table
+
+POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+KNOWN = ("px_mm", "py_mm", "pz_mm")
+GROSS = 5.0  # standard deviations of a touch, as the others say it lies: a blunder, by far
+MEDIAN = 1.54  # of the length of three standard normal numbers
+MOST_GROSS = 0.25  # share of the touches; with more, nobody knows which are right
+LEAST_TOUCHES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touches:
+    """n touches: the flange stands so that a tool point lies on a reference point."""
+
+    base_from_flange: Float  # (n, 3, 4) rotation and position
+    tool_point: Int  # (n,) number of the tool point
+    reference: Int  # (n,)
+    tool_names: tuple[str, ...]
+    reference_names: tuple[str, ...]
+    known_mm: Float  # (r, 3) references as measured in the base; NaN: unknown
+    lines: tuple[int, ...]  # of the file
+
+    def only(self, keep: Int) -> Touches:
+        """Some of the touches."""
+        return replace(self, base_from_flange=self.base_from_flange[keep], tool_point=self.tool_point[keep],
+                       reference=self.reference[keep], lines=tuple(self.lines[i] for i in keep))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolPoints:
+    """Tool points in the flange, with what the touches leave open."""
+
+    position_mm: Float  # (t, 3)
+    covariance: Float  # (3 t, 3 t) mm^2
+    reference_mm: Float  # (r, 3) in the base
+    residual_mm: Float  # (n, 3)
+    misfit: float  # chi-square over degrees of freedom
+    freedom: int
+    distance: Float  # (n,) of each touch from the rest, in standard deviations of that
+
+
+@stage("calibrate.tcp")
+def tcp(
+    *,
+    touches: Annotated[InputFile, Field(description="a CSV of touches (docs/howto/calibrate_tool.md)")],
+    robot_noise_mm: Annotated[float, Field(gt=0, le=5, description="of a flange position, each axis")] = 0.05,
+    robot_noise_deg: Annotated[float, Field(ge=0, le=1, description="of its orientation, each axis")] = 0.01,
+    touch_noise_mm: Annotated[float, Field(ge=0, le=5, description="of a touch, each axis")] = 0.02,
+    reference_u_mm: Annotated[
+        float, Field(gt=0, le=5, description="of a reference that was measured, each axis")
+    ] = 0.05,
+    max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of a tool point along any direction")] = 0.2,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the tool must serve")] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
+) -> tuple[Document, Chapter]:
+    """Determine the tool's points on the flange from touches, and its axis from two points on it.
+
+    Touch i says R_i p + t_i = c: linear in the tool point p and in the reference c, which may be unknown (then at least
+    three orientations are needed) or measured with the scanner (sphere centre, corner). Weighted least squares; the
+    weights hold the robot's position and, with the lever |p|, its orientation. Where the residuals are larger than the
+    stated noise says, the covariance grows with them, never the other way. A touch that all others contradict by 5
+    standard deviations is left out, with the cause. `tcp.json` holds points, axis, covariance.
+
+    The first tool point of the table is the tip; the axis runs to it from the last one.
+
+    Args:
+        touches: the table.
+        robot_noise_mm: standard deviation of a flange position, each axis.
+        robot_noise_deg: of its orientation, each axis.
+        touch_noise_mm: of a touch, each axis.
+        reference_u_mm: standard uncertainty of a reference that the table gives, each axis; one for all of them.
+        max_u_mm: a point that is less certain along some direction is refused, and the direction named.
+        root_tolerance_mm: tolerance of the root size that the tool is to serve.
+        bevel_deg: angle of its bevel.
+
+    Raises:
+        InputError: an unusable table; touches that leave a direction open; more blunders than can be told apart.
+    """
+    every = read_touches(touches)
+    noise = (math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG, reference_u_mm)
+    found, kept, left_out = without_gross(every, noise, str(touches))
+    _check_determined(found, every.tool_names, max_u_mm, str(touches))
+    axis = _axis(found, every.tool_names)
+    u = [worst(found, k)[0] for k in range(len(every.tool_names))]
+    root_u = u[0] / math.sin(bevel_deg * DEG)
+    enough = 2.0 * root_u <= root_tolerance_mm
+    said = "good enough" if enough else "not good enough; touch in more orientations, or with less noise"
+    verdict = f"the tool alone takes U = {2 * root_u:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
+    warnings = tuple(left_out.values()) + _misfit(found)
+    document = {
+        "format": "tool-calibration",
+        "version": 1,
+        "frame": "flange",
+        "points": [
+            {"name": name, "position_mm": found.position_mm[k], "u_mm": u[k],
+             "covariance_mm2": found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]}
+            for k, name in enumerate(every.tool_names)
+        ],
+        "axis": axis,
+        "covariance_mm2": found.covariance,
+        "references": [{"name": name, "position_mm": found.reference_mm[k]}
+                       for k, name in enumerate(every.reference_names)],
+        "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
+        "misfit": found.misfit,
+        "touches": len(kept.lines),
+        "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
+        "good_enough": enough,
+        "verdict": verdict,
+        "warnings": warnings,
+    }  # fmt: skip
+    return Document("tcp.json", strict_json(document)), _chapter(found, every, u, axis, verdict, warnings)
+
+
+def read_touches(path: InputFile) -> Touches:
+    """The table: reference, flange pose; optional: tool_point, and the reference as measured in the base."""
+    table = Table(path, ("reference", *POSE), LEAST_TOUCHES)
+    pose, known = table.numbers(POSE), table.numbers(KNOWN, blank=True)
+    norm = np.linalg.norm(pose[:, 3:], axis=1)
+    for line, n in zip(table.lines, norm, strict=True):
+        if not abs(n - 1.0) <= 1e-3:
+            raise InputError(f"{path}: line {line}", f"expected a quaternion of norm 1 within 1e-3, found {n:.4g}")
+    rotation = rotation_from_quaternion(pose[:, 3:] / norm[:, None])
+    tools, tool = table.labels("tool_point", "tip")
+    references, reference = table.labels("reference", "?")
+    measured = np.full((len(references), 3), np.nan)
+    for k, name in enumerate(references):
+        said = known[reference == k]
+        full = np.isfinite(said).all(axis=1)
+        if (np.isfinite(said).any(axis=1) & ~full).any() or (full.any() and np.ptp(said[full], axis=0).max() > 1e-9):
+            raise InputError(str(path), f"expected one px_mm, py_mm, pz_mm for reference '{name}', or none")
+        measured[k] = said[full][0] if full.any() else np.nan
+    frames = np.concatenate([rotation, pose[:, :3, None]], axis=2)
+    return Touches(frames, tool, reference, tools, references, measured, tuple(table.lines))
+
+
+def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
+    """Weighted least squares. `noise`: of position (mm), orientation (rad) and measured references (mm), each axis.
+
+    What the measured references share, one error for all of them as of a hand-eye pose, displaces nothing but them:
+    the tool points then carry it in full, and so it is modelled.
+    """
+    rotation, position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
+    n, tools, refs = len(rotation), len(touches.tool_names), len(touches.reference_names)
+    known = np.flatnonzero(np.isfinite(touches.known_mm).all(axis=1))
+    size = 3 * (tools + refs) + (3 if len(known) else 0)
+    rows, right = np.zeros((3 * n, size)), -position.reshape(-1)
+    for i in range(n):
+        a, b = 3 * touches.tool_point[i], 3 * (tools + touches.reference[i])
+        rows[3 * i : 3 * i + 3, a : a + 3] = rotation[i]
+        rows[3 * i : 3 * i + 3, b : b + 3] = -np.eye(3)
+    prior, prior_right, prior_sigma = _prior(touches, known, size, noise[2])
+    points = np.zeros((tools, 3))
+    for _ in range(3):  # the lever of the orientation's noise is the answer's own
+        lever = np.einsum("nij,nj->ni", rotation, points[touches.tool_point])
+        root = _whitening(lever, noise[0], noise[1])
+        white = np.einsum("nij,njk->nik", root, rows.reshape(n, 3, size)).reshape(3 * n, size)
+        seen = np.einsum("nij,nj->ni", root, right.reshape(n, 3)).reshape(-1)
+        whole = np.concatenate([white, prior / prior_sigma])
+        target = np.concatenate([seen, prior_right / prior_sigma])
+        information = whole.T @ whole
+        inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
+        answer = inverse @ whole.T @ target
+        points = answer[: 3 * tools].reshape(tools, 3)
+    off = (white @ answer - seen).reshape(n, 3)
+    hat = np.einsum("nij,jk,nlk->nil", white.reshape(n, 3, size), inverse, white.reshape(n, 3, size))
+    distance = np.sqrt(np.einsum("ni,nij,nj->n", off, np.linalg.pinv(np.eye(3) - hat, rcond=1e-6), off))
+    freedom = 3 * n + len(prior) - size
+    misfit = float(((whole @ answer - target) ** 2).sum() / max(freedom, 1))
+    covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
+    covariance = covariance + _open(information, tools)
+    residual = (rows @ answer - right).reshape(n, 3)
+    return ToolPoints(points, covariance, answer[3 * tools : 3 * (tools + refs)].reshape(refs, 3), residual, misfit,
+                      freedom, distance)  # fmt: skip
+
+
+def _prior(touches: Touches, known: Int, size: int, u_mm: float) -> tuple[Float, Float, float]:
+    """Rows (p, size) that hold the measured references, their right side, and its standard deviation."""
+    tools, count = len(touches.tool_names), len(known)
+    rows, right = np.zeros((3 * (count + 1) if count else 0, size)), np.zeros(3 * (count + 1) if count else 0)
+    for j, k in enumerate(known):
+        at = slice(3 * j, 3 * j + 3)
+        rows[at, 3 * (tools + k) : 3 * (tools + k) + 3] = np.eye(3) * 1e3  # to a thousandth, but for what is shared
+        rows[at, -3:] = np.eye(3) * 1e3
+        right[at] = touches.known_mm[k] * 1e3
+    if count:
+        rows[-3:, -3:] = np.eye(3)
+    return rows, right, u_mm
+
+
+def _whitening(lever: Float, sigma_mm: float, sigma: float) -> Float:
+    """Inverse square roots (n, 3, 3) of the touches' covariances: position, and orientation over the lever (n, 3)."""
+    across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
+    values, vectors = np.linalg.eigh(sigma_mm**2 * np.eye(3) + sigma**2 * across)
+    return np.asarray((vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
+
+
+def _open(information: Float, tools: int) -> Float:
+    """Covariance (3 t, 3 t) of the directions that nothing determines: as good as infinite."""
+    values, vectors = np.linalg.eigh(information)
+    free = vectors[: 3 * tools, values < 1e-12 * values[-1]]
+    return np.asarray(1e12 * free @ free.T)
+
+
+def without_gross(touches: Touches, noise: tuple[float, float, float],
+                  where: str) -> tuple[ToolPoints, Touches, dict[int, str]]:  # fmt: skip
+    """Leave out, one by one, the touch that all others contradict most; by line of the file, why."""
+    left_out: dict[int, str] = {}
+    kept = touches
+    while True:
+        found = solve(kept, noise)
+        worst_touch = int(np.argmax(found.distance))
+        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
+        if found.freedom < 4 or found.distance[worst_touch] <= GROSS * usual:
+            return found, kept, left_out
+        keep = np.delete(np.arange(len(kept.lines)), worst_touch)
+        if len(left_out) + 1 > MOST_GROSS * len(touches.lines) or len(keep) < LEAST_TOUCHES:
+            raise InputError(where, f"the touches contradict each other: a misfit of {found.misfit:.0f} where 1 is "
+                             "usual; are poses the flange's, in mm, with the quaternion's w first?")  # fmt: skip
+        alone = solve(kept.only(keep), noise)
+        i = worst_touch
+        frame, p = kept.base_from_flange[i], alone.position_mm[kept.tool_point[i]]
+        away = float(np.linalg.norm(frame[:, :3] @ p + frame[:, 3] - alone.reference_mm[kept.reference[i]]))
+        line = kept.lines[i]
+        left_out[line] = f"line {line} is left out: it lies {away:.2f} mm from where all other touches put it"
+        kept = kept.only(keep)
+
+
+def worst(found: ToolPoints, k: int) -> tuple[float, Float]:
+    """Greatest standard uncertainty of tool point k, and its direction (3,) in the flange."""
+    values, vectors = np.linalg.eigh(found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3])
+    return math.sqrt(max(float(values[-1]), 0.0)), vectors[:, -1]
+
+
+def _check_determined(found: ToolPoints, names: tuple[str, ...], max_u_mm: float, where: str) -> None:
+    for k, name in enumerate(names):
+        u, direction = worst(found, k)
+        if u > max_u_mm:
+            axes = ", ".join(f"{v:+.2f}" for v in direction * np.sign(direction[np.argmax(np.abs(direction))]))
+            size = "nothing determines" if u > 1e3 else f"u = {u:.2f} mm of"
+            raise InputError(where, f"{size} the tool point '{name}' along ({axes}) in the flange, expected u of at "
+                             f"most {max_u_mm:g} mm: turn the flange about axes across that direction")  # fmt: skip
+
+
+def _axis(found: ToolPoints, names: tuple[str, ...]) -> dict[str, object] | None:
+    """The axis, towards the tip: from the last tool point of the table to its first; None for a single one."""
+    if len(names) < 2:
+        return None
+    apart = found.position_mm[0] - found.position_mm[-1]
+    length = float(np.linalg.norm(apart))
+    if length < 1.0:
+        raise InputError("touches", f"expected tool points 1 mm or more apart for the axis, found {length:.3f} mm")
+    last = 3 * (len(names) - 1)
+    pick = np.zeros((3, found.covariance.shape[0]))
+    pick[:, :3], pick[:, last : last + 3] = np.eye(3), -np.eye(3)
+    across = np.eye(3) - np.outer(apart, apart) / length**2
+    turn = across @ pick @ found.covariance @ pick.T @ across / length**2
+    return {"from": names[-1], "to": names[0], "direction": apart / length, "covariance_rad2": turn,
+            "u_deg": math.sqrt(float(np.linalg.eigvalsh(turn)[-1])) / DEG}  # fmt: skip
+
+
+def _misfit(found: ToolPoints) -> tuple[str, ...]:
+    if found.misfit <= 2.0 or found.freedom < 4:
+        return ()
+    return (f"the touches lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
+            "uncertainties hold that; is the tool loose, or the robot less accurate?",)  # fmt: skip
+
+
+def _chapter(found: ToolPoints, touches: Touches, u: list[float], axis: dict[str, object] | None, verdict: str,
+             warnings: tuple[str, ...]) -> Chapter:  # fmt: skip
+    from html import escape
+
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th>" + "".join(f"<td>{v:.3f}</td>" for v in found.position_mm[k])
+        + f"<td>{u[k]:.3f}</td></tr>"
+        for k, name in enumerate(touches.tool_names)
+    )  # fmt: skip
+    turned = "" if axis is None else f"<p>Axis: u = {axis['u_deg']:.3f} deg about the worst direction.</p>"
+    html = (
+        "<table><thead><tr><th>Tool point</th><th>x, mm</th><th>y, mm</th><th>z, mm</th><th>u, the worst direction, mm"
+        f"</th></tr></thead><tbody>{rows}</tbody></table>{turned}<p>Misfit {found.misfit:.2f} (1: as the noise says), "
+        f"{found.freedom} degrees of freedom.</p><p>{escape(verdict[:1].upper() + verdict[1:])}.</p>"
+    )
+    return Chapter("Tool calibration", html, summary=verdict, warnings=warnings)

@@ -1,0 +1,292 @@
+"""`calibrate.turntable`: the axis of a turntable in the robot's base, from markers measured at several angles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from html import escape
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import least_squares
+
+from workbench.api import (
+    DEG,
+    Chapter,
+    Document,
+    Float,
+    InputError,
+    InputFile,
+    Int,
+    rotation_from_vector,
+    stage,
+    strict_json,
+)
+from workbench.plugins.calibration.rows import Table
+
+POINT = ("x_mm", "y_mm", "z_mm")
+LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
+GROSS = 5.0  # standard deviations of a point, as the others say it lies
+MEDIAN = 1.54  # of the length of three standard normal numbers
+LEAST_FREEDOM = 4  # to tell a blunder
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """n measured points: marker k at a table angle."""
+
+    point_mm: Float  # (n, 3) in the base
+    angle: Float  # (n,) rad, as the table counts
+    marker: Int  # (n,)
+    lines: tuple[int, ...]
+
+    @property
+    def markers(self) -> int:
+        """How many there are."""
+        return int(self.marker.max()) + 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """The axis: a point on it, nearest to the markers' middle, and its direction; rising angles turn about it."""
+
+    point_mm: Float  # (3,)
+    direction: Float  # (3,)
+    across: Float  # (2, 3) unit vectors square to it: the axes of the covariance
+    covariance: Float  # (4, 4) of the point along both (mm), and of the direction's turn towards both (rad)
+    residual_mm: Float  # (n, 3)
+    misfit: float
+    freedom: int
+    distance: Float  # (n,) of each point from the rest, in its standard deviations
+
+
+@stage("calibrate.turntable")
+def turntable(
+    *,
+    marks: Annotated[InputFile, Field(description="a CSV of markers (docs/howto/calibrate_tool.md)")],
+    noise_mm: Annotated[float, Field(gt=0, le=5, description="of a measured point, each axis")] = 0.05,
+    angle_noise_deg: Annotated[float, Field(ge=0, le=1, description="of the table's angle")] = 0.002,
+    reach_mm: Annotated[
+        float, Field(gt=0, le=5000, description="along the axis, each way, over which it serves")
+    ] = 200.0,
+    max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of the axis over that reach")] = 0.2,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the table must serve")] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is milled on it")] = 40.0,
+) -> tuple[Document, Chapter]:
+    """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
+
+    A marker is any point that the scanner finds again: a sphere's centre, a corner, a section's origin. Marker q at
+    angle a lies at c + R(d, a) (q - c): least squares over direction d, a point c of the axis and the markers. The
+    covariance is that of the linearised problem, larger where the residuals ask for it, never smaller. A point that all
+    others contradict by 5 standard deviations is left out, with the cause. `turntable.json` holds the pose for a cell
+    file.
+
+    Args:
+        marks: the table.
+        noise_mm: standard deviation of a measured point, each axis.
+        angle_noise_deg: of the table's angle.
+        reach_mm: how far along the axis, each way from the markers' middle, parts will be.
+        max_u_mm: an axis that is less certain there is refused, and the direction named.
+        root_tolerance_mm: tolerance of the root size that the table is to serve.
+        bevel_deg: angle of its bevel.
+
+    Raises:
+        InputError: an unusable table; too few angles or markers; an axis that remains open.
+    """
+    every = read_marks(marks)
+    found, kept, left_out = _without_gross(every, noise_mm, angle_noise_deg * DEG, str(marks))
+    u, direction = worst(found, kept, reach_mm)
+    if not u <= max_u_mm:
+        axes = ", ".join(f"{v:+.2f}" for v in direction)
+        raise InputError(str(marks), f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
+                         f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: measure at angles farther apart, or "
+                         "markers farther from the axis")  # fmt: skip
+    root_u = u / math.sin(bevel_deg * DEG)
+    enough = 2.0 * root_u <= root_tolerance_mm
+    said = "good enough" if enough else "not good enough; measure more angles or markers"
+    verdict = f"the table alone takes U = {2 * root_u:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
+    warnings = tuple(left_out.values())
+    if found.misfit > 2.0 and found.freedom >= LEAST_FREEDOM:
+        warnings += (f"the points lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
+                     "uncertainties hold that; does the table wobble?",)  # fmt: skip
+    document = {
+        "format": "turntable-calibration",
+        "version": 1,
+        "frame": "base",
+        "base_from_turntable": _pose(found),
+        "axis_point_mm": found.point_mm,
+        "axis_direction": found.direction,
+        "across": found.across,
+        "covariance": found.covariance,
+        "u_mm": u,
+        "direction_u_deg": math.sqrt(float(np.linalg.eigvalsh(found.covariance[2:, 2:])[-1])) / DEG,
+        "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
+        "misfit": found.misfit,
+        "points": len(kept.lines),
+        "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
+        "good_enough": enough,
+        "verdict": verdict,
+        "warnings": warnings,
+    }
+    html = (f"<p>Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
+            f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm along the worst direction over a "
+            f"reach of {reach_mm:g} mm. Misfit {found.misfit:.2f} (1: as the noise says), {found.freedom} degrees of "
+            f"freedom.</p>"
+            f"<p>{escape(verdict[:1].upper() + verdict[1:])}.</p>")  # fmt: skip
+    return (Document("turntable.json", strict_json(document)),
+            Chapter("Turntable calibration", html, summary=verdict, warnings=warnings))  # fmt: skip
+
+
+def read_marks(path: InputFile) -> Marks:
+    """The table: marker, angle_deg, x_mm, y_mm, z_mm."""
+    table = Table(path, ("marker", "angle_deg", *POINT), 2)
+    values = table.numbers(("angle_deg", *POINT))
+    _, marker = table.labels("marker", "?")
+    if np.ptp(values[:, 0]) < LEAST_TURN_DEG:
+        raise InputError(str(path), f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found "
+                         f"{np.ptp(values[:, 0]):.3g} deg: no axis shows")  # fmt: skip
+    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines))
+
+
+def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis:
+    """Least squares with the noise of points and of the table's angle over each marker's radius."""
+    freedom = 3 * len(marks.lines) - 4 - 3 * marks.markers
+    if freedom < 0:
+        raise InputError(where, f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
+                         "two markers at two angles, or one at three")  # fmt: skip
+    middle = marks.point_mm.mean(axis=0)
+    direction = _first_direction(marks)
+    across = _across(direction)
+    first = np.concatenate([_first_point(marks, direction, middle, across), np.zeros(2)])
+    unknown = np.concatenate([first, np.zeros(3 * marks.markers)])
+    unknown[4:] = _markers(marks, middle + first[:2] @ across, direction).ravel()
+    root = np.tile(np.eye(3) / noise_mm, (len(marks.lines), 1, 1))
+
+    def off(x: Float) -> Float:
+        return np.einsum("nij,nj->ni", root, _predicted(marks, x, middle, direction, across) - marks.point_mm).ravel()
+
+    for _ in range(2):  # the angle's noise has the radius of the answer
+        fitted = least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
+        unknown = fitted.x
+        axis = _direction(unknown, direction, across)
+        arm = np.cross(axis, marks.point_mm - (middle + unknown[:2] @ across))
+        covariance = noise_mm**2 * np.eye(3) + angle_noise**2 * arm[:, :, None] * arm[:, None, :]
+        values, vectors = np.linalg.eigh(covariance)
+        root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    fitted = least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
+    jacobian, misfit = fitted.jac, float(2.0 * fitted.cost / max(freedom, 1))
+    scale = np.linalg.norm(jacobian, axis=0) + 1e-30
+    values, vectors = np.linalg.eigh((jacobian / scale).T @ (jacobian / scale))
+    inverse = (vectors / np.maximum(values, 1e-12 * values[-1])) @ vectors.T / scale[:, None] / scale
+    white = fitted.fun.reshape(-1, 3)
+    rows = jacobian.reshape(-1, 3, unknown.size)
+    hat = np.einsum("nij,jk,nlk->nil", rows, inverse, rows)
+    distance = np.sqrt(np.einsum("ni,nij,nj->n", white, np.linalg.pinv(np.eye(3) - hat, rcond=1e-6), white))
+    found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
+    return Axis(middle + fitted.x[:2] @ across, found, turned,
+                inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0),
+                _predicted(marks, fitted.x, middle, direction, across) - marks.point_mm,
+                misfit, freedom, distance)  # fmt: skip
+
+
+def worst(found: Axis, marks: Marks, reach_mm: float) -> tuple[float, Float]:
+    """Greatest standard uncertainty of the axis' place over its reach, and its direction (3,)."""
+    most, way = 0.0, found.across[0]
+    middle = float(((marks.point_mm - found.point_mm) @ found.direction).mean())
+    for along in (middle - reach_mm, middle + reach_mm):
+        at = np.concatenate([np.eye(2), along * np.eye(2)], axis=1)
+        values, vectors = np.linalg.eigh(at @ found.covariance @ at.T)
+        if values[-1] > most:
+            most, way = float(values[-1]), vectors[:, -1] @ found.across
+    return math.sqrt(most), way
+
+
+def _predicted(marks: Marks, x: Float, middle: Float, direction: Float, across: Float) -> Float:
+    axis, point = _direction(x, direction, across), middle + x[:2] @ across
+    turned = rotation_from_vector(marks.angle[:, None] * axis)
+    return np.asarray(point + np.einsum("nij,nj->ni", turned, x[4:].reshape(-1, 3)[marks.marker]))
+
+
+def _direction(x: Float, direction: Float, across: Float) -> Float:
+    turned = direction + x[2:4] @ across
+    return np.asarray(turned / np.linalg.norm(turned))
+
+
+def _across(direction: Float, near: Float | None = None) -> Float:
+    """Two unit vectors square to the axis; `near` others, if given."""
+    hint = np.eye(3)[np.argmin(np.abs(direction))] if near is None else near[0]
+    a = hint - (hint @ direction) * direction
+    a = a / np.linalg.norm(a)
+    return np.stack([a, np.cross(direction, a)])
+
+
+def _first_direction(marks: Marks) -> Float:
+    """The axis that turns differences between markers, or a marker's way, as the angles say (rough)."""
+    best, least = np.array([0.0, 0.0, 1.0]), math.inf
+    grid = _sphere(400)
+    middle = marks.point_mm.mean(axis=0)
+    for axis in grid:
+        across = _across(axis)
+        point = middle + _first_point(marks, axis, middle, across) @ across
+        q = _markers(marks, point, axis)
+        turned = rotation_from_vector(marks.angle[:, None] * axis)
+        off = point + np.einsum("nij,nj->ni", turned, q[marks.marker]) - marks.point_mm
+        if (off**2).sum() < least:
+            best, least = axis, float((off**2).sum())
+    return best
+
+
+def _first_point(marks: Marks, axis: Float, middle: Float, across: Float) -> Float:
+    """Coordinates (2,) along `across` of the axis' point, linear in points and markers for a given direction."""
+    n, k = len(marks.lines), marks.markers
+    turned = rotation_from_vector(marks.angle[:, None] * axis)
+    rows, right = np.zeros((3 * n, 2 + 3 * k)), (marks.point_mm - middle).reshape(-1)
+    rows[:, :2] = np.tile(across.T, (n, 1))
+    for i in range(n):
+        rows[3 * i : 3 * i + 3, 2 + 3 * marks.marker[i] : 5 + 3 * marks.marker[i]] = turned[i]
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=1e-12)[0][:2])
+
+
+def _markers(marks: Marks, point: Float, axis: Float) -> Float:
+    """Markers (k, 3) from the axis' point at angle 0, each the mean of its measured places turned back."""
+    back = rotation_from_vector(-marks.angle[:, None] * axis)
+    at = np.einsum("nij,nj->ni", back, marks.point_mm - point)
+    return np.stack([at[marks.marker == k].mean(axis=0) for k in range(marks.markers)])
+
+
+def _sphere(count: int) -> Float:
+    """Directions (count, 3) spread evenly (Fibonacci)."""
+    k = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    r = np.sqrt(1.0 - z**2)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+
+
+def _pose(found: Axis) -> Float:
+    """base_from_turntable (4, 4): z along the axis, origin on it."""
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = *found.across, found.direction, found.point_mm
+    return pose
+
+
+def _without_gross(marks: Marks, noise_mm: float, angle_noise: float,
+                   where: str) -> tuple[Axis, Marks, dict[int, str]]:  # fmt: skip
+    """Leave out, one by one, the point that all others contradict most; by line of the file, why."""
+    kept, left_out = marks, dict[int, str]()
+    while True:
+        found = solve(kept, noise_mm, angle_noise, where)
+        k = int(np.argmax(found.distance))
+        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
+        if found.freedom < LEAST_FREEDOM + 3 or found.distance[k] <= GROSS * usual:
+            return found, kept, left_out
+        if len(left_out) + 1 > len(marks.lines) // 4:
+            raise InputError(where, f"the points contradict each other: a misfit of {found.misfit:.0f} where 1 is "
+                             "usual; are they in mm, and is each marker the same point at all angles?")  # fmt: skip
+        away = float(np.linalg.norm(found.residual_mm[k]))
+        line = kept.lines[k]
+        left_out[line] = f"line {line} is left out: it lies {away:.2f} mm or more from where all other points put it"
+        keep = np.delete(np.arange(len(kept.lines)), k)
+        if not np.isin(np.arange(marks.markers), kept.marker[keep]).all():
+            raise InputError(where, f"line {line} is the only one of its marker and contradicts the others")
+        kept = Marks(kept.point_mm[keep], kept.angle[keep], kept.marker[keep], tuple(kept.lines[i] for i in keep))

@@ -11,6 +11,7 @@ from workbench.stage import Role, Source, Stage
 
 # Suffix of a name -> unit, longest first: `v_slow_mm_s` is in mm/s, not in s.
 UNITS = {
+    "_k": "K",
     "_nm_per_rad": "Nm/rad",
     "_mm_per_s": "mm/s",
     "_mm_s2": "mm/s²",

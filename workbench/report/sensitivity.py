@@ -45,9 +45,9 @@ def sensitivity(
     turntable_mm: Annotated[Length, Field(description="of a point by the turntable's axis; 0: it stands")] = 0.0,
     turntable_deg: Annotated[Angle, Field(description="of the part's direction by it")] = 0.0,
     temperature_k: Annotated[
-        float, Field(ge=0, le=100, description="in kelvin: half the range between calibration and cut")
+        float, Field(ge=0, le=100, description="half the range between calibration and cut")
     ] = 3.0,
-    drift_k: Annotated[float, Field(ge=0, le=100, description="in kelvin: half the range between the two cuts")] = 0.5,
+    drift_k: Annotated[float, Field(ge=0, le=100, description="half the range between the two cuts")] = 0.5,
     wear_mm: Annotated[Length, Field(description="loss of the cutter's radius before it is replaced")] = 0.05,
     inspection_mm: Annotated[Length, Field(description="u of an inspected root size")] = 0.006,
     inspection_deg: Annotated[Angle, Field(description="u of an inspected bevel angle")] = 0.03,

@@ -164,7 +164,8 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     root = np.tile(np.eye(3) / noise_mm, (len(marks.lines), 1, 1))
 
     def off(x: Float) -> Float:
-        return np.einsum("nij,nj->ni", root, _predicted(marks, x, middle, direction, across) - marks.point_mm).ravel()
+        away = _predicted(marks, x, middle, direction, across) - marks.point_mm
+        return np.asarray(np.einsum("nij,nj->ni", root, away).ravel())
 
     for _ in range(2):  # the angle's noise has the radius of the answer
         fitted = least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)

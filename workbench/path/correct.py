@@ -55,7 +55,10 @@ def correct(
         float, Field(ge=1, le=10000, description="correlation length of both along the path")
     ] = 50.0,
     yield_share: Annotated[
-        float, Field(ge=0, le=1, description="by which cutter and robot give way, over the stock, where not predicted")
+        float,
+        Field(
+            ge=0, le=1, description="share of the stock's height by which tool and robot give way, where not predicted"
+        ),
     ] = 0.1,
     most_moved_mm: Annotated[
         float, Field(gt=0, le=10, description="by which the edge may lie beside where the first scan saw it")

@@ -24,16 +24,18 @@ ROBOTS = {  # base frame, and a posture from which the arm can go some way, deg
     "irb6700": ("base_link", (10, 20, 10, 30, 50, -20)),
     "kr210": ("base_link", (15, -70, 95, -40, 60, 35)),
     "m20ia": ("base", (-20, 25, -15, 50, -70, 40)),
+    "ur10e": ("base", (10, -70, 100, -60, -80, 30)),
 }
 CUTTER = [[0, 0, 1, 260], [0, -1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]
 
 
-def cell_of(robot: str, folder: Path, **controller: object) -> Cell:
+def cell_of(robot: str, folder: Path, tool: str | None = None, place: str | None = None, **controller: object) -> Cell:
     """A cell with one of the robots, a spindle at its side and a turntable."""
     urdf = DATA / "irb6700_150_320.urdf" if robot == "irb6700" else URDFS / f"{robot}.urdf"
     tree = {
-        "format": "robot-cell", "version": 1, "tool": {"flange_from_cutter": CUTTER},
+        "format": "robot-cell", "version": 1, "tool": {"flange_from_cutter": CUTTER, "controller_name": tool},
         "robot": {"urdf": str(urdf), "base_frame": ROBOTS[robot][0]}, "controller": controller or None,
+        "work_object": place and {"pose": {"position_mm": [900, 100, 50]}, "controller_name": place},
         "turntable": {"base_from_turntable": {"position_mm": [1500, 0, 300]}},
     }  # fmt: skip
     file = folder / f"{robot}.json"

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Moves, ProgramMoves
+from workbench.artefacts import Moves, PathGate, ProgramMoves
 from workbench.dialect import ProgramJob, program_files
 from workbench.errors import InputError
 from workbench.program import write
@@ -28,6 +28,7 @@ from .paths import Shape
 from .postured import ROBOTS, cell_of, postured
 
 CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory", "irb6700"), ("kuka", "irb6700")]
+CASES += [("ur", "ur10e")]
 DIALECTS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "trajectory": Trajectory}
 BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(34, 44))
 
@@ -91,6 +92,7 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
     declared = program.tools[first.tool]
     if declared.flange_from_tool is not None:
         assert np.abs(declared.flange_from_tool - moves.flange_from_point).max() < 1e-3
+    if declared.mass_kg is not None:  # TP has its loads on the controller
         assert declared.mass_kg == 15
         assert declared.centre_of_gravity_mm == pytest.approx((1, 2, 150))
 
@@ -177,17 +179,46 @@ def test_any_path_comes_back(cells, case, bend, length, zone, turned, layers) ->
         assert move.zone_mm in (0.0, zone) or (controller == "ur" and move.zone_mm < zone)
 
 
-def test_numbers_of_the_controllers_own_tool_and_frame(tmp_path: Path) -> None:
-    for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia")):
-        cell = cell_of(robot, tmp_path, dialect=controller, tool_number=3, frame_number=2, corner_region=True)
-        moves = postured(cell, robot, Shape(length_mm=30))
-        written = files(moves, cell, controller, zone_mm=2.5)
-        program = DIALECTS[controller](job_of(moves, cell), cell).read(written)
-        names = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}[controller]
-        assert (program.moves[0].tool, program.moves[0].work_object) == names
-        assert program.tools[names[0]].flange_from_tool is None
-        assert program.work_objects[names[1]] is None
-        assert any(move.zone_mm == (2.5 if controller == "kuka" else 2.0) for move in program.moves)
+NAMED = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}
+
+
+@pytest.mark.parametrize(("controller", "robot"), [("kuka", "kr210"), ("fanuc", "m20ia")])
+def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, robot: str) -> None:
+    """By their names: targets are then the cutter's tip's, in that frame."""
+    tool, place = NAMED[controller]
+    cell = cell_of(robot, tmp_path, tool, place, dialect=controller, corner_region=True)
+    moves = postured(cell, robot, Shape(length_mm=30))
+    written = files(moves, cell, controller, zone_mm=2.5)
+    program = DIALECTS[controller](job_of(moves, cell), cell).read(written)
+    assert (program.moves[0].tool, program.moves[0].work_object) == (tool, place)
+    assert program.tools[tool].flange_from_tool is None
+    assert program.work_objects[place] is None
+    assert any(move.zone_mm == (2.5 if controller == "kuka" else 2.0) for move in program.moves)
+    for i, move in enumerate(program.moves[1:], 1):
+        tip = forward_kinematics(cell.chain, moves.postures.joints[moves.point[i]]) @ cell.flange_from_cutter
+        assert np.abs(tip[:3, 3] - [900, 100, 50] - move.pose[:3, 3]).max() < 0.001
+    other = cell_of(robot, tmp_path, "tMill", dialect=controller)
+    with pytest.raises(InputError, match=rf"expected {tool[:-3]}\[n\] for {controller.upper()}, found 'tMill'"):
+        files(moves, other, controller)
+
+
+@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] != "trajectory"])
+def test_a_written_program_is_judged(made, cells, controller: str, robot: str) -> None:
+    """As written: driven through its cell, near the path's own points."""
+    cell, moves = cells[robot], made[robot]
+    *documents, gate, judgement = write(moves, passed(moves.toolpath), cell, controller=controller)
+    assert judgement.passed, judgement.violations[:3]
+    assert gate.passed
+    assert judgement.deviation_mm < 0.05
+    assert len(documents) > 1
+
+
+def test_a_trajectory_over_sparse_points_is_refused(made, cells) -> None:
+    """Between postures 40 mm apart joints in step leave the straight travel; the optimiser's lie 5 mm apart."""
+    gate, *_ = [one for one in write(made["irb6700"], passed(made["irb6700"].toolpath), cells["irb6700"],
+                                     controller="trajectory") if isinstance(one, PathGate)]  # fmt: skip
+    assert not gate.passed
+    assert "the tool leaves the travel before the first layer" in gate.reason
 
 
 def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells) -> None:
@@ -208,7 +239,7 @@ EDITS = {
     "kuka": [("LIN XP3", "LIN XP999"), ("  LIN XP3", "  SLIN XP3"), ("$VEL.CP=0.02", "$VEL.CP=fast"),
              ("  PTP XSTART", "  LIN XP2"), ("$BASE={", "$BASE=WORLD;{"), ("END\n", ""), (",E2 0.0", ",E2 1.0"),
              ("$ORI_TYPE=#VAR", "$ORI_TYPE=#CONSTANT"), ("DECL E6POS XP3", "DECL E6POS XP2"), ("ENDDAT", "")],
-    "fanuc": [("  10:", "  11:"), ("FINE", "CNT100"), ("L P[3]", "L P[900]"), ("UTOOL_NUM=1", "UTOOL_NUM=2"),
+    "fanuc": [("  10:", "  11:"), ("FINE", "CNT100"), ("L P[3]", "L P[900]"), ("UTOOL_NUM=9", "UTOOL_NUM=2"),
               ("LINE_COUNT = ", "LINE_COUNT = 1"), ("CONFIG : 'N", "CONFIG : 'X"), ("mm/sec", "cm/min"), ("/END", ""),
               ("DEFAULT_GROUP = 1,1", "DEFAULT_GROUP = 1,*"), ("20% FINE", "200% FINE"), ("W = ", "V = ")],
     "ur": [("movel(p[", "movep(p["), ("mode=0", "mode=1"), ("v=0.35", "v=35"), ("set_tcp", "set_tool"),

@@ -1,19 +1,20 @@
 """TP, FANUC's language, as an ASCII file (`.ls`).
 
 (FANUC Robot series R-30iB, Operator's Manual: motion instructions, position data.) Targets are X, Y, Z in mm and R =
-Rz(R) Ry(P) Rx(W) with W, P, R in deg, in a user frame, for a tool; both are the controller's own, by number, since a
-program cannot say their values. The configuration string has F or N (wrist flipped or not), D or U (elbow down or
-up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond +-180 deg. The program begins with J to
-the first posture, whose J3 counts against the ground (`level_joint_3`). The turntable is motion group 2. Speeds are
-mm/sec in tenths, rounded down. A target is FINE, or CR with the zone in whole mm where the controller has that
-option: CNT rounds a corner by what no program says, so it is not used. The world frame's origin is where axis 1 meets
-the height of axis 2: `base_frame` of the cell must be that.
+Rz(R) Ry(P) Rx(W) with W, P, R in deg, in a user frame, for a tool: the controller's own by their numbers, where the
+cell names them ("UTOOL[3]"), else declared by way of a position register. The configuration string has F or N (wrist
+flipped or not), D or U (elbow down or up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond
++-180 deg. The program begins with J to the first posture, whose J3 counts against the ground (`level_joint_3`). The
+turntable is motion group 2. Speeds are mm/sec in tenths, rounded down. A target is FINE, or CR with the zone in whole
+mm where the controller has that option: CNT rounds a corner by what no program says, so it is not used. The world
+frame's origin is where axis 1 meets the height of axis 2: `base_frame` of the cell must be that.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -21,12 +22,14 @@ import numpy as np
 
 from workbench.artefacts import ProgramMoves
 from workbench.dialect import ProgramJob
+from workbench.errors import InputError
 from workbench.program.fanuc_reader import read_fanuc
 from workbench.program.krl import euler_deg
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides, level_joint_3
 from workbench.units import DEG, Float
 
+DECLARED, REGISTER = 9, 99  # numbers of tool and frame, and of the position register, where a program declares them
 JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 ATTRIBUTES = """OWNER = MNEDITOR;
 PROG_SIZE = 0;
@@ -64,22 +67,22 @@ class Fanuc:
     @functools.cached_property
     def frame(self) -> tuple[int, int]:
         """Numbers of the user frame and of the tool."""
-        controller = self.cell.controller
-        numbers = (controller.frame_number, controller.tool_number) if controller else (None, None)
-        return numbers[0] or 0, numbers[1] or 1
+        return self._number("UFRAME", self.job.work_object_name), self._number("UTOOL", self.job.tool_name)
+
+    def _number(self, what: str, name: str | None) -> int:
+        found = re.fullmatch(rf"{what}\[(\d+)\]", f"{what}[{DECLARED}]" if name is None else name)
+        if found is None:
+            raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for FANUC, found {name!r}")
+        return int(found[1])
 
     def head(self) -> Iterator[str]:
-        """Remarks, what frame and tool must be, and their numbers."""
+        """Remarks; frame and tool, as far as the program declares them; their numbers."""
         job, (frame, tool) = self.job, self.frame
         yield from (self.remark(remark) for remark in job.remarks)
-        places = (
-            (f"UFRAME[{frame}]", *job.work_object),
-            (f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz),
-        )
-        for name, position, quaternion in places:
-            x, y, z, w, p, r = place(position[None], quaternion[None])[0]
-            yield self.remark(f"{name} must be X {x:.3f} Y {y:.3f} Z {z:.3f}")
-            yield self.remark(f"W {w:.3f} P {p:.3f} R {r:.3f}")
+        if job.work_object_name is None:
+            yield from _declared(f"UFRAME[{frame}]", *job.work_object)
+        if job.tool_name is None:
+            yield from _declared(f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz)
         yield from (f"UFRAME_NUM={frame}", f"UTOOL_NUM={tool}")
 
     def start(self) -> Iterable[str]:
@@ -173,6 +176,14 @@ class Fanuc:
         if turned is not None:
             yield from ("   GP2:", f"\tUF : {frame}, UT : {tool},", f"\tJ1= {round(float(turned), 3) + 0.0:.3f} deg")
         yield "};"
+
+
+def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> Iterator[str]:
+    """A frame by way of a position register, which takes the robot's place first so that it is one in space."""
+    yield f"PR[{REGISTER}]=LPOS"
+    for i, value in enumerate(place(position_mm[None], quaternion_wxyz[None])[0].tolist(), 1):
+        yield f"PR[{REGISTER},{i}]={value:.3f}" if value >= 0 else f"PR[{REGISTER},{i}]=({value:.3f})"
+    yield f"{name}=PR[{REGISTER}]"
 
 
 def configuration(cell: Cell, joints: Float) -> list[str]:

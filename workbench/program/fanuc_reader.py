@@ -129,6 +129,8 @@ class _Program:
     def __init__(self, lines: Lines, positions: dict[int, Position], chain: Chain, level: bool) -> None:
         self.lines, self.positions, self.chain, self.level = lines, positions, chain, level
         self.frame: dict[str, int] = {}
+        self.declared: dict[str, Float] = {}
+        self.register: dict[str, list[float]] = {}
         self.moves: list[ProgramMove] = []
         self.remarks: list[str] = []
 
@@ -139,11 +141,26 @@ class _Program:
                 self.remarks.append(text[1:])
             elif found := re.fullmatch(r"(UFRAME|UTOOL)_NUM=(\d+)", text):
                 self.frame[found[1]] = int(found[2])
+            elif text.startswith(("PR[", "UFRAME[", "UTOOL[")):
+                self.declare(text)
             else:
                 self.moves.append(self.move(text))
-        tools = {move.tool: ProgramTool(None) for move in self.moves}
-        objects = {move.work_object: None for move in self.moves}
+        tools = {move.tool: ProgramTool(self.declared.get(move.tool)) for move in self.moves}
+        objects = {move.work_object: self.declared.get(move.work_object) for move in self.moves}
         return ProgramMoves("fanuc", self.lines.name, tuple(self.moves), tools, objects, remarks=tuple(self.remarks))
+
+    def declare(self, text: str) -> None:
+        """A frame by way of a position register: LPOS, its six elements in their order, then the frame."""
+        place, part = re.fullmatch(r"PR\[(\d+)\]=LPOS", text), re.fullmatch(rf"PR\[(\d+),(\d)\]=\(?{NUMBER}\)?", text)
+        whole = re.fullmatch(r"((?:UFRAME|UTOOL)\[\d+\])=PR\[(\d+)\]", text)
+        if place and not self.moves:
+            self.register[place[1]] = []
+        elif part and not self.moves and len(self.register.get(part[1], [0.0] * 9)) == int(part[2]) - 1:
+            self.register[part[1]].append(float(part[3]))
+        elif whole and not self.frame and len(values := self.register.get(whole[2], [])) == 6:
+            self.declared[whole[1]] = euler_pose([*values[:3], *values[:2:-1]])
+        else:
+            self.lines.refuse("PR[n]=LPOS, its elements 1 to 6 in their order, then a frame, before UFRAME_NUM", text)
 
     def move(self, text: str) -> ProgramMove:
         lines = self.lines

@@ -11,6 +11,7 @@ behind axis 1; bit 1, the elbow is up; bit 2, A5 is negative. TURN: bit i, axis 
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from workbench.artefacts import ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
+from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.krl_reader import read_krl
 from workbench.robot.cell import Cell
@@ -35,6 +37,12 @@ class Krl:
     job: ProgramJob
     cell: Cell
 
+    def __post_init__(self) -> None:
+        """Refuse names that are none of the controller's."""
+        for what, name in (("TOOL_DATA", self.job.tool_name), ("BASE_DATA", self.job.work_object_name)):
+            if name is not None and not re.fullmatch(rf"{what}\[\d+\]", name):
+                raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for KUKA, found {name!r}")
+
     @functools.cached_property
     def feeds(self) -> list[float]:
         """Of the moves, mm/s."""
@@ -48,21 +56,20 @@ class Krl:
 
     def head(self) -> Iterator[str]:
         """Remarks, tool, load, base and how to move."""
-        job, controller = self.job, self.cell.controller
+        job = self.job
         yield from ("&ACCESS RVP", f"DEF {job.name} ( )")
         yield from (f"  ; {remark}" for remark in job.remarks)
         yield "  BAS (#INITMOV,0)"
         yield f"  BAS (#VEL_PTP,{PTP_PERCENT})"
-        if controller and controller.tool_number is not None:
-            yield f"  $TOOL=TOOL_DATA[{controller.tool_number}]"
-            yield f"  $LOAD=LOAD_DATA[{controller.tool_number}]"
+        if job.tool_name is not None:
+            yield f"  $TOOL={job.tool_name}"
+            yield f"  $LOAD={job.tool_name.replace('TOOL', 'LOAD')}"
         else:
             x, y, z = job.tool.centre_of_gravity_mm
             yield f"  $TOOL={frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz)}"
             centre = f"CM {{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 0.0}}"
             yield f"  $LOAD={{M {job.tool.mass_kg:g},{centre},J {{X 0.0,Y 0.0,Z 0.0}}}}"
-        stored = controller.frame_number if controller else None
-        yield f"  $BASE={frame(*job.work_object)}" if stored is None else f"  $BASE=BASE_DATA[{stored}]"
+        yield f"  $BASE={job.work_object_name or frame(*job.work_object)}"
         yield from ("  $IPO_MODE=#BASE", "  $ORI_TYPE=#VAR", "  $CIRC_TYPE=#BASE", f"  $APO.CDIS={job.zone_mm:g}")
 
     def start(self) -> Iterable[str]:

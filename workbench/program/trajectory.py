@@ -92,10 +92,22 @@ class Trajectory:
         """The table as CSV, and as JSON."""
         remarks = [line.removeprefix("# ") for line in text.splitlines() if line.startswith("#")]
         document: dict[str, Any] = {
-            "format": "joint-trajectory", "version": 1, "joint_names": list(self.cell.chain.joint_names),
-            "columns": list(COLUMNS), "remarks": remarks, "points": [_tidy(row) for row in self.rows],
-        }  # fmt: skip
+            "format": "joint-trajectory",
+            "version": 1,
+            "joint_names": list(self.cell.chain.joint_names),
+            "flange_from_tool": self._tool(),
+            "columns": list(COLUMNS),
+            "remarks": remarks,
+            "points": [_tidy(row) for row in self.rows],
+        }
         return {f"{self.job.name}.csv": text, f"{self.job.name}.json": json.dumps(document, indent=1) + "\n"}
+
+    def _tool(self) -> list[list[float]]:
+        """The tool frame that the postures rest on."""
+        pose = self.job.moves.flange_from_point
+        assert pose is not None
+        rows: list[list[float]] = (np.round(pose, 9) + 0.0).tolist()
+        return rows
 
     def _between(self, before: int, last: int) -> list[str]:
         first, end = np.searchsorted(self.kept, [before, last], side="right").tolist()

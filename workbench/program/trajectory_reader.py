@@ -10,15 +10,16 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.errors import InputError
+from workbench.geometry.poses import is_rigid
 from workbench.program.reading import NUMBER, Lines, one_file
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 COLUMNS = ("time_s", *(f"j{i}_deg" for i in range(1, 7)), "turntable_deg", "layer")
 TOOL, BASE = "tool", "base"
 
 
 def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
-    """Read a joint trajectory from its CSV and JSON, name -> text; tool and base are the cell's.
+    """Read a joint trajectory from its CSV and JSON, name -> text; its base is the robot's.
 
     Raises:
         InputError: "line 12: expected ..., found ..."; times that do not rise from 0; a JSON that says something else.
@@ -38,13 +39,15 @@ def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
                                  time_s=row[0]))  # fmt: skip
     if len(moves) < 2:
         raise InputError(name, f"expected at least two rows, found {len(moves)}")
-    _same(rows, *one_file(files, ".json"))
+    tool = _same(rows, *one_file(files, ".json"))
     return ProgramMoves(
-        "trajectory", name, tuple(moves), {TOOL: ProgramTool(None)}, {BASE: np.eye(4)}, remarks=tuple(lines.remarks)
+        "trajectory", name, tuple(moves), {TOOL: ProgramTool(tool)}, {BASE: np.eye(4)}, remarks=tuple(lines.remarks)
     )
 
 
-def _same(rows: list[list[float]], name: str, text: str) -> None:
+def _same(rows: list[list[float]], name: str, text: str) -> Float:
+    """The tool (4, 4) that the JSON says, if its rows are those of the CSV."""
+
     def constant(found: str) -> NoReturn:
         raise ValueError(found)
 
@@ -52,7 +55,9 @@ def _same(rows: list[list[float]], name: str, text: str) -> None:
         document = json.loads(text, parse_constant=constant)
         head = [document[key] for key in ("format", "version", "columns")]
         same = head == ["joint-trajectory", 1, list(COLUMNS)] and document["points"] == rows
+        tool = np.array(document["flange_from_tool"], float)
     except (ValueError, KeyError, TypeError, RecursionError):
-        same = False
-    if not same:
-        raise InputError(name, "expected a joint trajectory, version 1, with the rows of the CSV")
+        same, tool = False, np.empty(0)
+    if not same or tool.shape != (4, 4) or not is_rigid(tool):
+        raise InputError(name, "expected a joint trajectory, version 1, with a tool and the rows of the CSV")
+    return tool

@@ -50,8 +50,6 @@ class Controller:
     """The robot's controller, as far as a program must know it."""
 
     dialect: str  # abb, kuka, fanuc, ur or trajectory
-    tool_number: int | None  # of the tool measured on it (KUKA, FANUC); None: the program says the tool
-    frame_number: int | None  # of the frame measured on it (KUKA's base, FANUC's user frame), which is the base's
     level_joint_3: bool  # whether joint 3 counts against the ground (most of FANUC's)
     corner_region: bool  # whether FANUC's termination CR (mm) is installed
 

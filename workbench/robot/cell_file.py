@@ -215,12 +215,6 @@ class ControllerPart(_Part):
     dialect: Literal["abb", "kuka", "fanuc", "ur", "trajectory"] = Field(
         description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, or a table of joint angles over time"
     )
-    tool_number: Annotated[int, Field(ge=1, le=32)] | None = Field(
-        default=None, description="of the tool measured on it (KUKA's TOOL_DATA, FANUC's UTOOL); null: none"
-    )
-    frame_number: Annotated[int, Field(ge=0, le=32)] | None = Field(
-        default=None, description="of the base frame stored on it (KUKA's BASE_DATA, FANUC's UFRAME); null: none"
-    )
     level_joint_3: bool | None = Field(
         default=None, description="joint 3 counts against the ground, not the upper arm; null: as FANUC's do"
     )

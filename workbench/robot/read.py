@@ -164,7 +164,7 @@ def _controller(part: ControllerPart | None) -> Controller | None:
     if part is None:
         return None
     level = part.dialect == "fanuc" if part.level_joint_3 is None else part.level_joint_3
-    return Controller(part.dialect, part.tool_number, part.frame_number, level, part.corner_region)
+    return Controller(part.dialect, level, part.corner_region)
 
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:

@@ -34,6 +34,17 @@ def test_every_posture_comes_back(arms: Any, name: str) -> None:
     assert (solved.sum(axis=1) == 16).any() == (name == "crx10ia")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur10e", "crx10ia"])
+def test_ten_thousand_postures(arms: Any, name: str) -> None:
+    """Some minutes; what does not come back is near a singularity."""
+    chain: Chain = arms(name)
+    q = np.random.default_rng(80).uniform(-np.pi, np.pi, (10_000, 6))
+    own = np.nanmin(apart(inverse_kinematics(chain, forward_kinematics(chain, q)), q[:, None]), axis=1)
+    print(f"{name}: {(own > 1e-6).sum()} of {len(q)} did not come back")
+    assert (own > 1e-6).sum() <= 5
+
+
 def test_poses_out_of_a_file_are_reached(arms: Any) -> None:
     """Rounded to 8 digits their rotations are none."""
     chain: Chain = arms("ur10e")

@@ -189,7 +189,7 @@ def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> Iterator
 def configuration(cell: Cell, joints: Float) -> list[str]:
     """FANUC's configuration strings of postures (n, 6), rad."""
     sides = arm_sides(cell.chain, joints)
-    turns = np.floor(joints[:, [0, 3, 5]] / (2 * np.pi) + 0.5).astype(int)
+    turns = np.floor((np.round(joints[:, [0, 3, 5]] / DEG, 3) + 180) / 360).astype(int)
     letters = np.where(sides[:, ::-1], list("FDB"), list("NUT"))
     rows = zip(letters.tolist(), turns.tolist(), strict=True)
     return [f"{' '.join(said)}, {', '.join(map(str, times))}" for said, times in rows]

@@ -137,7 +137,8 @@ def status_and_turn(cell: Cell, joints: Float) -> Int:
     """STATUS and TURN (n, 2) at joint angles (n, 6), rad."""
     behind, below, flipped = arm_sides(cell.chain, joints).T
     status = behind + 2 * ~below + 4 * flipped
-    return np.column_stack([status, (joints < 0) @ (1 << np.arange(6))])
+    negative = np.round(joints / DEG, 3) < 0  # an axis at rest on 0 has no sign of its rounding
+    return np.column_stack([status, negative @ (1 << np.arange(6))])
 
 
 def euler_deg(quaternion_wxyz: Float) -> Float:

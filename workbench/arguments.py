@@ -25,7 +25,7 @@ VALUE is read as JSON if it parses, else as a text. A relative path is relative 
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
 OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache",
-           "draft", "no_report", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
+           "plugin", "draft", "no_report", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5
@@ -89,6 +89,10 @@ def build_parser() -> Parser:
     stages.add_argument("name", nargs="?", metavar="NAME")
     schema = command("schema", "print the JSON Schema of a pipeline, for editors, or of a result file")
     schema.add_argument("result", nargs="?", metavar="RESULT", help="such as inspection.json")
+    for made in (run, validate, stages):
+        made.add_argument(
+            "--plugin", action="append", default=[], metavar="FILE.py", help="stages in a file of your own"
+        )
     simulate = command("simulate", "make a synthetic recording; its truth goes beside it, into FILE.truth.json")
     simulate.add_argument("recipe", metavar="RECIPE.json")
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")

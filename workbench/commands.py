@@ -19,6 +19,7 @@ def run(options: argparse.Namespace) -> int:
     from workbench.pipeline.progress import Lines
     from workbench.pipeline.tables import print_files, print_findings
 
+    load_plugins(options)
     unprintable: list[StreamError] = []
 
     class Told(Lines):
@@ -48,6 +49,15 @@ def run(options: argparse.Namespace) -> int:
     return 0 if results.passed else 1
 
 
+def load_plugins(options: argparse.Namespace) -> None:
+    """Make the stages of `--plugin FILE.py` known."""
+    if options.plugin:
+        from workbench.pipeline.registry import load_file
+
+        for path in options.plugin:
+            load_file(path)
+
+
 def batch(options: argparse.Namespace) -> int:
     """Run a pipeline once for each recording."""
     from workbench.batch import run_batch
@@ -75,6 +85,7 @@ def batch(options: argparse.Namespace) -> int:
 
 def validate(options: argparse.Namespace) -> int:
     """Check a pipeline without running it."""
+    load_plugins(options)
     from workbench.pipeline import Pipeline
     from workbench.pipeline.tables import print_plan
 
@@ -87,6 +98,7 @@ def validate(options: argparse.Namespace) -> int:
 
 def stages(options: argparse.Namespace) -> int:
     """List the stages, or describe one."""
+    load_plugins(options)
     from workbench.errors import one_line
     from workbench.pipeline.catalogue import catalogue, print_stages
     from workbench.pipeline.registry import find

@@ -42,6 +42,12 @@ def denoise(
         window_frames: frames compared with each other (odd numbers; half of them on each side).
         tolerance_mm: how far off its neighbours' line a return may lie; null takes it from the measured range noise.
         jump_mm: range step a column above which a surface ends.
+
+    Example:
+        >>> from workbench import cloud, scan
+        >>> made = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> sorted(made.rejected)
+        ['isolated returns', 'short streaks']
     """
     tolerance = tolerance_mm if tolerance_mm is not None else max(0.06, NOISE_SIGMAS * range_noise(cloud))
     keep, isolated, streaks = reject_outliers(

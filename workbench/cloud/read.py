@@ -54,6 +54,11 @@ def read(
 
     Raises:
         InputError: an unknown or damaged file, no points, or a size that no part has in that unit.
+
+    Example:
+        >>> from workbench import cloud
+        >>> len(cloud.read(file="data/synthetic/milled_edge.laz").points_mm)
+        174988
     """
     suffix = file.suffix.lower()
     if suffix not in READERS:

@@ -48,6 +48,14 @@ def register(
 
     Raises:
         InputError: an unusable reference, or too little overlap.
+
+    Example:
+        >>> from workbench import cloud
+        >>> part = cloud.read(file="data/synthetic/milled_edge.laz")
+        >>> thin = cloud.downsample(part, voxel_mm=0.5)
+        >>> moved, document = cloud.register(thin, reference="data/synthetic/milled_edge.laz")
+        >>> document.name, moved.points_mm.shape == thin.points_mm.shape
+        ('cloud_registration.json', True)
     """
     suffix = reference.suffix.lower()
     target = in_process(reference) * MM[unit or OF_FORMAT.get(suffix, "mm")]

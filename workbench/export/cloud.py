@@ -39,6 +39,12 @@ def cloud(
 
     Raises:
         InputError: `organised` with another format than pcd; nothing to write.
+
+    Example:
+        >>> from workbench import cloud, export, scan
+        >>> made = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> export.cloud(made, format="ply").content[:3]
+        b'ply'
     """
     if organised:
         if format != "pcd":

@@ -8,13 +8,19 @@ absent (a plain checkout on the path), they are found by their names.
 from __future__ import annotations
 
 import functools
+import hashlib
 import importlib
+import importlib.util
+import sys
+import traceback
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from workbench.errors import PipelineError, nearest
 from workbench.stage import REGISTRY, Stage
 
 GROUP = "workbench.stages"
+FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
 
 
@@ -39,6 +45,34 @@ def find(name: str, where: str) -> Stage:
         hint = f" ({broken[family]})" if family in broken else nearest(name, known)
         raise PipelineError(where, f"unknown stage '{name}'{hint}")
     return REGISTRY[name]
+
+
+def load_file(path: str | Path) -> None:
+    """Run a file of stages (`--plugin FILE.py`): a plug-in that is not installed.
+
+    Raises:
+        PipelineError: no such file, no Python, it fails while it runs, or it defines no stage.
+    """
+    where, before = Path(path), set(REGISTRY)
+    name = f"workbench_plugin_{where.stem}"
+    if where.suffix != ".py" or not name.isidentifier():
+        raise PipelineError(f"--plugin {path}", "expected a file NAME.py, its name letters, digits and _")
+    spec = importlib.util.spec_from_file_location(name, where)
+    if not where.is_file() or spec is None or spec.loader is None:
+        raise PipelineError(f"--plugin {path}", "no such file")
+    FILES[name] = hashlib.sha256(where.read_bytes()).hexdigest()
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except PipelineError:
+        raise
+    except Exception as error:  # a plug-in may fail in any way while it is imported
+        line = next((frame.lineno for frame in reversed(traceback.extract_tb(error.__traceback__))
+                     if frame.filename == str(where)), getattr(error, "lineno", None))  # fmt: skip
+        place = f"--plugin {path}" + (f": line {line}" if line else "")
+        raise PipelineError(place, f"cannot be run: {type(error).__name__}: {error}") from error
+    if not set(REGISTRY) - before and not any(one.function.__module__ == name for one in REGISTRY.values()):
+        raise PipelineError(f"--plugin {path}", "defines no stage: expected a function under @stage('family.verb')")
 
 
 def load(family: str) -> None:

@@ -23,6 +23,7 @@ from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
+from workbench.pipeline.registry import FILES
 from workbench.pipeline.results import RUN_FILE, result_files, written
 from workbench.pipeline.wiring import Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
@@ -222,7 +223,7 @@ def resolved(checked: Plan) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of the project, Python and the packages that the numbers depend on."""
-    return dict(_versions())
+    return {**_versions(), **{name: f"sha256:{digest}" for name, digest in FILES.items()}}
 
 
 @functools.cache

@@ -46,6 +46,12 @@ def fuse(
         InputError: no calibration at all, or an improper one; a recording on the profiler's own clock, or one that
             fails a check.
         PipelineError: `limits` names no check, or gives it no number.
+
+    Example:
+        >>> from workbench.scan import fuse, read
+        >>> cloud = fuse(read(recording="data/synthetic/milled_edge.h5"))
+        >>> cloud.points_mm.round(1)[0].tolist()
+        [1445.2, -308.7, 734.5]
     """
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")

@@ -37,6 +37,11 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
 
     Raises:
         InputError: not such a file, or not a whole one, with the place in it (data set, row) and what was expected.
+
+    Example:
+        >>> from workbench.scan import read
+        >>> read(recording="data/synthetic/milled_edge.h5").z_mm.shape
+        (309, 600)
     """
     where = str(recording)
     with opened(recording) as file:

@@ -59,7 +59,7 @@ def test_a_program_is_head_moves_and_foot() -> None:
     (document,) = write_program(dialect, gate_of(dialect, True))
     assert document.name == "Other.txt"
     lines = document.content.decode().splitlines()
-    assert lines[-7:] == ["R 0", "( layer 1 )", "L 1", "C 1.5 2", "( through the air )", "L 3", "END"]
+    assert lines[-7:] == ["R 0", "( layer 1 )", "L 1", "C 1.5 2", "( travel )", "L 3", "END"]
     assert "( part: a?L 99 )" in lines
 
 

@@ -279,7 +279,7 @@ def _moves(dialect: Dialect) -> Iterator[str]:
     yield from dialect.start()
     for i in range(1, len(layer)):
         if layer[i] != layer[i - 1]:
-            yield dialect.remark(f"layer {layer[i]}" if layer[i] else "through the air")
+            yield dialect.remark(f"layer {layer[i]}" if layer[i] else "travel")
         yield from dialect.circular(i) if circular[i] else dialect.straight(i)
 
 

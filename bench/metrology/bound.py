@@ -36,7 +36,7 @@ def bounds_at(recipe: Recipe, frames: Frames, at_mm: Float) -> Bounds:
 
 
 def _at(recipe: Recipe, frames: Frames, u: float) -> tuple[float, float]:
-    """Bounds of root size (mm) and bevel angle (rad) at u."""
+    """Bounds of root face (mm) and bevel angle (rad) at u."""
     seen = (frames.root[:, COUNT] >= LEAST_POINTS) & (frames.bevel[:, COUNT] >= LEAST_POINTS)
     near = seen & (np.abs(frames.bevel[:, ALONG] - u) <= WINDOW_MM)
     if not near.any():
@@ -55,7 +55,7 @@ def _at(recipe: Recipe, frames: Frames, u: float) -> tuple[float, float]:
 
 
 def _root_bound(recipe: Recipe, frames: Frames, seen: Bool, u: float, bevel_u: float, tilt_u: float) -> float:
-    """Bound of the root size at u (mm), the directions of bevel face and root face being known to bevel_u, tilt_u."""
+    """Bound of the root face at u (mm), the directions of bevel face and root face being known to bevel_u, tilt_u."""
     surface = build_surface(recipe.part, recipe.seed)
     size, bevel = raycast.course(surface.root, u)[0], raycast.course(surface.bevel, u)[0]
     near = seen & (np.abs(frames.root[:, ALONG] - u) <= WINDOW_MM)

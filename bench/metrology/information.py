@@ -1,7 +1,7 @@
 """What each frame tells of its faces and of the lower end of the root face, as far as noise allows.
 
 In the section plane a point has the coordinates g, along the root face's outward normal, and v, along the root face
-from the lower edge. The bevel face starts at v = R, the root size, and leans back by the bevel angle.
+from the lower edge. The bevel face starts at v = R, the root face, and leans back by the bevel angle.
 """
 
 from __future__ import annotations

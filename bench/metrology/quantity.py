@@ -1,4 +1,4 @@
-"""Errors and uncertainties of root size or bevel angle over the parts of a condition."""
+"""Errors and uncertainties of root face or bevel angle over the parts of a condition."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RESAMPLES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Root size (mm) or bevel angle (deg) over the parts of a condition."""
+    """Root face (mm) or bevel angle (deg) over the parts of a condition."""
 
     p95: float  # over parts, of the greatest |error| over the sections
     median: float

@@ -1,4 +1,4 @@
-"""Bevel angle and root size with Open3D: remove_statistical_outlier, then segment_plane (RANSAC) for each of the faces.
+"""Bevel angle and root face with Open3D: remove_statistical_outlier, then segment_plane (RANSAC) for each of the faces.
 
 Planes are taken out one after the other until one stands at more than 15 deg to the first. One angle for the whole
 edge, between the planes' normals; in each section the root from the planes' line of intersection to the furthest inlier
@@ -23,7 +23,7 @@ SLAB_MM = 1.0  # half width of a section
 
 
 def inspect(points_mm: Float, normal: Float, origins_mm: Float, tangents: Float, seed: int) -> tuple[Float, Float]:
-    """Root size (mm) and bevel angle (deg) in m sections from points (n, 3) of root and bevel face; NaN if not found.
+    """Root face (mm) and bevel angle (deg) in m sections from points (n, 3) of root and bevel face; NaN if not found.
 
     normal (3,): about the root face's outward normal. origins_mm, tangents (m, 3): the section planes.
     """

@@ -1,4 +1,4 @@
-"""Bevel angle and root size profile by profile, as a competent engineer would write it in an afternoon.
+"""Bevel angle and root face profile by profile, as a competent engineer would write it in an afternoon.
 
 Least-squares lines z = a x + b through each face of each profile, outliers left out; the corner where they cross, the
 root from there to its last return, the angle between the lines in the laser plane; the median over the frames near a
@@ -19,7 +19,7 @@ ROUNDS = 4
 
 
 def inspect(recording: Recording, root: Bool, bevel: Bool, near: list[Int]) -> tuple[Float, Float]:
-    """Root size (mm) and bevel angle (deg) in m sections; NaN where no profile shows both faces.
+    """Root face (mm) and bevel angle (deg) in m sections; NaN where no profile shows both faces.
 
     root, bevel (N, M): columns that see the face. near: numbers of the frames close to each section.
     """

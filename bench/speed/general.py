@@ -1,7 +1,7 @@
 """The general route with numpy and Open3D, as one would write it without this project.
 
 Every point into the base as float64, statistical outliers by nearest neighbours, the two largest planes by RANSAC. What
-it finds are planes: no section, no root size and no uncertainty; measuring would come on top.
+it finds are planes: no section, no root face and no uncertainty; measuring would come on top.
 """
 
 from __future__ import annotations

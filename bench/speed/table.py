@@ -29,7 +29,7 @@ Machine: {machine}. {packages}.
 FOOT = """
 The Open3D route is what one would write without this project (`bench/speed/general.py`): points into the base with
 numpy, float64, `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials)
-on the whole cloud. It ends with two planes; no section, root size or uncertainty. Where a line says "extrapolated", it
+on the whole cloud. It ends with two planes; no section, root face or uncertainty. Where a line says "extrapolated", it
 was not run: its time is that on the straight line through the two largest sizes that were run.
 `python -m bench.speed --all` runs it there too.
 

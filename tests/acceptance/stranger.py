@@ -1,7 +1,7 @@
 """A recording as somebody else would make it: written from docs alone, and sharing no code with the project.
 
 A plate with a milled edge, or a raw one. The lower edge is a planar curve of given heading; the section normal to it is
-a polygon of lower surface, root face, bevel face and upper surface, so that root size and bevel angle at any arc length
+a polygon of lower surface, root face, bevel face and upper surface, so that root face and bevel angle at any arc length
 are known without measuring. The scanner sends parallel rays in its laser plane; the first surface hit answers.
 """
 
@@ -36,7 +36,7 @@ class Part:
         return np.clip(s / self.length_mm, 0, 1)
 
     def root(self, s: np.ndarray) -> np.ndarray:
-        """Root size in mm at s."""
+        """Root face in mm at s."""
         return self.root_mm[0] + self._share(s) * (self.root_mm[1] - self.root_mm[0])
 
     def bevel(self, s: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from workbench.artefacts import EdgeProfile, Requirements, Section
 
 @stage("breaking.inspect")
 def inspect(*, recording: InputFile, shift_mm: float = 0.0) -> Inspection:
-    """First line: what to do. Second line: root sizes of the sections, mm."""
+    """First line: what to do. Second line: root faces of the sections, mm."""
     what, values = recording.read_text().splitlines()
     if what == "slow":
         time.sleep(0.4)

@@ -36,7 +36,7 @@ def expected(original: Recording) -> Float:
 
 
 def inspected(recording: Recording) -> Float:
-    """Root size and bevel angle of nine sections with their uncertainties, and where they lie."""
+    """Root face and bevel angle of nine sections with their uncertainties, and where they lie."""
     found = sections(segment(denoise(fuse(recording))))
     return np.array(
         [[s.root_mm, s.bevel_deg, s.root_u_mm, s.bevel_u_deg, s.arc_length_mm] for s in found.sections], float

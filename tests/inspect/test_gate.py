@@ -51,7 +51,7 @@ def test_too_little_of_the_edge_is_no_pass() -> None:
     assert allowed.warnings == ("the pipeline asks for 50 % of the edge only",)
 
 
-@pytest.mark.parametrize(("u_mm", "words"), [(None, "none of 1 sections"), (118.0, "its root size is known to 236 mm")])
+@pytest.mark.parametrize(("u_mm", "words"), [(None, "none of 1 sections"), (118.0, "its root face is known to 236 mm")])
 def test_what_was_not_measured_is_not_judged(u_mm: float | None, words: str) -> None:
     at = np.zeros(3)
     value = None if u_mm is None else 5.8

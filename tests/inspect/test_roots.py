@@ -1,4 +1,4 @@
-"""Root sizes along edges whose root size and noise are known."""
+"""Root faces along edges whose sizes and noise are known."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_coverage(edge: Maker) -> None:
 
 
 def test_errors_of_the_angles_move_the_corner(edge: Maker) -> None:
-    """The bevel's by its lever over the sine of the angle, the tilt's by half the root size times the cotangent."""
+    """The bevel's by its lever over the sine of the angle, the tilt's by half the root face times the cotangent."""
     part, none = edge(2), root_sizes(edge(2), AT, exact(AT))
     bevel = root_sizes(part, AT, exact(AT, local_u=0.002))
     expected = 4.0 / np.sin(40 * DEG) * 0.002

@@ -76,7 +76,7 @@ def test_the_part_is_judged_by_its_worst_section(edge: Maker) -> None:
     assert [s.verdict for s in thin.sections].count("fail") in (1, 2)
     assert thin.verdict == "fail"
     assert "section 1" in thin.reason
-    assert "root size out of tolerance" in thin.reason
+    assert "root face out of tolerance" in thin.reason
     steep = sections(edge(4, bevel=lambda s: 41.5 * DEG + 0 * s))
     assert steep.verdict == "fail"
     assert "bevel angle out of tolerance" in steep.reason

@@ -64,11 +64,11 @@ def test_the_worst_of_many() -> None:
 @pytest.mark.parametrize(
     ("root_mm", "bevel_deg", "expected", "words"),
     [
-        (1.5, 40.0, "pass", ("root size within tolerance", "bevel angle within tolerance")),
-        (1.99, 40.0, "undecided", ("root size too near a limit to decide", "bevel angle within tolerance")),
-        (1.5, 42.0, "fail", ("root size within tolerance", "bevel angle out of tolerance")),
-        (1.99, 37.0, "fail", ("root size too near a limit to decide", "bevel angle out of tolerance")),
-        (0.5, 40.99, "fail", ("root size out of tolerance", "bevel angle too near a limit to decide")),
+        (1.5, 40.0, "pass", ("root face within tolerance", "bevel angle within tolerance")),
+        (1.99, 40.0, "undecided", ("root face too near a limit to decide", "bevel angle within tolerance")),
+        (1.5, 42.0, "fail", ("root face within tolerance", "bevel angle out of tolerance")),
+        (1.99, 37.0, "fail", ("root face too near a limit to decide", "bevel angle out of tolerance")),
+        (0.5, 40.99, "fail", ("root face out of tolerance", "bevel angle too near a limit to decide")),
     ],
 )
 def test_a_section_is_as_bad_as_its_worse_characteristic(

@@ -37,7 +37,7 @@ def plan(scan: Raw) -> Toolpath:
 def inspected(
     scan: Raw, root_mm: Any, bevel_deg: Any = BEVEL, moved_mm: float = 0.0, u_mm: float = 0.006
 ) -> Inspection:
-    """What an inspection says of a part that was cut with this root size and angle, values along the edge or one."""
+    """What an inspection says of a part that was cut with this root face and angle, values along the edge or one."""
     edge = scan.edge
     s = edge.arc_length_mm
     full = np.ones(len(s))

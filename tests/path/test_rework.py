@@ -1,4 +1,4 @@
-"""Rework of milled parts whose root size and bevel angle run out of tolerance, against their truth."""
+"""Rework of milled parts whose root face and bevel angle run out of tolerance, against their truth."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def plan(request: pytest.FixtureRequest) -> Toolpath:
 
 
 def milled(**part: Any) -> Milled:
-    """The same plate, milled with the given root size and bevel angle."""
+    """The same plate, milled with the given root face and bevel angle."""
     recipe = {
         "format": "bevel-recipe", "version": 1, "seed": 3, "scanner": {"columns": 500},
         "robot": {"frame_pitch_mm": 0.4},

@@ -158,7 +158,7 @@ def test_a_section_tells_the_numbers_of_the_inspection_file(opened, measured, ch
     assert told["Arc length"] == f"{stored['arc_length_mm']:.2f} mm"
     assert told["Verdict"].endswith(stored["verdict"])
     for key, u, name, width in (
-        ("root_mm", "root_u_mm", "Root size ± U", 1e-3),
+        ("root_mm", "root_u_mm", "Root face ± U", 1e-3),
         ("bevel_deg", "bevel_u_deg", "Bevel angle ± U", 1e-2),
     ):
         said = re.findall(r"[\d.]+", told[name])
@@ -167,7 +167,7 @@ def test_a_section_tells_the_numbers_of_the_inspection_file(opened, measured, ch
             continue
         assert float(said[0]) == pytest.approx(stored[key], abs=width)
         assert float(said[1]) == pytest.approx(2 * stored[u], rel=0.2)
-    u_text = told["u of root size"]
+    u_text = told["u of root face"]
     assert u_text == ("–" if stored["root_u_mm"] is None else f"{stored['root_u_mm']:.4f} mm")
     chosen = shown.chapter.locator("tr.chosen")
     assert chosen.count() == 1

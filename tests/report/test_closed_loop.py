@@ -46,8 +46,8 @@ def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
     bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
     assert (chapter.title, chapter.verdict, chapter.part.part_id) == ("Closed loop", "pass", "B-17")
     assert chapter.summary == (
-        f"root {min(root):.3f} to {max(root):.3f} mm for 1.5 mm asked, "
-        f"bevel {min(bevel):.2f} to {max(bevel):.2f}° for 40°; nothing to rework"
+        f"root {min(root):.3f} to {max(root):.3f} mm (required 1.5 mm), "
+        f"bevel {min(bevel):.2f} to {max(bevel):.2f}° (required 40°); nothing to rework"
     )
     assert f"1 11.1 1.500 {first.root_mm:.3f} ± 0.006 {first.root_mm - 1.5:+.3f} 40.00" in text
     assert "5 100.0 – – – – – –" in text
@@ -86,7 +86,7 @@ def test_engagement_and_missing_rework(part, by_formula):
 def test_another_requirement_than_was_inspected_is_a_warning(part, by_formula):
     inspection = part(frames=50, columns=50).inspection
     chapter = closed_loop(inspection, dataclasses.replace(by_formula(), root_mm=2.0))
-    assert chapter.warnings == ("the path was asked for a root size of 2 mm, the part inspected against 1.5 mm",)
+    assert chapter.warnings == ("the path was planned for a root face of 2 mm, the part inspected against 1.5 mm",)
 
 
 def test_the_chart_draws_measured_and_planned(part, by_formula, monkeypatch):

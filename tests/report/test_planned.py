@@ -70,7 +70,7 @@ def test_layers_and_travels_are_run_in_turn(planned):
 
 
 def test_the_scans_uncertainty_moves_the_planned_bevel_so_far(planned):
-    """The edge drawn at random within its uncertainty: the spread of the planned root size is the one stated."""
+    """The edge drawn at random within its uncertainty: the spread of the planned root face is the one stated."""
     p, rng = planned(), np.random.default_rng(5)
     roots = []
     for _ in range(300):

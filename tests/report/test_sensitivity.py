@@ -49,12 +49,12 @@ def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
     results = load(tmp_path)
     document = json.loads((tmp_path / "sensitivity.json").read_text())
     told = {(c["way"], c["name"]): c for c in document["characteristics"]}
-    root = told["blind", "root size"]
+    root = told["blind", "root face"]
     assert sum(link["u"] ** 2 for link in root["links"]) == pytest.approx(root["u"] ** 2)
     assert root["improve_first"] == "hand-eye"  # 0.41 mm: the paper's
     assert not root["holds"]
-    assert told["corrected", "root size"]["holds"]
-    assert told["corrected", "root size"]["improve_first"] == "robot, what does not"
+    assert told["corrected", "root face"]["holds"]
+    assert told["corrected", "root face"]["improve_first"] == "robot, what does not"
     assert "hand-eye" in results.last(Chapter).summary
     bad_tool = load(None, inputs={"tool_mm": 1.0})
     found = next(one for one in bad_tool if isinstance(one, Document) and one.name == "sensitivity.json")

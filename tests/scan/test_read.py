@@ -376,7 +376,7 @@ def test_a_single_frame_will_do_for_a_sphere_alone(build: Build) -> None:
 def test_a_truncated_file_is_refused(build: Build, kept: float) -> None:
     path = build(chunks=(5, 3))
     os.truncate(path, int(kept * path.stat().st_size) if 0 < kept < 1 else int(kept))
-    with pytest.raises(InputError, match="expected a whole HDF5 file"):
+    with pytest.raises(InputError, match="expected a complete HDF5 file"):
         read(recording=path)
 
 
@@ -386,7 +386,7 @@ def test_other_files_are_refused(build: Build, tmp_path: Path) -> None:
     os.mkfifo(pipe)
     build()
     for path, expected in (
-        (text, "expected a whole HDF5 file"),
+        (text, "expected a complete HDF5 file"),
         (pipe, "not a directory or a device"),
         (tmp_path, "not a directory or a device"),
         (tmp_path / "prat.h5", "no such file; did you mean 'part.h5'?"),

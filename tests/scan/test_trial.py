@@ -41,4 +41,4 @@ def test_a_damaged_heap_of_texts_is_refused(build: Callable[..., Path], monkeypa
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
         read(recording=path)
-    assert str(caught.value).startswith(f"{path}: expected a whole HDF5 file")
+    assert str(caught.value).startswith(f"{path}: expected a complete HDF5 file")

@@ -1,4 +1,4 @@
-"""What was measured on a milled edge, against what was asked for."""
+"""What was measured on a milled edge, against the requirement for."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeProfile:
-    """Root size and bevel angle along the whole edge; NaN where they cannot be measured."""
+    """Root face and bevel angle along the whole edge; NaN where they cannot be measured."""
 
     arc_length_mm: Float  # (n,)
     position_mm: Float  # (n, 3) lower edge in the base

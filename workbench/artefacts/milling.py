@@ -51,12 +51,12 @@ class Rework:
 CANCELS = (
     "hand-eye pose, tool setting, tool radius and work object: both cuts and both scans share them",
     "the robot's error where it repeats along the same way, and its giving way under the same load",
-    "the robot's error from scan to scan: root size and angle are taken from the edge in one scan",
+    "the robot's error from scan to scan: root face and angle are taken from the edge in one scan",
 )
 NOT_INCLUDED = (
     "What the robot will not repeat in the finishing pass: it comes on top of the corrected cut.",
     "Wear of the cutter in the finishing pass itself.",
-    "A shift along the bevel face: it leaves no trace in the cut, and changes neither root size nor angle.",
+    "A shift along the bevel face: it leaves no trace in the cut, and changes neither root face nor angle.",
 )
 
 

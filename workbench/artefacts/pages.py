@@ -48,7 +48,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What a chapter shows in space, to be turned in a browser. Any first part of the points shows the whole."""
+    """What a chapter shows in space, to rotate in a browser. Any first part of the points shows the whole."""
 
     points_mm: Float  # (n, 3) in the base
     shadings: tuple[Shading, ...]  # at least one where there are points

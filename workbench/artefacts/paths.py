@@ -42,12 +42,12 @@ class Layer:
     feed_mm_s: Float  # (k,) towards the point
     cutting: Bool  # (k,)
     measured: Bool  # (k,) False: over a hidden stretch, where nothing is cut
-    width_mm: Float  # (k,) of the bevel face that is cut here; 0 in the air
+    width_mm: Float  # (k,) of the bevel face that is cut here; 0 in travel moves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Travel:
-    """A move through the air between layers: k points with frames as in `Layer`."""
+    """A travel move between layers: k points with frames as in `Layer`."""
 
     position_mm: Float  # (k, 3)
     quaternion_wxyz: Float  # (k, 4)
@@ -56,7 +56,7 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Toolpath:
-    """A milling path: layers in cutting order, the last one final, and the moves through the air between them."""
+    """A milling path: layers in cutting order, the last one final, and the travel moves between them."""
 
     cutter: Cutter
     layers: tuple[Layer, ...]
@@ -131,7 +131,7 @@ class Postures:
     """
 
     toolpath: Toolpath  # that they are for
-    layer: Int  # (n,) index of the layer; 0: through the air between layers
+    layer: Int  # (n,) index of the layer; 0: travel between layers
     cutting: Bool  # (n,)
     measured: Bool  # (n,)
     position_mm: Float  # (n, 3) of the turned frame
@@ -170,7 +170,7 @@ class Moves:
     via_quaternion_wxyz: Float  # (k, 4) NaN for straight moves
     feed_mm_s: Float  # (k,)
     cutting: Bool  # (k,)
-    layer: Int  # (k,) index of the layer; 0: through the air between layers
+    layer: Int  # (k,) index of the layer; 0: travel between layers
     toolpath: Toolpath  # that it was made from
     points_before: int  # of that path
     chord_tolerance_mm: float

@@ -38,7 +38,7 @@ class Characteristic:
 
 
 def characteristics(records: Sequence[Record]) -> tuple[Characteristic, ...]:
-    """Root size and bevel angle of all parts; none where nothing was inspected, or not all to the same requirements."""
+    """Root face and bevel angle of all parts; none where nothing was inspected, or not all to the same requirements."""
     inspected = [record for record in records if record.sections]
     if not inspected or any(one.requirements != inspected[0].requirements for one in inspected):
         return ()

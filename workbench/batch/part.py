@@ -49,7 +49,7 @@ class Job:
 def run_part(job: Job) -> Record:
     """Run one part and write its results, or skip it where whole results of the same inputs and versions stand.
 
-    Never raises for what is wrong with the part: the record tells, and earlier results of it are set aside.
+    Never raises for what is wrong with the part: the record tells, and earlier results of it are moved away.
     """
     target = folder(job.out)
     try:

@@ -90,7 +90,7 @@ def in_process(file: Path) -> Float:
         lines = said.strip().splitlines()
         why = complaints[-1] if complaints else lines[-1] if lines and child.returncode == 1 else "its reader crashed"
     why = why.replace(str(file.absolute()), "it")
-    raise InputError(str(file), f"expected a whole {file.suffix[1:].upper()} file: {why}")
+    raise InputError(str(file), f"expected a complete {file.suffix[1:].upper()} file: {why}")
 
 
 def check_size(points_mm: Float, unit: Unit, where: str) -> None:

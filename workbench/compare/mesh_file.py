@@ -60,6 +60,6 @@ def _in_process(path: Path, seconds: float) -> tuple[Float, Int]:
         except subprocess.TimeoutExpired:
             raise InputError(str(path), f"expected a whole mesh: not read within {seconds:.0f} s") from None
         if child.returncode or not out.exists():
-            raise InputError(str(path), f"expected a whole {path.suffix[1:].upper()} file: its reader crashed")
+            raise InputError(str(path), f"expected a complete {path.suffix[1:].upper()} file: its reader crashed")
         with np.load(out) as found:
             return np.asarray(found["points"], float), np.asarray(found["triangles"], np.int64)

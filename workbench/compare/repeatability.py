@@ -1,4 +1,4 @@
-"""`compare.repeatability`: repeatability, reproducibility and bias of root size and bevel angle."""
+"""`compare.repeatability`: repeatability, reproducibility and bias of root face and bevel angle."""
 
 from __future__ import annotations
 

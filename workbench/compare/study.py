@@ -29,7 +29,7 @@ def study(
         str, Field(min_length=1, description="who stands for the reference in the study: the better measurement")
     ] = "reference",
     root_limits_mm: Annotated[
-        Limits | None, Field(description="lower and upper limit of the root size; null: the inspections' own")
+        Limits | None, Field(description="lower and upper limit of the root face; null: the inspections' own")
     ] = None,
     bevel_limits_deg: Annotated[
         Limits | None, Field(description="lower and upper limit of the bevel angle; null: the inspections' own")

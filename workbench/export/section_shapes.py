@@ -11,7 +11,7 @@ from workbench.export.points import PointTable, point_table
 from workbench.units import DEG, Float
 
 OBLIQUE = 0.3  # a laser plane leans against the section by at most this much, in mm a mm
-BEVEL_FALLBACK = 2.0  # times the root size: length of the bevel's line where none of its points is in the section
+BEVEL_FALLBACK = 2.0  # times the root face: length of the bevel's line where none of its points is in the section
 
 
 @dataclass(frozen=True, slots=True, eq=False)

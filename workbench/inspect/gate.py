@@ -35,7 +35,7 @@ def gate(
     Args:
         inspection: the judged part.
         reject: verdicts that reject it.
-        least_measured_share: the share of the edge's profile that must have both root size and bevel angle.
+        least_measured_share: the share of the edge's profile that must have both root face and bevel angle.
 
     Raises:
         InputError: no section was measured, or none to better than ten times the tolerance: there is nothing to judge.
@@ -44,7 +44,7 @@ def gate(
     share = measured_share(inspection)
     reason = f"{inspection.verdict}: {inspection.reason}"
     if share < least_measured_share:
-        short = f"only {100 * share:.0f} % of the edge was measured, {100 * least_measured_share:.0f} % are asked for"
+        short = f"only {100 * share:.0f} % of the edge was measured, {100 * least_measured_share:.0f} % are required"
         return Gate(False, f"{reason}; {short}")
     notes = []
     if inspection.verdict not in (*reject, "pass"):
@@ -55,7 +55,7 @@ def gate(
 
 
 def measured_share(inspection: Inspection) -> float:
-    """Share of the stations of the edge's profile that have a root size and a bevel angle."""
+    """Share of the stations of the edge's profile that have a root face and a bevel angle."""
     profile = inspection.profile
     return (
         float(np.mean(np.isfinite(profile.root_mm) & np.isfinite(profile.bevel_deg))) if profile.root_mm.size else 1.0
@@ -70,7 +70,7 @@ def _refuse_unmeasured(inspection: Inspection) -> None:
         raise InputError("edge", f"none of {len(inspection.sections)} sections could be measured: is this a bevel?")
     needs = inspection.requirements
     for name, unit, u, tolerance in (
-        ("root size", "mm", [s.root_u_mm for s in told], needs.root_tolerance_mm),
+        ("root face", "mm", [s.root_u_mm for s in told], needs.root_tolerance_mm),
         ("bevel angle", "deg", [s.bevel_u_deg for s in told], needs.bevel_tolerance_deg),
     ):
         expanded, width = 2.0 * float(np.median(np.array(u, float))), tolerance[1] - tolerance[0]

@@ -22,4 +22,4 @@ def judge(root_mm: float | None, root_u_mm: float | None, bevel_deg: float | Non
     root = conformity(root_mm, root_u_mm, required.root_nominal_mm, required.root_tolerance_mm, guard_factor)
     bevel = conformity(bevel_deg, bevel_u_deg, required.bevel_nominal_deg, required.bevel_tolerance_deg, guard_factor)
     words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
-    return worst([root, bevel]), f"root size {words[root]}, bevel angle {words[bevel]}"
+    return worst([root, bevel]), f"root face {words[root]}, bevel angle {words[bevel]}"

@@ -76,6 +76,6 @@ def _entered(toolpath: Toolpath, face: LineIndex, allowed: float) -> Iterator[st
         depth = radius - line_distances(face, centre + (tip - allowed) * axis, centre - SHANK_MM * axis)
         worst = int(np.argmax(depth))
         if depth[worst] > allowed + 1e-9:
-            where = f"in layer {points.index}" if isinstance(points, Layer) else "in the air"
+            where = f"in layer {points.index}" if isinstance(points, Layer) else "in a travel move"
             place = np.round(centre[worst], 1).tolist()
             yield f"the cutter enters the finished bevel by {depth[worst]:.2f} mm {where} at {place} mm"

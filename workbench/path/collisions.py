@@ -18,7 +18,7 @@ from workbench.units import Float
 SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
 STOCK_SHARE = 1.5  # of the depth of cut: beside where it cuts, the cutter may meet a layer and what is rough on it
 CORE_SHARE = 0.95  # of the radius: what comes so near the axis was run into, whatever the depth of cut
-STEP_MM = 1.0  # between looks at a move through the air
+STEP_MM = 1.0  # between looks at a travel move
 
 
 def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float,
@@ -76,7 +76,7 @@ def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stoc
     depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat=True)
     worst = int(np.argmax(depth))
     if depth[worst] > allowed + 1e-9:
-        where = f"at {np.round(centre[worst], 1).tolist()} mm in the air"
+        where = f"at {np.round(centre[worst], 1).tolist()} mm in a travel move"
         if isinstance(points, Layer):
             where = f"in layer {points.index} at arc length {points.arc_length_mm[at[worst]]:.1f} mm"
         yield f"the cutter enters {what} by {depth[worst]:.2f} mm {where}"
@@ -90,7 +90,7 @@ def axes_of(toolpath: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
 
 
 def _dense(centre: Float, axis: Float) -> tuple[Float, Float]:
-    """Points every mm on the straight lines of a move through the air."""
+    """Points every mm on the straight lines of a travel move."""
     length = np.linalg.norm(np.diff(centre, axis=0), axis=1)
     counts = np.maximum(np.ceil(length / STEP_MM).astype(int), 1)
     at = np.concatenate([np.repeat(np.arange(len(counts)), counts), [len(centre) - 1]]).astype(np.int64)

@@ -66,7 +66,7 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    In each section the face as cut has a root size and an angle, the plan others: the face lies outside its plan by
+    In each section the face as cut has a root face and an angle, the plan others: the face lies outside its plan by
     (root - planned) sin(bevel) along its normal b, at its root end, and is turned by the difference of the angles. Both
     scans and both cuts share hand-eye, tool setting, work object and base: what these displace is in the comparison,
     and goes. Both sizes are taken from the edge in one scan: the robot's error from scan to scan is not in them.

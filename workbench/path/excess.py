@@ -36,7 +36,7 @@ class Excess:
 def excess_of(inspection: Inspection, bevel: Bevel, thickness_mm: Float) -> Excess:
     """Excess along the inspection's profile; `thickness_mm` (n,) of the stock there.
 
-    The measured face goes up from root size r at its own angle b: over the required face (R, B) it has
+    The measured face goes up from root face r at its own angle b: over the required face (R, B) it has
     (r - R) sin B at the root face and (T - R) sin B - (T - r) tan b cos B at the upper surface, T the thickness.
     """
     profile, required = inspection.profile, inspection.requirements

@@ -1,4 +1,4 @@
-"""`path.feed`: slow in the material, fast through the air."""
+"""`path.feed`: slow in the material, fast in travel moves."""
 
 from __future__ import annotations
 

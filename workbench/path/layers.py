@@ -28,7 +28,7 @@ def layers(
     edge: Edge,
     cloud: Cloud,
     *,
-    root_mm: Annotated[float, Field(gt=0, le=50, description="required root size")] = 1.5,
+    root_mm: Annotated[float, Field(gt=0, le=50, description="required root face")] = 1.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="required bevel angle")] = 40.0,
     depth_of_cut_mm: Annotated[float, Field(ge=0.05, le=20, description="height of a layer")] = 1.0,
     finish_allowance_mm: Annotated[
@@ -41,7 +41,7 @@ def layers(
         Field(gt=0, le=200, description="cutting length, centred on the face; null: 2 mm over the widest at each end"),
     ] = None,
     v_slow_mm_s: Annotated[float, Field(gt=0, le=1000, description="feed while cutting")] = 1.0,
-    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height above stock and clamps in the air")] = 5.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height over stock and clamps, travelling")] = 5.0,
     side_clearance_mm: Annotated[
         float, Field(ge=0.1, le=50, description="how near the cutter comes to a clamp beside it")
     ] = 2.0,
@@ -55,7 +55,7 @@ def layers(
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
     Key points lie every 1 mm of the lower edge. A layer's bevel face stands a multiple of the depth of cut above the
-    finished one, which runs through the root size on the end face, tilted about the feed by the bevel angle. The tool
+    finished one, which runs through the root face on the end face, tilted about the feed by the bevel angle. The tool
     frame stands in the middle of that face (docs/conventions.md). What was not measured is not cut: the cutter is
     lifted over it and over clamps. Before and after each layer it comes down and rises along the edge's tangent.
 
@@ -67,7 +67,7 @@ def layers(
     Args:
         edge: the measured raw edge.
         cloud: the scan, for clamps and all else that the cutter must not meet.
-        root_mm: required root size.
+        root_mm: required root face.
         bevel_deg: required bevel angle.
         depth_of_cut_mm: height of a layer; the first takes what is left over.
         finish_allowance_mm: left on the bevel face, along its normal; at most the depth of cut.
@@ -75,7 +75,7 @@ def layers(
         flutes: count of its flutes.
         flute_length_mm: its cutting length, centred on the tool frame; null: just over the widest face.
         v_slow_mm_s: feed while cutting (`path.feed` makes the rest faster).
-        clearance_mm: height above the stock and above clamps when the cutter is in the air.
+        clearance_mm: height above the stock and above clamps in travel moves.
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.

@@ -52,7 +52,7 @@ def make_plan(edge: Edge, cloud: Cloud, course: Course, table: Course, bevel: Be
 
 
 def travels_of(plan: Plan, cut: tuple[Layer, ...], cutter: Cutter) -> tuple[Travel, ...]:
-    """Moves through the air, a clearance above all that the layers pass above."""
+    """Travel moves, a clearance above all that the layers pass above."""
     high = max([plan.clear_mm, *(lift.height_mm for lift in plan.lifts)]) + plan.air.over_mm
     refuse_tight_curve(plan.course, plan.bevel, np.full(plan.stock_mm.shape, high), cutter)
     return make_travels(plan, cut, high)

@@ -1,4 +1,4 @@
-"""A milling path over a course: its layers, and the moves through the air between them."""
+"""A milling path over a course: its layers, and the travel moves between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workbench.path.section import LEAST_DEPTH_MM, Bevel
 from workbench.units import Bool, Float, Int
 
 KEY_POINT_MM = 1.0
-MOST_TRAVEL_MM = 50.0  # between points in the air
+MOST_TRAVEL_MM = 50.0  # between points of travel moves
 CUTTING_LIFT_MM = 1e-9  # above its layer by more than this the cutter is being lifted
 
 
@@ -97,7 +97,7 @@ def lead_heights(beyond_mm: Float, lead_mm: float, clear_mm: float) -> Float:
 
 
 def make_travels(plan: Plan, layers: Sequence[Layer], high_mm: float) -> tuple[Travel, ...]:
-    """Moves through the air: up, back along the edge and down before each layer; up after the last.
+    """Travel moves: up, back along the edge and down before each layer; up after the last.
 
     A straight line back would pass through the plate on a convex arc.
     """

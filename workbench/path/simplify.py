@@ -44,7 +44,7 @@ def simplify(
         float, Field(ge=0, le=10, description="share by which a key point's feed may exceed its move's, where it cuts")
     ] = 0.1,
     air_feed_tolerance: Annotated[
-        float, Field(ge=0, le=10, description="the same share in the air, where slower costs time but harms nothing")
+        float, Field(ge=0, le=10, description="the same share in travel moves, where slower costs time only")
     ] = 1.0,
     arcs: Annotated[bool, Field(description="circular moves too; false: straight ones only")] = True,
     least_sweep_deg: Annotated[
@@ -72,7 +72,7 @@ def simplify(
         chord_tolerance_mm: greatest distance of a key point from its move.
         angle_tolerance_deg: greatest angle of its orientation to the move's.
         feed_tolerance: share by which its feed may exceed the move's while cutting.
-        air_feed_tolerance: the same in the air.
+        air_feed_tolerance: the same in travel moves.
         arcs: whether circular moves may be used.
         least_sweep_deg: what turns less than this stays straight.
 

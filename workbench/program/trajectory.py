@@ -1,7 +1,7 @@
 """A joint trajectory: when each posture is reached, for controllers and simulators that take points over time.
 
 One row for every posture of the path, travels included: time in s, the six joint angles and the turntable in deg, and
-which layer it belongs to (0: through the air). CSV, and JSON with the names of the joints. Between two rows all
+which layer it belongs to (0: travel). CSV, and JSON with the names of the joints. Between two rows all
 angles go evenly. The time of a row is that of the path's feed, longer where a joint or the turntable could not
 follow. There is no way to the first row: the robot must stand there.
 """

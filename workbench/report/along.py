@@ -1,4 +1,4 @@
-"""Charts over arc length: root size and bevel angle with tolerance and uncertainty (the paper's Figs. 20 and 21)."""
+"""Charts over arc length: root face and bevel angle with tolerance and uncertainty (the paper's Figs. 20 and 21)."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Characteristic:
 
 
 def root_chart(edge: Edge, inspection: Inspection) -> bytes:
-    """SVG of the root size along the edge."""
+    """SVG of the root face along the edge."""
     profile, required = inspection.profile, inspection.requirements
     at = [(s, s.root_mm, s.root_u_mm) for s in inspection.sections if s.root_mm is not None and s.root_u_mm is not None]
     root = Characteristic(
-        "root size", " mm", profile.root_mm, profile.root_u_mm, at, required.root_nominal_mm, required.root_tolerance_mm
+        "root face", " mm", profile.root_mm, profile.root_u_mm, at, required.root_nominal_mm, required.root_tolerance_mm
     )
     return _chart(root, edge, inspection)
 

@@ -1,4 +1,4 @@
-"""Plan view along the edge of what was set aside: rejected points, hidden stretches, burrs."""
+"""Plan view along the edge of rejected points, hidden stretches, burrs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stage `report.closed_loop`: the chapter on what was asked, planned and measured on the milled part."""
+"""The stage `report.closed_loop`: the chapter on what was required, planned and measured on the milled part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def closed_loop(
     cloud: Cloud | None = None,
     edge: Edge | None = None,
 ) -> Chapter:
-    """The closed loop as a chapter: root size and bevel angle as asked, as planned, as measured; and the rework.
+    """The closed loop as a chapter: root face and bevel angle as required, as planned, as measured; and the rework.
 
     Planned is what the plane of the path's final layer makes in each inspected section, taken in that section's own
     axes as measured on the milled part; so measured less planned is what milling and the two scans have added.
@@ -29,7 +29,7 @@ def closed_loop(
         toolpath: that it was milled along.
         rework: what the inspection asks to be milled again; without it the page says so.
         engagement: of the cutter along the path, from a simulation.
-        cloud: of the milled part; without it the view to be turned shows sections and path alone.
+        cloud: of the milled part; without it the view in three dimensions shows sections and path alone.
         edge: the milled edge in that cloud.
 
     Raises:

@@ -45,8 +45,8 @@ def closed_loop_summary(inspection: Inspection, toolpath: Toolpath, rework: Rewo
     bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
     done = f"; {one_line(rework.reason)}" if rework else ""
     return (
-        f"root {span(np.array(root), PLACES['root_mm'], ' mm')} for {toolpath.root_mm:g} mm asked, "
-        f"bevel {span(np.array(bevel), PLACES['bevel_deg'], '°')} for {toolpath.bevel_deg:g}°{done}"
+        f"root {span(np.array(root), PLACES['root_mm'], ' mm')} (required {toolpath.root_mm:g} mm), "
+        f"bevel {span(np.array(bevel), PLACES['bevel_deg'], '°')} (required {toolpath.bevel_deg:g}°){done}"
     )
 
 
@@ -54,17 +54,17 @@ def contradictions(inspection: Inspection, toolpath: Toolpath) -> Iterator[str]:
     """Where the part was inspected against something else than was asked of the path."""
     required = inspection.requirements
     for name, unit, asked, nominal in (
-        ("root size", " mm", toolpath.root_mm, required.root_nominal_mm),
+        ("root face", " mm", toolpath.root_mm, required.root_nominal_mm),
         ("bevel angle", "°", toolpath.bevel_deg, required.bevel_nominal_deg),
     ):
         if abs(asked - nominal) > 1e-9:
-            yield f"the path was asked for a {name} of {asked:g}{unit}, the part inspected against {nominal:g}{unit}"
+            yield f"the path was planned for a {name} of {asked:g}{unit}, the part inspected against {nominal:g}{unit}"
 
 
 def _summary_rows(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
     """Name, asked, planned, measured, measured less planned: mean and greatest."""
     for name, unit, asked, key in (
-        ("Root size", " mm", toolpath.root_mm, "root_mm"),
+        ("Root face", " mm", toolpath.root_mm, "root_mm"),
         ("Bevel angle", "°", toolpath.bevel_deg, "bevel_deg"),
     ):
         places = PLACES[key]

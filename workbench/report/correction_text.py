@@ -106,7 +106,7 @@ def _chart(found: PathCorrection) -> bytes:
 
 
 def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
-    """SVG of root size and bevel angle less what was asked, of each part."""
+    """SVG of root face and bevel angle deviation from the requirement, of each part."""
     figure = Figure(figsize=(10, 4.2))
     top, below = figure.subplots(2, 1, sharex=True)
     figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
@@ -125,8 +125,8 @@ def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
                 top.plot(section.arc_length_mm, section.root_mm - one.requirements.root_nominal_mm, "o",
                          markersize=3.5, color=VERDICTS[section.verdict], zorder=4)  # fmt: skip
     top.legend()
-    top.set_ylabel("root size\nless asked, mm")
-    below.set_ylabel("bevel angle\nless asked, °")
+    top.set_ylabel("root face\ndeviation, mm")
+    below.set_ylabel("bevel angle\ndeviation, °")
     below.set_xlabel("arc length along the lower edge, mm")
     return svg(figure)
 

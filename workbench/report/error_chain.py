@@ -1,4 +1,4 @@
-"""What each link between the sensor and the cutter costs in root size and bevel angle, blind and with a measured cut.
+"""What each link between the sensor and the cutter costs in root face and bevel angle, blind and with a measured cut.
 
 A link that displaces the cutter against the edge by e moves the bevel face by b . e along its normal b, and the root
 size by b . e / sin(bevel); one that turns it about the feed turns the bevel by as much. Links are independent: squares
@@ -67,11 +67,11 @@ class Need:
 
 def needs(links: Sequence[Link], measured: bool, bevel: float, root_half_mm: float,
           bevel_half_deg: float) -> tuple[Need, Need]:  # fmt: skip
-    """Root size and bevel angle (`bevel` in rad): milled blindly, or corrected by a measured cut."""
+    """Root face and bevel angle (`bevel` in rad): milled blindly, or corrected by a measured cut."""
     share = [link.left if measured else 1.0 for link in links]
     root = tuple(link.along_b_mm * s / math.sin(bevel) for link, s in zip(links, share, strict=True))
     tilt = tuple(link.tilt_deg * s for link, s in zip(links, share, strict=True))
-    return Need("root size", "mm", root_half_mm, root), Need("bevel angle", "deg", bevel_half_deg, tilt)
+    return Need("root face", "mm", root_half_mm, root), Need("bevel angle", "deg", bevel_half_deg, tilt)
 
 
 def thermal_mm(kelvin: float, length_mm: float) -> float:

@@ -25,8 +25,8 @@ def inspection(
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
     The cloud coloured by face with the section planes; each section's points and fitted lines, root and angle
-    dimensioned; root size and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and
-    uncertainty bands; what was rejected; and the part to be turned in a browser. Uncertainties are expanded,
+    dimensioned; root face and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and
+    uncertainty bands; what was rejected; and a view in three dimensions. Uncertainties are expanded,
     U = 2 u. The same input gives the same chapter.
 
     Args:

@@ -20,7 +20,7 @@ NEAR_MM = 20.0  # farther from the section's origin the path belongs to another 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """A section: planned root size, mm, and bevel angle, deg; None where the final layer does not cut there."""
+    """A section: planned root face, mm, and bevel angle, deg; None where the final layer does not cut there."""
 
     section: Section
     root_mm: float | None
@@ -41,15 +41,15 @@ def compared(inspection: Inspection, toolpath: Toolpath) -> list[Compared]:
 
 
 def loop_chart(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> bytes:
-    """SVG of the deviations from what was asked, along the edge: measured with uncertainty, planned as crosses."""
+    """SVG of the deviations from the requirement, along the edge: measured with uncertainty, planned as crosses."""
     profile = inspection.profile
     figure = Figure(figsize=(10, 4.4))
     root, bevel = figure.subplots(2, 1, sharex=True)
     figure.subplots_adjust(0.1, 0.115, 0.985, 0.945, hspace=0.16)
     _draw_deviation(root, profile, rows, "root", "mm", toolpath.root_mm)
     _draw_deviation(bevel, profile, rows, "bevel", "deg", toolpath.bevel_deg)
-    root.set_ylabel("root size\nless asked, mm")
-    bevel.set_ylabel("bevel angle\nless asked, °")
+    root.set_ylabel("root face\ndeviation, mm")
+    bevel.set_ylabel("bevel angle\ndeviation, °")
     for axes in (root, bevel):
         axes.y_label_at = -0.062
     mark_sections(root, [r.section.arc_length_mm for r in rows], [str(r.section.index) for r in rows])
@@ -58,7 +58,7 @@ def loop_chart(inspection: Inspection, toolpath: Toolpath, rows: list[Compared])
 
 
 def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name: str, unit: str, asked: float) -> None:
-    """One quantity, `root` in `mm` or `bevel` in `deg`, less what was asked."""
+    """One quantity, `root` in `mm` or `bevel` in `deg`, deviation from the requirement."""
     value_name, u_name, s = f"{name}_{unit}", f"{name}_u_{unit}", profile.arc_length_mm
     off, wide = getattr(profile, value_name) - asked, COVERAGE * getattr(profile, u_name)
     axes.set_xlim(float(s[0]), float(s[-1]))
@@ -91,7 +91,7 @@ def _crossing(section: Section, position: Float, axis: Float, cutting: Bool) -> 
 
 
 def _planned(section: Section, position: Float, axis: Float) -> Compared:
-    """Root size and bevel angle that the cutter's flank makes in the section's axes."""
+    """Root face and bevel angle that the cutter's flank makes in the section's axes."""
     offset = position - section.origin_mm
     u, v = offset @ section.normal, offset @ section.across
     out, up = axis @ section.normal, axis @ section.across

@@ -28,7 +28,7 @@ def plan(
 
     The steps of the paper's Fig. 8 (a to f); a section with the layers stepped from the stock to the finished bevel,
     dimensioned; all layers on the part (Fig. 13); the feed on the path (Fig. 14: the darker the slower) and along the
-    final layer; the cutter's engagement, if it was milled in simulation. Root size and bevel angle are those that the
+    final layer; the cutter's engagement, if it was milled in simulation. Root face and bevel angle are those that the
     path's own points make with the scanned edge, not the required ones drawn again. Uncertainties are expanded,
     U = 2 u. The verdict is the gate's.
 

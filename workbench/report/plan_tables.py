@@ -24,7 +24,7 @@ def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, st
     """Root and angle: name, required, planned lowest and highest along the final layer, expanded uncertainty."""
     bevel = planned_bevel(toolpath, edge)
     rows = (
-        ("Root size", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath.bevel_deg)[0]),
+        ("Root face", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath.bevel_deg)[0]),
         ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, planned_u(edge, toolpath.bevel_deg)[1]),
     )
     for name, unit, nominal, values, u in rows:

@@ -20,7 +20,7 @@ class Run:
     position_mm: Float  # (k, 3)
     feed_mm_s: Float  # (k,)
     cutting: Bool  # (k,)
-    layer: Int  # (k,) index of the layer; 0: through the air between layers
+    layer: Int  # (k,) index of the layer; 0: travel between layers
     length_mm: Float  # (k,) of the step to the point
     time_s: Float  # (k,) of the step to the point
 
@@ -33,13 +33,13 @@ class Run:
 
     @property
     def layer_start(self) -> Int:
-        """(l,) where each layer and each move through the air begins."""
+        """(l,) where each layer and each travel move begins."""
         return np.flatnonzero(np.diff(self.layer, prepend=-1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedBevel:
-    """Root size and bevel angle that the final layer makes at its k cutting points, in their section planes."""
+    """Root face and bevel angle that the final layer makes at its k cutting points, in their section planes."""
 
     arc_length_mm: Float  # (k,)
     root_mm: Float  # (k,)
@@ -87,7 +87,7 @@ def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
 
 
 def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]:
-    """Standard uncertainty of the planned root size, mm, and bevel angle, deg: of the scan and its hand-eye pose.
+    """Standard uncertainty of the planned root face, mm, and bevel angle, deg: of the scan and its hand-eye pose.
 
     The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
     None where the edge does not state its own.

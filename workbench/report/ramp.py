@@ -28,7 +28,7 @@ def ramp(fraction: Float) -> AnyArray:
 
 
 def layer_colours(layer: AnyArray, count: int) -> AnyArray:
-    """(k, 3): light for the first layer, dark for the final one, grey for moves through the air between layers."""
+    """(k, 3): light for the first layer, dark for the final one, grey for travel moves between layers."""
     colour = ramp((count - np.asarray(layer)) / max(1, count - 1))
     return np.where((np.asarray(layer) == 0)[:, None], rgb(AIR), colour)
 

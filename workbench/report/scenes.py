@@ -1,4 +1,4 @@
-"""The scenes of the chapters: part, sections, path and deviations, as a browser shows them to be turned."""
+"""The scenes of the chapters: part, sections, path and deviations, as a browser shows them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def loop_scene(
 
 
 def plan_scene(cloud: Cloud, edge: Edge, toolpath: Toolpath, run: Run, budget: int) -> Scene:
-    """The raw part by face, all layers by number and by feed, cutter axes, moves through the air, both edges."""
+    """The raw part by face, all layers by number and by feed, cutter axes, travel moves, both edges."""
     points = telling(cloud, edge, budget)
     middle = middle_of_cut_mm(toolpath) or float(edge.arc_length_mm[-1]) / 2.0
     by_layer, by_feed = layer_colours(run.layer, len(toolpath.layers)), feed_colours(run)
@@ -74,7 +74,7 @@ def plan_scene(cloud: Cloud, edge: Edge, toolpath: Toolpath, run: Run, budget: i
 
     strokes = (
         path("feed, the darker the slower", cuts, by_feed, shown=False),
-        path("moves through the air", air, by_layer),
+        path("travel moves", air, by_layer),
         tool_axes(toolpath),
         both_edges(edge),
     )

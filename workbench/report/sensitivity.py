@@ -25,7 +25,7 @@ def sensitivity(
     toolpath: Toolpath,
     edge: Edge,
     *,
-    root_tolerance_mm: Annotated[Deviations, Field(description="allowed deviations from the nominal root size")] = (
+    root_tolerance_mm: Annotated[Deviations, Field(description="allowed deviations from the nominal root face")] = (
         -0.5,
         0.5,
     ),
@@ -49,13 +49,13 @@ def sensitivity(
     ] = 3.0,
     drift_k: Annotated[float, Field(ge=0, le=100, description="half the range between the two cuts")] = 0.5,
     wear_mm: Annotated[Length, Field(description="loss of the cutter's radius before it is replaced")] = 0.05,
-    inspection_mm: Annotated[Length, Field(description="u of an inspected root size")] = 0.006,
+    inspection_mm: Annotated[Length, Field(description="u of an inspected root face")] = 0.006,
     inspection_deg: Annotated[Angle, Field(description="u of an inspected bevel angle")] = 0.03,
 ) -> tuple[Chapter, Document]:
-    """Tell what each link of the chain costs in this part's root size and bevel angle, and what to improve first.
+    """Tell what each link of the chain costs in this part's root face and bevel angle, and what to improve first.
 
     Sensor, hand-eye, robot, tool, turntable, temperature, wear: each as a standard uncertainty of the bevel face's
-    place along its normal and of its direction; b . e / sin(bevel) is what it does to the root size. Twice: for a part
+    place along its normal and of its direction; b . e / sin(bevel) is what it does to the root face. Twice: for a part
     that is milled blindly, and for one whose finishing pass is corrected by a measured cut (`path.correct`), where what
     both cuts share goes out. The link that costs most comes first; what it would have to be is told beside it.
 

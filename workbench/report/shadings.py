@@ -26,7 +26,7 @@ def by_face(points: Points, names: list[tuple[str, str]]) -> Shading:
 
 
 def by_deviation(name: str, points: Points, cloud: Cloud, edge: Edge, root_mm: Along, bevel_deg: Along) -> Shading:
-    """How far root and bevel face lie outside faces of that root size and bevel angle, which go with the arc length."""
+    """How far root and bevel face lie outside faces of that root face and bevel angle, which go with the arc length."""
     off = deviation_mm(points, cloud, edge, root_mm, bevel_deg)
     known = np.isfinite(off)
     limit = round_limit(np.abs(off[known])) if known.any() else 0.05

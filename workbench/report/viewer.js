@@ -1,4 +1,4 @@
-// The report's viewer: each chapter's scene in parallel projection, to be turned; painter.js draws it.
+// The report's viewer: each chapter's scene in parallel projection, to rotate; painter.js draws it.
 // Drawn when something changes, never in a loop. Text out of the data reaches the page as text only.
 (() => {
 const HOME = [-0.5, 0.8, 0.45], TURN = 0.008, STEP = 0.12, ZOOM = 1.25, NEAR_PX = 9, LABEL_PX = 24;

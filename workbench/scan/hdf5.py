@@ -38,7 +38,7 @@ def opened(path: Path) -> Iterator[Any]:
     except _BROKEN as error:
         if isinstance(error, MemoryError):
             raise InputError(str(path), "does not fit into memory") from None
-        raise InputError(str(path), f"expected a whole HDF5 file: {str(error) or type(error).__name__}") from None
+        raise InputError(str(path), f"expected a complete HDF5 file: {str(error) or type(error).__name__}") from None
     if (after.st_size, after.st_mtime_ns, after.st_ino) != (before.st_size, before.st_mtime_ns, before.st_ino):
         raise InputError(str(path), "changed while it was read")
 

@@ -46,7 +46,7 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
     where = str(recording)
     with opened(recording) as file:
         if not survives(lambda: _tables(file, where)):
-            raise InputError(where, "expected a whole HDF5 file: its tables or texts are damaged")
+            raise InputError(where, "expected a complete HDF5 file: its tables or texts are damaged")
         sets, values, header = _tables(file, where)
         values |= _grid(sets, where, progress)
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}

@@ -2,7 +2,7 @@
 
 In the part's frame a point has the coordinates (u, h, z): u names the normal plane of the lower edge that holds it, h
 is its distance from the edge's plan curve, outwards, z its height. In a normal plane, which is the section plane at u,
-the part is the polygon that the recipe asks for, so root size and bevel angle hold exactly, drifting or not. The body
+the part is the polygon that the recipe asks for, so root face and bevel angle hold exactly, drifting or not. The body
 is {F <= 0}, F the maximum over its faces; Newton's method on F along a ray, from outside, finds the entry. What a
 milling tool has left of the part is one more face: a height over the plane of the bevel, on a grid.
 """

@@ -1,4 +1,4 @@
-"""What a synthetic recording was made from, exactly: the lower edge in the base, root size and bevel angle along it."""
+"""What a synthetic recording was made from, exactly: the lower edge in the base, root face and bevel angle along it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FORMAT, VERSION = "bevel-truth", 1
 class Truth:
     """The part as built. Stations lie every 0.5 mm or so along the lower edge, from the part's start to its end.
 
-    Root size (mm) and bevel angle (deg) hold in the section plane, normal to the tangent; both are NaN on a raw edge,
+    Root face (mm) and bevel angle (deg) hold in the section plane, normal to the tangent; both are NaN on a raw edge,
     and as cut on a part that was milled in simulation.
     Arc length counts from the part's start, seen or not: a measured edge begins at its first seen point.
     """
@@ -45,7 +45,7 @@ class Truth:
     _surface: raycast.Surface = field(repr=False)
 
     def root_mm_at(self, position_mm: Float) -> Float:
-        """Root size (...,) at the section of the base points (..., 3): that of the nearest point of the lower edge."""
+        """Root face (...,) at the section of the base points (..., 3): that of the nearest point of the lower edge."""
         u = self._parameter_at(position_mm)
         if self._surface.milled:
             return course_values(self._surface.root, u)
@@ -122,7 +122,7 @@ def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None, cut:
 
 
 def milled_truth(workpiece: Workpiece) -> Truth:
-    """The truth of a workpiece as it is now: root size and bevel angle as cut, NaN where no face was cut.
+    """The truth of a workpiece as it is now: root face and bevel angle as cut, NaN where no face was cut.
 
     In each section a line is fitted to the cut profile between the root edge and the upper edge; the root ends where
     it meets the end face. Between the stations both are interpolated.
@@ -131,7 +131,7 @@ def milled_truth(workpiece: Workpiece) -> Truth:
 
 
 def _as_ordered(surface: raycast.Surface, u: Float) -> tuple[Float, Float]:
-    """Root size and bevel angle (deg) at u as the recipe states them; NaN on a raw edge."""
+    """Root face and bevel angle (deg) at u as the recipe states them; NaN on a raw edge."""
     if not surface.milled:
         return np.full(len(u), np.nan), np.full(len(u), np.nan)
     return course_values(surface.root, u), course_values(surface.bevel, u) / DEG

@@ -82,7 +82,7 @@ class Workpiece:
 
 
 def profile_sizes(cut: Cut, u: Float) -> tuple[Float, Float]:
-    """Root size (mm) and bevel angle (deg) at u, as cut; NaN where there is no face to speak of.
+    """Root face (mm) and bevel angle (deg) at u, as cut; NaN where there is no face to speak of.
 
     In each section a straight line, p = p0 + slope w, is fitted to the cut profile between the root edge and the upper
     edge; the root ends where that line meets the end face, p = w tan(bevel).

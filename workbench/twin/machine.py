@@ -32,7 +32,7 @@ class Machine:
         self._worn_mm, self._cut_mm, self._motions = worn_mm, 0.0, 0
 
     def travel(self, travel: Travel) -> Met:
-        """Go through the air."""
+        """Travel."""
         if len(travel.position_mm) < 2:
             return Met(np.zeros(len(self.stock.u)), ())
         poses = self._poses(travel, 0)

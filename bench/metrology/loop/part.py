@@ -78,7 +78,7 @@ def injected_offset_mm(seed: int) -> Float:
 
 
 def compare(inspection: Inspection, milled: Truth, raw: Truth, offset_mm: Float) -> dict[str, Numbers]:
-    """Nine entries each: root size and bevel angle as inspected, as milled and u; root size as the offset implies it.
+    """Nine entries each: root face and bevel angle as inspected, as milled and u; root face as the offset implies it.
 
     A tool that is displaced by d above the bevel, along its normal, leaves a root that is larger by d / sin(bevel).
     """

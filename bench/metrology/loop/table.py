@@ -34,7 +34,7 @@ def loop_tables(summaries: list[LoopSummary], command: str) -> str:
 
 
 def perfect(summaries: list[LoopSummary]) -> list[str]:
-    """How far root size and bevel angle lie from their nominal values, as inspected and as milled."""
+    """How far root face and bevel angle lie from their nominal values, as inspected and as milled."""
     head = ["condition", "parts", f"inspected root - 1.5, mm (goal {ROOT_GOAL_MM:g})"]
     head += [f"inspected bevel - 40, deg (goal {BEVEL_GOAL_DEG:g})", "milled root - 1.5, mm", "milled bevel - 40, deg"]
     head += ["sections measured", "beside what is not cut", "refused", "s a part", "met"]

@@ -36,7 +36,7 @@ class MeasuredSummary:
     corrected: Float  # the same of the finished parts
     bevel: Float  # |bevel - 40| deg
     goal_mm: float
-    floor_mm: float  # 95th percentile of what the robot alone does to a root size in one run: nothing can be better
+    floor_mm: float  # 95th percentile of what the robot alone does to a root face in one run: nothing can be better
     predicted: Cover  # finished root beside what correction and repeatability say, along b, mm
     root_cover: Cover
     bevel_cover: Cover

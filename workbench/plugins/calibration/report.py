@@ -66,7 +66,7 @@ def _answer(found: Calibration) -> str:
         ("Sphere in the base", ", ".join(f"{v:.3f}" for v in found.sphere_center_mm) + " mm"),
         ("Sphere diameter, estimated", f"{2 * found.sphere_radius_mm:.3f} mm"),
         ("Residual of the points, RMS", f"{found.residual_rms_mm:.3f} mm"),
-        ("Misfit (1: the stated noise explains all)", f"{found.misfit:.2f}"),
+        ("Misfit (1: as the stated noise predicts)", f"{found.misfit:.2f}"),
         ("Method", found.method),
     ]
     if found.time_offset_s is not None and found.time_offset_u_s is not None:

@@ -109,7 +109,7 @@ def _coefficients(cell: Cell | None, material: str | None, given: Six | None) ->
 
 def _depths(layer: Layer, met: LayerEngagement | None, toolpath: Toolpath, radial_mm: float | None,
             axial_mm: float | None) -> tuple[Float, Float]:  # fmt: skip
-    """Radial and axial depth at each point; 0 in the air."""
+    """Radial and axial depth at each point; 0 in travel moves."""
     if met is not None:
         if len(met.arc_length_mm) != len(layer.arc_length_mm):
             raise InputError(f"layer {layer.index}", "the engagement is of another path: expected as many points")

@@ -36,8 +36,8 @@ class PathPoints:
 
     base_from_point: Float  # (n, 4, 4) with the turntable where it was when the path was planned
     feed_mm_s: Float  # (n,) towards the point
-    force_n: Float  # (n, 3) on the cutter at the point, base axes; 0 in the air
-    layer: Int  # (n,) index of the layer; 0: through the air between layers
+    force_n: Float  # (n, 3) on the cutter at the point, base axes; 0 in travel moves
+    layer: Int  # (n,) index of the layer; 0: travel between layers
     cutting: Bool  # (n,)
     measured: Bool  # (n,)
     point_from_tip: Float  # (4, 4) the cutter's tip: a radius off along x, its reach along z

@@ -54,7 +54,7 @@ def _table(found: Found) -> str:
     solved = found.map.without_collision_mm
     at = np.unravel_index(np.nanargmin(solved), solved.shape)
     rows += (
-        f"<tr><td>best, collision not looked at</td><td>{found.map.rotations[at[0]] / DEG:g}</td>"
+        f"<tr><td>best, without the collision check</td><td>{found.map.rotations[at[0]] / DEG:g}</td>"
         f"<td>{found.map.tables[at[1]] / DEG:g}</td><td>{solved[at]:.4f}</td><td></td><td></td></tr>"
     )
     if found.mode == "along_path":

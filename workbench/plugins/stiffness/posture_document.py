@@ -14,7 +14,7 @@ from workbench.plugins.stiffness.standing import Case, Found
 
 
 def posture_document(found: Found) -> bytes:
-    """`points` are the layers' in their order; `travels` those of the moves through the air, which come in between."""
+    """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
     made = found.postures
     air = made.layer == 0
     return PostureFile.written(

@@ -1,4 +1,4 @@
-"""What a swept part is, exactly: virtual lower edge, section axes, root size and bevel angle along it."""
+"""What a swept part is, exactly: virtual lower edge, section axes, root face and bevel angle along it."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class SweptTruth(Stations):
     thickness_mm: Float  # (n,)
 
     def root_mm_at(self, position_mm: Float) -> Float:
-        """Root size (...,) in the sections of base points (..., 3)."""
+        """Root face (...,) in the sections of base points (..., 3)."""
         return self.at(position_mm, self.root_mm)
 
     def bevel_deg_at(self, position_mm: Float) -> Float:

@@ -21,7 +21,7 @@ ROOT_U_MM, BEVEL_U_DEG = 0.01, 0.05
 
 @pytest.fixture
 def inspect():
-    """An inspection with the root sizes and bevel angles given, a section every 10 mm; None: hidden."""
+    """An inspection with the root faces and bevel angles given, a section every 10 mm; None: hidden."""
 
     def make(root_mm, bevel_deg):
         n = len(root_mm)

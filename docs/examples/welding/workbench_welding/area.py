@@ -25,7 +25,7 @@ class Joint:
 def groove_area_mm2(root_mm: Float, bevel: Float, joint: Joint) -> Float:
     """Area A = g T + (p/2) (T - c)^2 tan(beta) between the plates, without excess weld metal.
 
-    g gap, T thickness, p bevelled plates, c root size (n,) in mm, beta bevel angle (n,) in rad. Root faces are square
+    g gap, T thickness, p bevelled plates, c root face (n,) in mm, beta bevel angle (n,) in rad. Root faces are square
     to the plates (ISO 9692-1, grooves 1.3 and 1.9.1).
     """
     height_mm = joint.thickness_mm - root_mm
@@ -33,7 +33,7 @@ def groove_area_mm2(root_mm: Float, bevel: Float, joint: Joint) -> Float:
 
 
 def groove_area_u_mm2(root_mm: Float, root_u_mm: Float, bevel: Float, bevel_u: Float, joint: Joint) -> Float:
-    """Standard uncertainty (n,) of the area, in mm2: JCGM 100 (GUM), 5.1.2, root size and bevel angle (rad) taken as
+    """Standard uncertainty (n,) of the area, in mm2: JCGM 100 (GUM), 5.1.2, root face and bevel angle (rad) taken as
     independent. The mirror image of a plate has the plate's own errors: they count twice, not by the root of two.
     """
     height_mm, p = joint.thickness_mm - root_mm, joint.bevelled_plates

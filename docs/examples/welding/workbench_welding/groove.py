@@ -32,7 +32,7 @@ class Groove:
     arc_length_mm: Float  # (n,) along the lower edge
     area_mm2: Float  # (n,) NaN where not measured
     area_u_mm2: Float  # (n,)
-    nominal_mm2: float  # with root size and bevel angle as required
+    nominal_mm2: float  # with root face and bevel angle as required
     limits_mm2: tuple[float, float]
     volume_mm3: float  # over the measured stretches
     volume_u_mm3: float
@@ -66,7 +66,7 @@ def groove(
 ) -> Groove:
     """Compute how much weld metal the joint takes: area of the groove a section, volume along the edge, verdicts.
 
-    The nominal area has the root size and bevel angle that the inspection requires. Verdicts follow ISO 14253-1 with
+    The nominal area has the root face and bevel angle that the inspection requires. Verdicts follow ISO 14253-1 with
     the inspection's guard factor. The volume's uncertainty adds those along the edge, since thickness, gap and the
     tilt of the root face are common to the whole of it.
 

@@ -34,9 +34,7 @@ def rework(
     cloud: Cloud,
     *,
     overlap_mm: Annotated[float, Field(ge=0, le=50, description="milled beyond each end of a failing stretch")] = 3.0,
-    clearance_mm: Annotated[
-        float, Field(ge=0.5, le=100, description="height over stock and clamps, travelling")
-    ] = 5.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height over stock and clamps, travelling")] = 5.0,
     side_clearance_mm: Annotated[float, Field(ge=0.1, le=50, description="distance to a clamp beside it")] = 2.0,
     ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
     lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,

@@ -31,7 +31,8 @@ SHAPES = ("raw_straight", "raw_arc", "raw_wavy")
 ALLOWANCE_MM = 0.5
 LARGEST_TOOL_ERROR_MM = 0.6
 HAND_EYE_MM = 0.4  # root mean square of its length
-LARGEST_WEAR_MM = 0.05
+LARGEST_WEAR_MM = 0.05  # in the first cut
+FINISHING_WEAR = 0.5  # of that, in the finishing pass: much for a layer or two of several
 BALANCING = 6  # rounds of force and deflection, each halfway to the next: within some micrometres
 MODEL_ERROR = 0.15  # relative, of force and stiffness together
 STEP_MM = 2.0
@@ -93,7 +94,6 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: F
         return
     raw = Workpiece(recipe)
     whole = milled_truth(_milled(raw, blind, cell, offset_mm, wear_mm, 0.0, seed))
-    share = wear_mm * ALLOWANCE_MM  # of the wear that the finishing pass adds: it cuts one layer of several
     rough = _milled(raw, first, cell, offset_mm, wear_mm, 0.0, seed)
     clock.lap("milling")
     again = scan(rough)
@@ -112,7 +112,7 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: F
     if not gate.passed:
         result.refused = f"path.check of the finishing pass: {gate.reason}"
         return
-    done = _milled(rough, finishing, cell, offset_mm, share, wear_mm, seed)
+    done = _milled(rough, finishing, cell, offset_mm, FINISHING_WEAR * wear_mm, wear_mm, seed)
     clock.lap("milling")
     last = scan(done)
     clock.lap("simulation")

@@ -1,0 +1,51 @@
+"""The measured loop's figures from parts whose errors are known."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.metrology.measured.result import MeasuredResult
+from bench.metrology.measured.summary import MEASURED_CONDITIONS, SINE, summarise_measured, worst_measured
+from bench.metrology.measured.table import measured_tables
+
+
+def part(seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01,
+         inspected: float = 0.004) -> MeasuredResult:  # fmt: skip
+    places = {"root_mm": root, "root_blind_mm": blind, "bevel_deg": bevel, "correction_u_mm": u}
+    sections = {"root_mm": root + inspected, "root_u_mm": 0.005, "root_true_mm": root, "bevel_deg": bevel,
+                "bevel_u_deg": 0.02, "bevel_true_deg": bevel}  # fmt: skip
+    return MeasuredResult("repeating", seed, places={k: [v] * 20 for k, v in places.items()},
+                          sections={k: [v] * 9 for k, v in sections.items()}, seconds={"milling": 2.0})  # fmt: skip
+
+
+def test_figures_of_known_parts() -> None:
+    beyond = MeasuredResult("repeating", 9, beyond="too deep", places={"root_blind_mm": [0.6, 0.7]})
+    found = summarise_measured("repeating", [*(part(seed) for seed in range(4)), beyond])
+    assert (found.parts, found.finished, len(found.beyond), found.blind_too_deep) == (5, 4, 1, 1)
+    assert found.corrected == pytest.approx([0.01] * 3)
+    assert found.blind == pytest.approx([0.4] * 3)
+    assert found.predicted.bias == pytest.approx(0.01 * SINE)
+    assert found.root_cover.share == 1.0
+    assert found.too_deep == []
+    assert list(found.shortcomings) == []
+    assert "| repeating | 5 | 4 | 1 | 0 |" in measured_tables([found], "command")
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"root": 1.56}, "repeating: root"),
+        ({"bevel": 40.2}, "repeating: bevel"),
+        ({"root": 0.9, "blind": 1.2}, "repeating: 12 cut too deep"),
+        ({"inspected": 0.02}, "repeating: inspected root within 2u"),
+        ({"u": 0.001}, "repeating: finished root within 2u of the correction"),
+    ],
+)
+def test_what_falls_short_is_said(changed: dict[str, float], words: str) -> None:
+    parts = [part(seed, **changed) for seed in range(12)]
+    assert words in list(summarise_measured("repeating", parts).shortcomings)
+    assert list(worst_measured(parts, 1))
+
+
+def test_conditions_are_those_of_the_cells() -> None:
+    assert MEASURED_CONDITIONS == ("repeating", "not_repeating", "not_repeating_0.05", "deflection", "wear")

@@ -213,6 +213,15 @@ def test_a_written_program_is_judged(made, cells, controller: str, robot: str) -
     assert len(documents) > 1
 
 
+def test_a_program_for_another_controller_than_the_cells_says_so(tmp_path: Path) -> None:
+    cell = cell_of("kr210", tmp_path, dialect="kuka")
+    moves = postured(cell, "kr210", Shape(length_mm=20))
+    for controller, said in ((None, False), ("kuka", False), ("abb", True)):
+        document, *_ = write(moves, passed(moves.toolpath), cell, controller=controller)
+        text = " ".join(document.content.decode().replace("!", "").split())
+        assert ("the cell names kuka, and this is for abb" in text) == said
+
+
 def test_a_trajectory_over_sparse_points_is_refused(made, cells) -> None:
     """Between postures 40 mm apart joints in step leave the straight travel; the optimiser's lie 5 mm apart."""
     gate, *_ = [one for one in write(made["irb6700"], passed(made["irb6700"].toolpath), cells["irb6700"],

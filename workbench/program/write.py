@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Annotated, Literal
 
@@ -87,6 +88,9 @@ def write(
                          "fanuc, ur or trajectory (or the pipeline's input 'controller')")  # fmt: skip
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
+    if known not in (None, chosen):
+        said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
+        gate = dataclasses.replace(gate, unchecked=(*gate.unchecked, said))
     job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
     dialect = (
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)

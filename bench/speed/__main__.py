@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.speed import batch_rows, postures_rows, rows
+from bench.speed import batch_rows, postures_rows, rows, start_rows
 from bench.speed.recordings import simulated
 from bench.speed.table import document, line
 from bench.speed.timing import Row
@@ -37,6 +37,7 @@ def inspecting(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[R
 
 
 GROUPS = {
+    "start": start_rows.starting,
     "inspection": None,  # wants sizes and a folder
     "planning": rows.planning,
     "calibration": rows.calibrating,

@@ -1,0 +1,128 @@
+"""Rows of the table about waiting: start-up, the first run after installing, reports, a part in a batch.
+
+All are processor seconds of the command and its children, so that other work on the machine counts little. Cold runs
+begin with an empty folder for kernels. `python -m bench.speed.start_rows --beside CHECKOUT` times another state of the
+project in turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from bench.speed.table import line
+from bench.speed.timing import REPEATS, Row
+
+ROOT = Path(__file__).resolve().parents[2]
+PIPELINES, DATA = ROOT / "pipelines", ROOT / "data" / "synthetic"
+BATCH_PARTS = (2, 8)  # what a part costs is told by the difference
+
+
+def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row]:
+    """Processor seconds of what a user waits for; the median of `repeats`, cold ones included."""
+    sides = [ROOT, *([beside] if beside else [])]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        short = folder / "short.json"
+        short.write_text(json.dumps(_without_pages(PIPELINES / "inspect_bevel.json")))
+        inspect, loop = PIPELINES / "inspect_bevel.json", PIPELINES / "closed_loop.json"
+        given = ("--input", f"recording={DATA / 'milled_edge.h5'}")
+
+        def run(pipeline: Path, *more: str) -> Callable[[Path], float]:
+            return lambda side: _spent(side, folder, "run", str(pipeline), *more, "--out", str(folder / "out"))
+
+        def cold(timed: Callable[[Path], float]) -> Callable[[Path], float]:
+            def emptied(side: Path) -> float:
+                shutil.rmtree(folder / f"kernels-{side.name}", ignore_errors=True)
+                return timed(side)
+
+            return emptied
+
+        yield _row("first inspection after installing, no kernels", sides, cold(run(inspect, *given)), repeats, 6)
+        yield _row("first closed loop after installing, no kernels", sides, cold(run(loop)), repeats, 25)
+        for side in sides:  # all kernels are there from now on
+            run(inspect, *given)(side)
+        without = {side: [run(short, *given)(side) for _ in range(repeats)] for side in sides}
+        yield _said("small part, new process, without report", sides, without, 1.0)
+        whole = {side: [run(inspect, *given)(side) for _ in range(repeats)] for side in sides}
+        pages = {side: [statistics.median(whole[side]) - statistics.median(without[side])] for side in sides}
+        yield _said("an inspection report", sides, pages, 1.0)
+        yield _row("closed loop, warm", sides, run(loop), repeats, 7)
+        yield _row("a part in a batch, report included", sides, lambda side: _batch_part(side, folder), repeats, 1.2)
+        for command in (("stages",), ("validate", str(inspect)), ("schema",)):
+            yield _row(
+                f"`workbench {command[0]}`", sides, lambda side, c=command: _spent(side, folder, *c), repeats, 0.5
+            )
+
+
+def _batch_part(side: Path, folder: Path) -> float:
+    few, many = (_batch(side, folder, count) for count in BATCH_PARTS)
+    return (many - few) / (BATCH_PARTS[1] - BATCH_PARTS[0])
+
+
+def _batch(side: Path, folder: Path, count: int) -> float:
+    shutil.rmtree(folder / "batch", ignore_errors=True)
+    parts = [folder / f"part-{k}.h5" for k in range(count)]
+    for part in parts:
+        if not part.exists():
+            shutil.copy(DATA / "milled_edge.h5", part)
+    pipeline, out = str(PIPELINES / "inspect_bevel.json"), str(folder / "batch")
+    return _spent(side, folder, "batch", pipeline, *map(str, parts), "--workers", "1", "--out", out)
+
+
+def _without_pages(path: Path) -> dict[str, object]:
+    document = json.loads(path.read_text())
+    left = ("report.", "export.")
+    document["stages"] = [one for one in document["stages"] if not one["stage"].startswith(left)]
+    return dict(document)
+
+
+def _spent(side: Path, folder: Path, *arguments: str) -> float:
+    """Processor seconds of a command, from the sources in `side`."""
+    kernels = folder / f"kernels-{side.name}"
+    kernels.mkdir(exist_ok=True)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-m", "workbench", *arguments], capture_output=True, text=True, check=False, cwd=side,
+        env={**os.environ, "PYTHONPATH": str(side), "NUMBA_CACHE_DIR": str(kernels)},
+    )  # fmt: skip
+    if done.returncode > 1:
+        raise RuntimeError(done.stderr)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+
+def _row(what: str, sides: list[Path], timed: Callable[[Path], float], repeats: int, goal: float) -> Row:
+    times: dict[Path, list[float]] = {side: [] for side in sides}
+    for _ in range(repeats):
+        for side in sides:
+            times[side].append(timed(side))
+    return _said(what, sides, times, goal)
+
+
+def _said(what: str, sides: list[Path], times: dict[Path, list[float]], goal: float) -> Row:
+    medians = [statistics.median(times[side]) for side in sides]
+    other = f"{medians[1]:.2f} s" if len(medians) > 1 else ""
+    return Row(f"{what}, processor time", f"{medians[0]:.2f} s", other, medians[0], "{:.2f} s", goal=goal, at_most=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--beside", type=Path, help="a checkout of another state, timed in turn")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    arguments = parser.parse_args()
+    for row in starting(arguments.beside and arguments.beside.resolve(), arguments.repeats):
+        print(line(row), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -23,7 +23,9 @@ class UserFolder:
         self.refused: list[str] = []
         own = f"workbench-{os.getuid() if hasattr(os, 'getuid') else ''}"
         named = os.environ.get("NUMBA_CACHE_DIR")
-        candidates = [Path(named, own) if named else None, _user_cache(), Path(tempfile.gettempdir(), own)]
+        temporary = tempfile.gettempdir()  # Python falls back on the working directory, which is no place for this
+        instead = None if os.path.samefile(temporary, ".") else Path(temporary, own)
+        candidates = [Path(named, own) if named else None, _user_cache(), instead]
         self.path = next((path for place in candidates if place and (path := self._usable(place))), None)
 
     def note(self) -> str:

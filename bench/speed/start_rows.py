@@ -23,7 +23,7 @@ from bench.speed.table import line
 from bench.speed.timing import REPEATS, Row
 
 ROOT = Path(__file__).resolve().parents[2]
-PIPELINES, DATA = ROOT / "pipelines", ROOT / "data" / "synthetic"
+RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
 BATCH_PARTS = (2, 8)  # what a part costs is told by the difference
 
 
@@ -32,13 +32,18 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
     sides = [ROOT, *([beside] if beside else [])]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        short = folder / "short.json"
-        short.write_text(json.dumps(_without_pages(PIPELINES / "inspect_bevel.json")))
-        inspect, loop = PIPELINES / "inspect_bevel.json", PIPELINES / "closed_loop.json"
-        given = ("--input", f"recording={DATA / 'milled_edge.h5'}")
+        inspect, loop, short = "pipelines/inspect_bevel.json", "pipelines/closed_loop.json", "short.json"
+        given = ("--input", f"recording={RECORDING}")
+        for side in sides:
+            (folder / side.name).mkdir()
+            (folder / side.name / short).write_text(json.dumps(_without_pages(side / inspect)))
 
-        def run(pipeline: Path, *more: str) -> Callable[[Path], float]:
-            return lambda side: _spent(side, folder, "run", str(pipeline), *more, "--out", str(folder / "out"))
+        def run(pipeline: str, *more: str) -> Callable[[Path], float]:
+            def timed(side: Path) -> float:
+                path = folder / side.name / short if pipeline == short else side / pipeline
+                return _spent(side, folder, "run", str(path), *more, "--out", str(folder / side.name / "out"))
+
+            return timed
 
         def cold(timed: Callable[[Path], float]) -> Callable[[Path], float]:
             def emptied(side: Path) -> float:
@@ -58,7 +63,7 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
         yield _said("an inspection report", sides, pages, 1.0)
         yield _row("closed loop, warm", sides, run(loop), repeats, 7)
         yield _row("a part in a batch, report included", sides, lambda side: _batch_part(side, folder), repeats, 1.2)
-        for command in (("stages",), ("validate", str(inspect)), ("schema",)):
+        for command in (("stages",), ("validate", inspect), ("schema",)):
             yield _row(
                 f"`workbench {command[0]}`", sides, lambda side, c=command: _spent(side, folder, *c), repeats, 0.5
             )
@@ -74,8 +79,8 @@ def _batch(side: Path, folder: Path, count: int) -> float:
     parts = [folder / f"part-{k}.h5" for k in range(count)]
     for part in parts:
         if not part.exists():
-            shutil.copy(DATA / "milled_edge.h5", part)
-    pipeline, out = str(PIPELINES / "inspect_bevel.json"), str(folder / "batch")
+            shutil.copy(RECORDING, part)
+    pipeline, out = "pipelines/inspect_bevel.json", str(folder / "batch")
     return _spent(side, folder, "batch", pipeline, *map(str, parts), "--workers", "1", "--out", out)
 
 

@@ -97,3 +97,37 @@ def test_no_result_depends_on_the_clock_of_the_day() -> None:
     wall = re.compile(r"\btime\.time\(|\bdatetime\b.*\bnow\(|\butcnow\(|\btime\.localtime\(")
     used = [path for path in (ROOT / "workbench").rglob("*.py") if wall.search(path.read_text())]
     assert used == []
+
+
+READ_ONLY = """
+set -e
+mount --make-rprivate /
+mount -t tmpfs none /mnt
+mkdir "/mnt/größe 7"
+mount -o remount,ro,bind /
+for place in /tmp /var/tmp /dev/shm; do mount -t tmpfs -o ro none $place 2>/dev/null || true; done
+cd "/mnt/größe 7"
+env -i PATH="$PATH" HOME=/nonexistent PYTHONPATH="$ROOT" "$PYTHON" -m workbench run \
+    "$ROOT/pipelines/inspect_bevel.json" --no-report --out "ä b"
+ls -A . "ä b"
+"""
+
+
+def test_nothing_but_the_place_of_the_results_may_be_written() -> None:
+    """A service on a read-only root, without home, temporary folder and shared memory; a path with blanks, umlauts."""
+    command = ["unshare", "-m", "sh", "-c", READ_ONLY]
+    known = {**os.environ, "ROOT": str(ROOT), "PYTHON": sys.executable}
+    try:
+        probe = subprocess.run(["unshare", "-m", "sh", "-c", READ_ONLY.split("cd ")[0]], capture_output=True, env=known)
+    except OSError:
+        pytest.skip("no unshare here")
+    if probe.returncode:
+        pytest.skip("mounts may not be changed here")
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=known, timeout=300)
+    assert done.returncode == 0, done.stderr
+    notes = [line for line in done.stderr.splitlines() if "cannot be used" in line]
+    assert len(notes) == 1
+    assert notes[0].startswith("compiling kernels for this machine: not kept: /nonexistent/.cache/workbench/kept")
+    left = done.stdout[done.stdout.index("\n.:\n") :].split()
+    assert {"inspection.json", "run.json"} <= set(left)
+    assert not [name for name in left if name.startswith("workbench")]

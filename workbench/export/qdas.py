@@ -78,22 +78,6 @@ def _values(inspection: Inspection) -> Iterator[str]:
                 yield FIELD.join((_number(value), str(VALID), when))
 
 
-def _numbered(fields: list[tuple[str, str]], k: int) -> Iterator[str]:
-    yield from (f"{key}/{k} {value}" for key, value in fields if value)
-
-
-def _values(inspection: Inspection) -> Iterator[str]:
-    """Value, attribute and time of each characteristic, in the order of the description."""
-    recorded = inspection.part.recorded_at
-    when = datetime.fromisoformat(recorded).strftime("%d.%m.%Y/%H:%M:%S") if recorded else ""
-    for section in inspection.sections:
-        for value in (section.root_mm, section.bevel_deg):
-            seen = value is not None
-            yield FIELD.join(
-                (_number(value) if value is not None else "0", str(VALID if seen else NOT_PROCESSED), when)
-            )
-
-
 def _number(value: float) -> str:
     text = f"{value:.9f}".rstrip("0").rstrip(".")
     return "0" if text in ("", "-0") else text

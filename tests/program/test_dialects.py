@@ -246,7 +246,7 @@ def test_a_cell_that_names_no_controller_is_refused(made, cells) -> None:
 
 EDITS = {
     "kuka": [("LIN XP3", "LIN XP999"), ("  LIN XP3", "  SLIN XP3"), ("$VEL.CP=0.02", "$VEL.CP=fast"),
-             ("  PTP XSTART", "  LIN XP2"), ("$BASE={", "$BASE=WORLD;{"), ("END\n", ""), (",E2 0.0", ",E2 1.0"),
+             ("  PTP XSTART", "  LIN XP2"), ("$BASE={", "$BASE=WORLD;{"), ("END\n", ""), (",E1 0.0", ",E1 0.0,E2 1.0"),
              ("$ORI_TYPE=#VAR", "$ORI_TYPE=#CONSTANT"), ("DECL E6POS XP3", "DECL E6POS XP2"), ("ENDDAT", "")],
     "fanuc": [("  10:", "  11:"), ("FINE", "CNT100"), ("L P[3]", "L P[900]"), ("UTOOL_NUM=9", "UTOOL_NUM=2"),
               ("LINE_COUNT = ", "LINE_COUNT = 1"), ("CONFIG : 'N", "CONFIG : 'X"), ("mm/sec", "cm/min"), ("/END", ""),
@@ -301,3 +301,18 @@ def test_damaged_programs_end_in_one_line(made, cells, data: Any, case: tuple[st
     else:
         said = ""
     assert "\n" not in said
+
+
+def test_without_a_turntable_no_external_axis_is_moved(tmp_path: Path) -> None:
+    for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "ur10e")):
+        cell = replace(cell_of(robot, tmp_path, dialect=controller), turntable=None)
+        moves = postured(cell, robot, Shape(length_mm=20))
+        written = files(moves, cell, controller)
+        assert {move.turntable for move in back(moves, cell, controller, written).moves} == {None}
+        assert not any("E1" in text or "GP2" in text or "popup" in text for text in written.values())
+
+
+def test_a_feed_too_small_for_tenths_is_refused(made, cells) -> None:
+    slow = replace(made["m20ia"], feed_mm_s=np.full(len(made["m20ia"].layer), 0.05))
+    with pytest.raises(InputError, match=r"expected feeds of 0.1 mm/s or more for FANUC, found 0.05"):
+        files(slow, cells["m20ia"], "fanuc")

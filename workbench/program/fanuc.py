@@ -55,12 +55,18 @@ class Fanuc:
     job: ProgramJob
     cell: Cell
 
+    def __post_init__(self) -> None:
+        """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
+        if self.job.moves.feed_mm_s.min() < 0.1:
+            raise InputError("program.write", "expected feeds of 0.1 mm/s or more for FANUC, found "
+                             f"{self.job.moves.feed_mm_s.min():.3g}")  # fmt: skip
+
     @functools.cached_property
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed and termination."""
         controller = self.cell.controller
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        feeds = np.maximum(np.floor(self.job.moves.feed_mm_s * 10 + 1e-9), 1) / 10
+        feeds = np.floor(self.job.moves.feed_mm_s * 10 + 1e-9) / 10
         ends = [f"CR{region}" if blends and region else "FINE" for blends in self.job.blends]
         return [f"{feed:.1f}mm/sec {end}" for feed, end in zip(feeds.tolist(), ends, strict=True)]
 

@@ -27,7 +27,6 @@ from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Int
 
 PTP_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
-REST = ",".join(f"E{i} 0.0" for i in range(2, 7))  # external axes that are not there
 
 
 @dataclass
@@ -118,15 +117,16 @@ class Krl:
         assert moves.joints_deg is not None
         joints = moves.joints_deg
         turned = self.job.turntable_deg
-        turned = np.zeros(len(joints)) if turned is None else turned
-        external = [f"E1 {angle + 0.0:.4f},{REST}" for angle in np.round(turned, 4).tolist()]
+        external = [""] * len(joints)  # what an aggregate does not name stays where it is
+        if turned is not None:
+            external = [f",E1 {angle + 0.0:.4f}" for angle in np.round(turned, 4).tolist()]
         yield from ("&ACCESS RVP", f"DEFDAT {self.job.name}")
         axes = ",".join(f"A{i} {angle:.4f}" for i, angle in enumerate((np.round(joints[0], 4) + 0.0).tolist(), 1))
-        yield f"  DECL E6AXIS XSTART={{{axes},{external[0]}}}"
+        yield f"  DECL E6AXIS XSTART={{{axes}{external[0]}}}"
         targets = frames(moves.position_mm, moves.quaternion_wxyz)
         said = status_and_turn(self.cell, joints * DEG).tolist()
         for i in range(1, len(targets)):
-            yield f"  DECL E6POS XP{i + 1}={{{targets[i][1:-1]},S {said[i][0]},T {said[i][1]},{external[i]}}}"
+            yield f"  DECL E6POS XP{i + 1}={{{targets[i][1:-1]},S {said[i][0]},T {said[i][1]}{external[i]}}}"
         arcs = np.flatnonzero(moves.circular).tolist()
         vias = frames(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
         yield from (f"  DECL POS XV{i + 1}={via}" for i, via in zip(arcs, vias, strict=True))

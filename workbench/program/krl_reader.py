@@ -12,6 +12,7 @@ a first move that is not PTP, a move before tool, base and feed were said, an ex
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -25,7 +26,7 @@ from workbench.units import DEG
 FRAME = rf"\{{X {NUMBER},Y {NUMBER},Z {NUMBER},A {NUMBER},B {NUMBER},C {NUMBER}\}}"
 POSE = FRAME[2:-2]
 AXES = ",".join(rf"A{i} {NUMBER}" for i in range(1, 7))
-EXTERNAL = ",".join(rf"E{i} {NUMBER}" for i in range(1, 7))
+EXTERNAL = rf"(?:,E1 {NUMBER})?"
 LOAD = rf"\{{M {NUMBER},CM \{{X {NUMBER},Y {NUMBER},Z {NUMBER},A 0\.0,B 0\.0,C 0\.0\}},J \{{X 0\.0,Y 0\.0,Z 0\.0\}}\}}"
 FIXED = ("$IPO_MODE=#BASE", "$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE", "BAS (#INITMOV,0)")
 
@@ -52,19 +53,21 @@ def _data(lines: Lines) -> dict[str, tuple[str, Any]]:
     declared: dict[str, tuple[str, Any]] = {}
     while (line := lines.peek()).startswith("DECL"):
         kind = line.split()[1] if len(line.split()) > 1 else ""
-        wanted = {"E6AXIS": rf"\{{{AXES},{EXTERNAL}\}}",
-                  "E6POS": rf"\{{{POSE},S (\d+),T (\d+),{EXTERNAL}\}}", "POS": FRAME}  # fmt: skip
+        wanted = {"E6AXIS": rf"\{{{AXES}{EXTERNAL}\}}",
+                  "E6POS": rf"\{{{POSE},S (\d+),T (\d+){EXTERNAL}\}}", "POS": FRAME}  # fmt: skip
         shape = wanted.get(kind, "(?!)")
         found = lines.take(rf"DECL {kind} {NAME}={shape}", "a declaration of E6AXIS, E6POS or POS")
         if found[1] in declared:
             lines.refuse("a name that is not taken", found[1])
-        values = numbers(found, 2, len(found.groups()))
-        if kind != "POS" and any(values[-5:]):
-            lines.refuse("no external axis but E1", line)
-        declared[found[1]] = (kind, values)
+        declared[found[1]] = (kind, [float("nan" if one is None else one) for one in found.groups()[1:]])
     lines.take("ENDDAT", "a declaration or ENDDAT")
     lines.end()
     return declared
+
+
+def _turntable(angle_deg: float) -> float | None:
+    """E1 in rad; None: it is not commanded."""
+    return None if math.isnan(angle_deg) else angle_deg * DEG
 
 
 class _Source:
@@ -135,14 +138,14 @@ class _Source:
             if not 0 < self.percent <= 100:
                 lines.refuse("BAS (#VEL_PTP,percent) of 1 to 100 before PTP", found[0])
             move = ProgramMove(lines.number, "J", self.tool, self.base, joints=np.array(values[:6]) * DEG,
-                               joint_speed=self.percent / 100, turntable=values[6] * DEG)  # fmt: skip
+                               joint_speed=self.percent / 100, turntable=_turntable(values[6]))  # fmt: skip
         else:
             values = self.position(found[(word == "CIRC" and 2) or 1], "E6POS")
             via = euler_pose(self.position(found[1], "POS")) if word == "CIRC" else None
             move = ProgramMove(
                 lines.number, "C" if via is not None else "L", self.tool, self.base, pose=euler_pose(values[:6]),
                 via=via, feed_mm_s=self.feed, zone_mm=self.zone if found[len(found.groups())] else 0.0,
-                turntable=values[8] * DEG, configuration=(int(values[6]), int(values[7])),
+                turntable=_turntable(values[8]), configuration=(int(values[6]), int(values[7])),
             )  # fmt: skip
         self.moves.append(move)
 

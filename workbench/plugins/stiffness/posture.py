@@ -79,7 +79,7 @@ def posture(
     whole_map: Annotated[
         bool, Field(description="false: cells worse than the optimum are not examined for collision")
     ] = True,
-) -> tuple[Postures, PathGate | None, Document, Chapter] | None:
+) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
     `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
@@ -114,7 +114,7 @@ def posture(
             kernels hold for; the force is of another path.
     """
     if cell is None:
-        return None
+        return None if gate is None else (gate,)
     if stiffness is None:
         raise InputError(
             "stiffness.posture", "expected the joint stiffness of this robot (stiffness.read behind robot.cell)"

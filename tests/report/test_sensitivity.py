@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from workbench.artefacts import Chapter, Document
+from workbench.errors import InputError
 from workbench.pipeline import Pipeline
 from workbench.report.error_chain import Link, needs, thermal_mm
 
@@ -59,3 +60,19 @@ def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
     bad_tool = load(None, inputs={"tool_mm": 1.0})
     found = next(one for one in bad_tool if isinstance(one, Document) and one.name == "sensitivity.json")
     assert json.loads(found.content)["characteristics"][0]["improve_first"] == "tool"
+
+
+def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path) -> None:
+    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
+    tool, table = tmp_path / "tcp.json", tmp_path / "turntable.json"
+    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.03}], "axis": {"u_deg": 0.02}}))
+    table.write_text(json.dumps({"format": "turntable-calibration", "u_mm": 0.04, "direction_u_deg": 0.01}))
+    load(tmp_path / "out", inputs={"tool": str(tool), "turntable": str(table)})
+    links = {one["name"]: one for one in json.loads((tmp_path / "out" / "sensitivity.json").read_text())["links"]}
+    assert (links["tool"]["along_b_u_mm"], links["tool"]["tilt_u_deg"]) == (0.03, 0.02)
+    assert (links["turntable"]["along_b_u_mm"], links["turntable"]["source"]) == (0.04, "its calibration")
+    with pytest.raises(InputError, match="expected 'tool-calibration'"):
+        load(None, inputs={"tool": str(table)})
+    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": "x"}], "axis": None}))
+    with pytest.raises(InputError, match=r"points\[0\].u_mm: expected a number"):
+        load(None, inputs={"tool": str(tool)})

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, Toolpath
+from workbench.errors import InputError
 from workbench.report.error_chain import Link, needs, thermal_mm
-from workbench.stage import stage
-from workbench.strict_json import strict_json
+from workbench.stage import InputFile, stage
+from workbench.strict_json import read_json, strict_json
 from workbench.units import DEG
 
 PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
@@ -33,6 +35,10 @@ def sensitivity(
         -1.0,
         1.0,
     ),
+    tool: Annotated[InputFile | None, Field(description="a tcp.json: its u instead of tool_mm and tool_deg")] = None,
+    turntable: Annotated[
+        InputFile | None, Field(description="a turntable.json: its u instead of turntable_mm and turntable_deg")
+    ] = None,
     hand_eye_mm: Annotated[
         float | None, Field(ge=0, le=100, description="of a point by the hand-eye pose; null: as its file predicts")
     ] = None,
@@ -63,10 +69,14 @@ def sensitivity(
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.
         edge: the scanned edge: its u is the sensor's share.
         root_tolerance_mm, bevel_tolerance_deg: what must hold.
+        tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written.
         hand_eye_mm: standard uncertainty of a point as a length (three axes together).
         hand_eye_deg, robot_accuracy_mm, robot_repeatability_mm, robot_deg, tool_mm, tool_deg: of the links.
         turntable_mm, turntable_deg, temperature_k, drift_k, wear_mm: of the links.
         inspection_mm, inspection_deg: of the measured cut.
+
+    Raises:
+        InputError: a tcp.json or turntable.json that is none.
     """
     from workbench.report.sensitivity_text import sensitivity_html
 
@@ -75,6 +85,15 @@ def sensitivity(
     known = "given" if hand_eye_mm is not None else "its calibration" if part_mm is not None else "the paper's"
     eye = PAPER_HAND_EYE_MM if part_mm is None else part_mm
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
+    tool_from, table_from = "given", "given"
+    if tool is not None:
+        tool_mm, tool_deg, tool_from = *_tool(tool, tool_deg), "its calibration"
+    if turntable is not None:
+        found = read_json(turntable)
+        where = f"{turntable}: $"
+        _want(found.get("format") == "turntable-calibration", f"{where}.format", "expected 'turntable-calibration'")
+        turntable_mm, turntable_deg = (_size(found.get(key), f"{where}.{key}") for key in ("u_mm", "direction_u_deg"))
+        table_from = "its calibration"
     reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
     warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
     # The correction's own mean rests on one run of the robot: what that run did by chance goes into the next.
@@ -86,8 +105,9 @@ def sensitivity(
         Link("robot, what repeats", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
         Link("robot, what does not", "given", robot_repeatability_mm, 0.0, chance,
              "new in the finishing pass, and a little of the first cut's"),
-        Link("tool", "given", tool_mm, tool_deg, 0.0, "both cuts share it"),
-        Link("turntable", "given", turntable_mm, turntable_deg, 0.0, "both cuts share it, if it stands between them"),
+        Link("tool", tool_from, tool_mm, tool_deg, 0.0, "both cuts share it"),
+        Link("turntable", table_from, turntable_mm, turntable_deg, 0.0,
+             "both cuts share it, if it stands between them"),
         Link("temperature", f"{temperature_k:g} K over {reach / 1000.0:.2f} m of steel", warm, 0.0,
              drifts / warm if warm > 0.0 else 0.0, "what changes between the cuts"),
         Link("wear", "given", uniform, 0.0, 1.0 / (len(toolpath.layers) + 1), "only the finishing pass's own"),
@@ -122,3 +142,26 @@ def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
         return 0.0, 0.0
     u = np.hypot(edge.position_u_mm[:, 0] * math.cos(bevel), edge.position_u_mm[:, 1] * math.sin(bevel))
     return float(np.nanmedian(u)), edge.normal_u / DEG
+
+
+def _tool(path: Path, tool_deg: float) -> tuple[float, float]:
+    """u of the tip (mm) and of the axis (deg; `tool_deg` where none was measured) in a tcp.json."""
+    found, where = read_json(path), f"{path}: $"
+    _want(found.get("format") == "tool-calibration", f"{where}.format", "expected 'tool-calibration'")
+    points, axis = found.get("points"), found.get("axis")
+    _want(
+        isinstance(points, list) and bool(points) and isinstance(points[0], dict), f"{where}.points", "expected points"
+    )
+    _want(axis is None or isinstance(axis, dict), f"{where}.axis", "expected an axis or null")
+    u_deg = tool_deg if axis is None else _size(axis.get("u_deg"), f"{where}.axis.u_deg")
+    return _size(points[0].get("u_mm"), f"{where}.points[0].u_mm"), u_deg
+
+
+def _size(value: Any, where: str) -> float:
+    _want(type(value) in (int, float) and 0.0 <= value <= 1e6, where, "expected a number from 0")
+    return float(value)
+
+
+def _want(fulfilled: bool, where: str, expected: str) -> None:
+    if not fulfilled:
+        raise InputError(where, expected)

@@ -149,9 +149,8 @@ def _tool(path: Path, tool_deg: float) -> tuple[float, float]:
     found, where = read_json(path), f"{path}: $"
     _want(found.get("format") == "tool-calibration", f"{where}.format", "expected 'tool-calibration'")
     points, axis = found.get("points"), found.get("axis")
-    _want(
-        isinstance(points, list) and bool(points) and isinstance(points[0], dict), f"{where}.points", "expected points"
-    )
+    if not isinstance(points, list) or not points or not isinstance(points[0], dict):
+        raise InputError(f"{where}.points", "expected a list of points")
     _want(axis is None or isinstance(axis, dict), f"{where}.axis", "expected an axis or null")
     u_deg = tool_deg if axis is None else _size(axis.get("u_deg"), f"{where}.axis.u_deg")
     return _size(points[0].get("u_mm"), f"{where}.points[0].u_mm"), u_deg

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Cloud, Edge
+from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Cloud, RawEdge
 from workbench.units import AnyArray, Float
 
 RADIUS_MM, THICKNESS_MM = 10_000.0, 12.0
@@ -20,20 +20,20 @@ ELEVATION, STANDOFF_MM, NOISE_MM = math.pi / 4, 150.0, 0.012
 WAVES = ((0.004, 90.0, 0.3), (0.003, 140.0, 1.1))  # amplitude mm, wavelength mm, phase: of the measured lower edge
 
 
-def long_raw_edge(length_mm: float) -> tuple[Edge, Cloud]:
+def long_raw_edge(length_mm: float) -> tuple[RawEdge, Cloud]:
     """The edge with a station every mm, and its cloud."""
     s = np.linspace(0.0, length_mm, round(length_mm) + 1)
     frames = np.arange(0.5 * FRAME_PITCH_MM, length_mm, FRAME_PITCH_MM)
     cloud, labels = _cloud(frames)
     position, tangent, normal, across = _course(s)
     waves = sum(a * np.sin(2 * np.pi * s / length + phase) for a, length, phase in WAVES)
-    edge = Edge(
-        kind="raw", faces={}, labels=labels, pass_index=cloud.pass_index, frame_arc_length_mm=frames,
-        frame_tangent=_course(frames)[1], frames=None, tangent_u=1e-5, arc_length_mm=s,
+    edge = RawEdge(
+        faces={}, labels=labels, pass_index=cloud.pass_index, frame_arc_length_mm=frames,
+        tangent_u=np.full(len(s), 1e-5), arc_length_mm=s,
         position_mm=position + waves[:, None] * normal, tangent=tangent, normal=normal, across=across,
         seen=np.ones(len(s), bool), burr_stations=np.zeros(0, int),
         upper_position_mm=position + waves[:, None] * normal + THICKNESS_MM * across, upper_inward=-normal,
-        position_u_mm=np.full((len(s), 2), 0.003), normal_u=1e-4,
+        position_u_mm=np.full((len(s), 2), 0.003), normal_u=np.full(len(s), 1e-4),
     )  # fmt: skip
     return edge, cloud
 

@@ -39,5 +39,5 @@ def test_a_burr_does_not_move_the_edge(scanned: Scans) -> None:
         without = np.interp(at, plain.arc_length_mm, plain.position_mm[:, k])
         # along x arc length may start a column's step apart
         assert np.abs(with_burr - without).max() < (0.3 if k == 0 else 0.05)
-    size = [np.nanmedian(e.frames.root_low_mm) for e in (plain, burred)]
+    size = [np.nanmedian(e.root.value) for e in (plain, burred)]
     assert size[0] == pytest.approx(size[1], abs=0.03)

@@ -43,7 +43,7 @@ def test_place_and_direction_scatter_as_stated(condition: str, seed: int) -> Non
         gap = moved.position_mm[near] - stated.position_mm[k]
         turn = np.arcsin(np.clip(moved.normal[near] @ stated.across[k], -1, 1))
         off.append([gap @ stated.normal[k], gap @ stated.across[k], turn])
-    z = np.array(off) / [*stated.hand_eye_u_mm[k], stated.normal_u]
+    z = np.array(off) / [*stated.hand_eye_u_mm[k], stated.normal_u[k]]
     rms = np.sqrt(np.mean(z**2, axis=0))
     assert ((rms > 0.55) & (rms < 1.5)).all(), rms  # 16 draws: rms of 1 +- 0.18
 

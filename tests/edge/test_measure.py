@@ -29,37 +29,20 @@ def test_frames_bracket_the_root_size(scanned: Scans, elevation_deg: float, obli
     """It lies between the last return on the root face and the next column, or, from below, at the measured corner."""
     scan = scanned(part=WAVES, passes=[{"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": elevation_deg,
                                         "oblique_deg": oblique_deg, "skew_mm": [-1.0, 1.0]}])  # fmt: skip
-    f = scan.measured.frames
-    assert np.isfinite(f.root_low_mm).mean() > 0.95
-    seen = np.flatnonzero(np.isfinite(f.root_low_mm))
-    truth, position = truth_at(scan, f.arc_length_mm[seen])
+    f = scan.measured.ends
+    assert np.isfinite(f.low).mean() > 0.95
+    seen = np.flatnonzero(np.isfinite(f.low))
+    truth, position = truth_at(scan, scan.measured.upper_s[seen])
     size = truth.root_mm_at(position)
-    low, high = f.root_low_mm[seen], f.root_low_mm[seen] + f.root_step_mm[seen]
-    room = 3 * f.root_sigma_mm[seen] + 0.002
+    low, high = f.low[seen], f.low[seen] + f.step[seen]
+    room = 3 * f.sigma[seen] + 0.002
     assert ((low - room < size) & (size < high + room)).mean() > 0.97
     if elevation_deg < 0:
-        assert (f.root_step_mm[seen] == 0).all()
-        assert np.std((low - size) / f.root_sigma_mm[seen]) == pytest.approx(1, abs=0.35)
+        assert (f.step[seen] == 0).all()
+        assert np.std((low - size) / f.sigma[seen]) == pytest.approx(1, abs=0.35)
     else:
-        assert (f.root_step_mm[seen] > 0.05).all()
+        assert (f.step[seen] > 0.05).all()
         assert np.ptp(low - size) > 0.7 * 0.05  # all phases of the columns' step
-
-
-@pytest.mark.parametrize("oblique_deg", [0.0, 12.0, -12.0])
-def test_angles_of_the_frames_scatter_about_the_truth(scanned: Scans, oblique_deg: float) -> None:
-    """On average without bias, and as much as their variances say; obliqueness does not show."""
-    scan = scanned(part=WAVES, passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg}])
-    f = scan.measured.frames
-    truth, position = truth_at(scan, f.bevel_arc_length_mm)
-    error = f.tilt - f.bevel_angle - truth.bevel_deg_at(position) * DEG
-    sigma = np.sqrt(f.bevel_angle_variance)
-    tilt_u = 1 / np.sqrt((1 / f.root_angle_variance).sum())
-    assert abs(error.mean()) < 3 * np.hypot(tilt_u, np.mean(sigma) / np.sqrt(error.size)) + 0.01 * DEG
-    z = (error - error.mean()) / sigma
-    assert 0.8 < np.std(z) < 1.3
-    root = (f.root_angle - f.tilt) / np.sqrt(f.root_angle_variance)
-    assert 0.8 < np.std(root) < 1.2
-    assert (f.tangent_leverage.mean() > 0.05) == (oblique_deg != 0)
 
 
 @pytest.mark.parametrize("oblique_deg", [15.0, -15.0])
@@ -70,10 +53,9 @@ def test_drift_of_the_faces_does_not_bend_what_oblique_frames_see(scanned: Scans
                    scanner={"columns": 500, "noise": {"sd_mm": 0.002}},
                    passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg,
                             "skew_mm": [-1, 1]}])  # fmt: skip
-    f = scan.measured.frames
-    truth, position = truth_at(scan, f.bevel_arc_length_mm)
-    error = (f.tilt - f.bevel_angle) / DEG - truth.bevel_deg_at(position)
-    assert abs(np.nanmean(error)) < 0.03
+    edge = scan.edge
+    error = edge.bevel.value / DEG - scan.truth.bevel_deg_at(edge.position_mm)
+    assert abs(np.nanmean(error[edge.seen])) < 0.03
 
 
 @pytest.mark.parametrize("curve", [{"shape": "straight"}, {"shape": "arc", "radius_mm": 300.0},
@@ -82,7 +64,8 @@ def test_the_lower_edge_is_where_it_was_built(scanned: Scans, curve: dict[str, A
     """Poses are exact here: the measured curve lies within some hundredths of a mm of the true edge."""
     scan = scanned(part={"length_mm": 60.0, "curve": curve})
     at = np.linspace(1, np.nanmax(scan.measured.s_low) - 1, 40)
-    position, tangent = scan.measured.curve.position(at), scan.measured.curve.tangent(at)
+    curve, along = scan.measured.curve, at + scan.measured.shift
+    position, tangent = curve.position(along), curve.tangent(along)
     s = scan.truth.arc_length_mm_at(position)
     true = np.stack([np.interp(s, scan.truth.arc_length_mm, scan.truth.position_mm[:, k]) for k in range(3)], axis=1)
     assert np.linalg.norm(position - true, axis=1).max() < 0.02
@@ -98,16 +81,15 @@ def test_arc_length_counts_from_the_first_point_of_the_lower_edge(scanned: Scans
         assert np.nanmin(s) == 0
         assert np.nanmax(s) == pytest.approx(50, abs=0.2)
         assert (np.sign(np.nanmedian(np.diff(s))) > 0) == (ends[0] < ends[1])  # t is the part's, not the robot's
-        first = scan.measured.curve.position(np.zeros(1))
+        first = scan.measured.curve.position(np.array([scan.measured.shift]))
         assert scan.truth.arc_length_mm_at(first)[0] == pytest.approx(5, abs=0.1)
 
 
 def test_vibration_moves_no_size(scanned: Scans) -> None:
     """Each frame measures from its own corner."""
-    quiet, shaken = (scanned(part=WAVES, robot={"vibration_mm": v}).measured.frames for v in (0.0, 0.05))
-    assert np.std(shaken.root_low_mm + 0.5 * shaken.root_step_mm) < 0.13  # the sizes' own drift is 0.09
-    np.testing.assert_allclose(np.nanmean(shaken.bevel_angle - shaken.tilt), np.nanmean(quiet.bevel_angle - quiet.tilt),
-                               atol=0.05 * DEG)  # fmt: skip
+    quiet, shaken = (scanned(part=WAVES, robot={"vibration_mm": v}).edge for v in (0.0, 0.05))
+    assert np.abs(np.nanmean(shaken.root.value - scanned(part=WAVES).truth.root_mm_at(shaken.position_mm))) < 0.01
+    assert np.nanmean(shaken.bevel.value) == pytest.approx(np.nanmean(quiet.bevel.value), abs=0.05 * DEG)
 
 
 def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, MilledEdge
 from workbench.edge import segment
 from workbench.errors import InputError
 from workbench.units import DEG, Float
@@ -51,11 +51,13 @@ def test_axes_and_positions(drawn: Scans, condition: str, seed: int) -> None:
 def test_stations_and_what_was_seen(drawn: Scans, condition: str, seed: int) -> None:
     scan = drawn(condition, seed)
     edge, truth = scan.edge, scan.truth
-    assert edge.kind == "milled"
+    assert isinstance(edge, MilledEdge)
     assert edge.arc_length_mm[0] == 0
     np.testing.assert_allclose(np.diff(edge.arc_length_mm), 1.0, atol=0.05)
     step = np.linalg.norm(np.diff(edge.position_mm, axis=0), axis=1)
-    np.testing.assert_allclose(step[np.isfinite(step)], np.diff(edge.arc_length_mm)[np.isfinite(step)], rtol=0.02)
+    np.testing.assert_allclose(
+        step[np.isfinite(step)], np.diff(edge.arc_length_mm)[np.isfinite(step)], rtol=0.07
+    )  # passes are apart by the robot
     np.testing.assert_array_equal(np.isfinite(edge.position_mm[:, 0]), edge.seen)
     really = truth.seen_at(edge.position_mm[edge.seen])
     assert really.mean() > 0.96  # within a station or so of the rims
@@ -66,6 +68,10 @@ def test_stations_and_what_was_seen(drawn: Scans, condition: str, seed: int) -> 
     assert {ROOT_FACE, BEVEL_FACE} <= set(np.unique(edge.labels))
 
 
+def _tangents(edge: MilledEdge, at: Float) -> Float:
+    return np.stack([np.interp(at, edge.arc_length_mm, t) for t in edge.tangent.T], axis=1)
+
+
 def test_frames_lie_in_the_direction_of_the_tangent(drawn: Scans) -> None:
     """Arc length rises along t = m x n, not along the robot's motion; its frames say so, pass by pass."""
     for condition, seed in PARTS[:6]:
@@ -73,7 +79,9 @@ def test_frames_lie_in_the_direction_of_the_tangent(drawn: Scans) -> None:
         edge, pose = scan.edge, scan.cloud.base_from_profiler
         for p in np.unique(edge.pass_index):
             mine = (edge.pass_index == p) & np.isfinite(edge.frame_arc_length_mm)
-            moved = (np.diff(pose[mine, :3, 3], axis=0) * edge.frame_tangent[mine][1:]).sum(axis=1)
+            moved = (np.diff(pose[mine, :3, 3], axis=0) * _tangents(edge, edge.frame_arc_length_mm[mine])[1:]).sum(
+                axis=1
+            )
             rises = np.diff(edge.frame_arc_length_mm[mine])
             assert np.sign(np.median(moved)) == np.sign(np.median(rises))
             assert np.median(np.abs(rises)) == pytest.approx(scan.recipe.robot.frame_pitch_mm, rel=0.25)
@@ -95,19 +103,19 @@ def test_nothing_is_invented_under_a_clamp(drawn: Scans) -> None:
     assert hidden_stations > 5
 
 
-def test_sizes_and_angles_along_two_passes(drawn: Scans) -> None:
-    """Each pass by itself says the same, to its own accuracy: they see the edge from different sides."""
-    scan = drawn("two_pass", 1)
-    f, truth, edge = scan.edge.frames, scan.truth, scan.edge
-    for p in (0, 1):
-        mine = np.flatnonzero((edge.pass_index == p) & np.isfinite(f.root_low_mm) & np.isfinite(f.bevel_angle))
-        at = np.stack([np.interp(f.arc_length_mm[mine], edge.arc_length_mm, edge.position_mm[:, k]) for k in range(3)],
-                      axis=1)  # fmt: skip
-        good = np.isfinite(at[:, 0])
-        size = (f.root_low_mm + 0.5 * f.root_step_mm)[mine][good] - truth.root_mm_at(at[good])
-        angle = (f.tilt - f.bevel_angle)[mine][good] / DEG - truth.bevel_deg_at(at[good])
-        assert abs(np.median(size)) < 0.03
-        assert abs(np.median(angle)) < 0.15
+def test_sizes_and_angles_along_the_edge(drawn: Scans) -> None:
+    """At every station, of one pass and of two that see the edge from different sides, to their own uncertainty."""
+    for condition, seed in (("two_pass", 1), ("paper", 1), ("wavy", 1)):
+        scan = drawn(condition, seed)
+        truth, edge = scan.truth, scan.edge
+        at = edge.position_mm[edge.seen]
+        size = (edge.root.value[edge.seen] - truth.root_mm_at(at)) / edge.root.u[edge.seen]
+        angle = (edge.bevel.value[edge.seen] - truth.bevel_deg_at(at) * DEG) / edge.bevel.u[edge.seen]
+        for ratio in (size, angle):
+            assert np.mean(np.abs(ratio) < 2) > 0.8
+            assert np.abs(ratio).max() < 4
+        assert np.median(edge.root.u[edge.seen]) < 0.02
+        assert np.median(edge.bevel.u[edge.seen]) < 0.1 * DEG
 
 
 def test_expected_sizes_only_tell_the_faces_apart(drawn: Scans) -> None:

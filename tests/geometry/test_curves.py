@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from workbench.geometry.curves import BIN_MM, Curve, arrange, fit_curve
+from workbench.geometry.curves import POSE_MM, Curve, along_motion, doubtful_slope, fit_curve
 from workbench.units import Float
 
 Course = Callable[[Float], Float]
@@ -41,10 +41,10 @@ def test_position_and_arc_length(course: Course) -> None:
     s = np.linspace(3, 117, 200)
     feet = curve.project(course(s), s)
     off = course(s) - curve.position(feet)
-    sagitta = BIN_MM**2 / (8 * RADIUS_MM)  # means over bins lie inside a bend by up to this much
+    sagitta = POSE_MM**2 / (8 * RADIUS_MM)  # means over bins lie inside a bend by up to this much
     assert np.abs(off).max() < (1e-9 if course is line else sagitta)
     assert np.abs((off * curve.tangent(feet)).sum(axis=1)).max() < 1e-9
-    np.testing.assert_allclose(np.diff(feet), np.diff(s), rtol=1e-4)
+    np.testing.assert_allclose(np.diff(feet), np.diff(s), rtol=1e-3)
     walked = np.linalg.norm(np.diff(curve.position(np.linspace(5, 110, 5000)), axis=0), axis=1).sum()
     assert walked == pytest.approx(105, abs=1e-3)
 
@@ -124,7 +124,8 @@ def coverage(height_mm: float) -> tuple[float, float]:
             t = curve.tangent(curve.project(points[i : i + 1], arc[i : i + 1]))[0]
             true = (along + slope[i] * across) / np.hypot(1, slope[i])
             sideways = (across - slope[i] * along) / np.hypot(1, slope[i])
-            ratios += [float((t - true) @ sideways / curve.tangent_u), float(t @ square / curve.tangent_u)]
+            u = curve.tangent_u(curve.project(points[i : i + 1], arc[i : i + 1]))[0]
+            ratios += [float((t - true) @ sideways / u), float(t @ square / u)]
     return float(np.mean(np.abs(ratios) <= 2)), float(np.quantile(np.abs(ratios), 0.683))
 
 
@@ -144,15 +145,16 @@ def test_small_waves_may_be_the_robots_and_large_ones_are_the_parts() -> None:
         noise = np.random.default_rng(4).normal(0, 0.01, (s.size, 3))
         curve = fit_curve(line(s) + wave[:, None] * (0.0, 1.0, 0.0) + noise, s)
         slope = amplitude * 2 * np.pi / 60 / np.sqrt(2)  # rms
-        assert least * slope / np.sqrt(2) <= curve.tangent_u < most * slope / np.sqrt(2)
+        assert least * slope / np.sqrt(2) <= doubtful_slope(curve, 0.07) < most * slope / np.sqrt(2)
 
 
 def test_the_stiffness_of_an_earlier_curve_is_kept() -> None:
-    first = fitted(circle, 0.05)
+    first = fitted(circle, 0.05).course
+    assert first is not None
     s = np.arange(0, 120.1, 0.2)
-    again = fit_curve(circle(s), s, first.stiffness)
-    assert again.stiffness == first.stiffness
-    assert fit_curve(circle(s), s).stiffness != first.stiffness
+    again = fit_curve(circle(s), s, stiffness=first.stiffness).course
+    assert again is not None
+    assert {tuple(row) for row in again.stiffness[:, :2]} <= {tuple(row) for row in first.stiffness[:, :2]}
 
 
 def test_shifted_counts_from_another_place() -> None:
@@ -179,7 +181,17 @@ def test_passes_in_both_directions_are_arranged_along_one_course() -> None:
     true = np.concatenate([there, back])
     points = circle(true) + rng.normal(0, 0.05, (true.size, 3))
     group = np.repeat([7, 2], [there.size, back.size])
-    s = arrange(points, group, np.repeat([True, False], [there.size, back.size]))
-    assert np.ptp(s - true) < 1.0
-    backwards = arrange(points, group, np.repeat([False, True], [there.size, back.size]))
-    assert np.ptp(backwards + true) < 1.0
+    forward = np.stack([np.cos(true / RADIUS_MM), np.sin(true / RADIUS_MM), 0 * true], axis=1)
+    assert np.ptp(along_motion(points, forward, group) - true) < 1.0
+    assert np.ptp(along_motion(points, -forward, group) + true) < 1.0
+
+
+def test_a_pass_may_stop_reverse_and_go_round() -> None:
+    """A ring that is overrun by 10 deg, with 25 mm gone back on the way: lengths are those along the edge."""
+    way = np.concatenate([np.arange(0, 300, 0.3), np.arange(300, 275, -0.3), np.arange(275, 1760, 0.3)])
+    radius = 280.0
+    angle = way / radius
+    points = radius * np.stack([np.sin(angle), 1 - np.cos(angle), 0 * angle], axis=1)
+    points += np.random.default_rng(6).normal(0, 0.03, points.shape)
+    forward = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    assert np.ptp(along_motion(points, forward, np.zeros(way.size, int)) - way) < 0.5

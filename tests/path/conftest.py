@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE, Cloud, Edge
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE, Cloud, RawEdge
 from workbench.cloud import denoise
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
@@ -25,11 +25,11 @@ class Raw:
 
     truth: Truth
     cloud: Cloud
-    edge: Edge
+    edge: RawEdge
     start_mm: float  # arc length of the truth at which the edge's own begins
 
 
-def true_edge(truth: Truth, cloud: Cloud) -> tuple[Edge, float]:
+def true_edge(truth: Truth, cloud: Cloud) -> tuple[RawEdge, float]:
     """The edge that a measurement without error would give: stations 1 mm apart over what was seen."""
     s = truth.arc_length_mm
     seen = np.flatnonzero(truth.seen)
@@ -43,11 +43,12 @@ def true_edge(truth: Truth, cloud: Cloud) -> tuple[Edge, float]:
     here = np.interp(at, s, truth.seen.astype(float)) > 0.999
     upper = position + np.interp(at, s, truth.thickness_mm)[:, None] * m
     position[~here], upper[~here] = np.nan, np.nan
-    edge = Edge(
-        kind="raw", faces={}, labels=_labels(truth, cloud), pass_index=cloud.pass_index,
-        frame_arc_length_mm=_crossings(truth, cloud) - low, frame_tangent=np.full((len(cloud.keep), 3), np.nan),
-        frames=None, tangent_u=0.0, arc_length_mm=at - low, position_mm=position, tangent=t, normal=n, across=m,
+    edge = RawEdge(
+        faces={}, labels=_labels(truth, cloud), pass_index=cloud.pass_index,
+        frame_arc_length_mm=_crossings(truth, cloud) - low,
+        tangent_u=np.zeros(at.size), arc_length_mm=at - low, position_mm=position, tangent=t, normal=n, across=m,
         seen=here, burr_stations=np.empty(0, np.int64), upper_position_mm=upper, upper_inward=-n,
+        position_u_mm=np.zeros((at.size, 2)), normal_u=np.zeros(at.size),
     )  # fmt: skip
     return edge, float(low)
 

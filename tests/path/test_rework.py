@@ -93,8 +93,10 @@ def test_a_good_part_is_left_alone(plan: Toolpath) -> None:
     assert found.toolpath is None
     assert found.reason == "nothing to rework"
     assert found.too_much_material == found.too_little_material == ()
+    profile = part.inspection.profile
+    short = replace(profile, root_mm=profile.root_mm[:-1])
     with pytest.raises(InputError, match="expected the milled edge"):
-        rework(replace(part.edge, kind="raw"), part.inspection, plan, part.cloud)
+        rework(part.edge, replace(part.inspection, profile=short), plan, part.cloud)
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,13 @@ from workbench.artefacts import (
     UPPER_SURFACE,
     Cloud,
     Cutter,
-    Edge,
     EdgeProfile,
     Inspection,
     Layer,
+    MilledEdge,
     Part,
     Provenance,
+    RawEdge,
     Requirements,
     Section,
     Toolpath,
@@ -41,7 +42,7 @@ LENGTH_MM, VIEW = 200.0, 42 * DEG  # VIEW: from the outward normal up to the dir
 @dataclass(frozen=True)
 class Inspected:
     cloud: Cloud
-    edge: Edge
+    edge: MilledEdge
     inspection: Inspection
 
 
@@ -98,7 +99,7 @@ def section_hits(outline, lateral):
 
 def scan(frames, columns, radius_mm, rng, clamp, outline=milled_outline):
     s_frames = np.linspace(0, LENGTH_MM, frames)
-    position, tangent, normal, across = edge_frames(s_frames, radius_mm)
+    position, _, normal, across = edge_frames(s_frames, radius_mm)
     lateral = np.linspace(-1.0, 19.0, columns)
     x = np.tile(lateral, (frames, 1)).astype(np.float32)
     z = np.full((frames, columns), np.nan, np.float32)
@@ -121,7 +122,7 @@ def scan(frames, columns, radius_mm, rng, clamp, outline=milled_outline):
     keep &= ~outlier
     labels[~keep] = UNLABELLED
     s_seen = np.where(clamped, np.nan, s_frames)
-    return s_seen, tangent, x, z, labels, keep, poses, int(outlier.sum())
+    return s_seen, x, z, labels, keep, poses, int(outlier.sum())
 
 
 def sections_of(count, radius_mm, s_seen, clamp, verdict_of):
@@ -137,16 +138,16 @@ def sections_of(count, radius_mm, s_seen, clamp, verdict_of):
         yield Section(i + 1, s, position, tangent, normal, across, *values, verdict, reason, frames)
 
 
-def edge_of(**known):
+def edge_of(kind, **known):
     """An edge with what the report looks at; the rest is left out, so that the report cannot rest on it."""
-    return Edge(**{field.name: known.get(field.name) for field in dataclasses.fields(Edge)})
+    return kind(**{field.name: known.get(field.name) for field in dataclasses.fields(kind)})
 
 
 def make_part(
     *, radius_mm=None, frames=400, columns=300, clamp=(90.0, 122.0), verdict="pass", part_id="B-17", seed=1, sections=9
 ):
     rng = np.random.default_rng(seed)
-    s_seen, tangent, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
+    s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
     cloud = Cloud(
         x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
         source="milled_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers - 3, "mixed pixel": 3},
@@ -156,7 +157,7 @@ def make_part(
     p, t, n, m = edge_frames(s, radius_mm)
     hide = np.where(seen, 0.0, np.nan)
     edge = edge_of(
-        kind="milled", labels=labels, frame_arc_length_mm=s_seen, frame_tangent=tangent,
+        MilledEdge, labels=labels, frame_arc_length_mm=s_seen,
         arc_length_mm=s, position_mm=p + hide[:, None], tangent=t, normal=n, across=m, seen=seen,
         burr_stations=np.array([31, 32, 170]),
         warnings=() if seen.all() else (f"edge hidden from {clamp[0]:.0f} to {clamp[1]:.0f} mm",),
@@ -179,7 +180,7 @@ class Planned:
     """A raw edge and the path of its bevel by formula, ROOT_MM and BEVEL_DEG, in layers of 1 mm."""
 
     cloud: Cloud
-    edge: Edge
+    edge: RawEdge
     toolpath: Toolpath
 
 
@@ -218,7 +219,7 @@ def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG,
 
 def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0), part_id="B-17", seed=2):
     rng = np.random.default_rng(seed)
-    s_seen, tangent, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
+    s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
     cloud = Cloud(
         x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
         source="raw_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers},
@@ -228,10 +229,10 @@ def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0)
     p, t, n, m = edge_frames(s, radius_mm)
     hide = np.where(seen, 0.0, np.nan)[:, None]
     edge = edge_of(
-        kind="raw", labels=labels, frame_arc_length_mm=s_seen, frame_tangent=tangent, arc_length_mm=s,
+        RawEdge, labels=labels, frame_arc_length_mm=s_seen, arc_length_mm=s,
         position_mm=p + hide, tangent=t, normal=n, across=m, seen=seen, burr_stations=np.arange(0),
         upper_position_mm=p + THICKNESS_MM * m + hide, upper_inward=-n,
-        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)), normal_u=0.0005, warnings=(),
+        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)), normal_u=np.full(len(s), 0.0005), warnings=(),
     )  # fmt: skip
     return Planned(cloud, edge, path_by_formula(radius_mm=radius_mm, clamp=clamp))
 

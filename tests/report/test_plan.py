@@ -114,15 +114,6 @@ def test_what_was_not_done_is_said(planned, quick):
     assert "Engagement" not in text
 
 
-def test_an_edge_without_uncertainty_or_upper_edge_is_reported_too(planned, quick):
-    p = planned()
-    edge = dataclasses.replace(p.edge, position_u_mm=None, upper_position_mm=None, upper_inward=None)
-    text = text_of(plan(p.cloud, edge, p.toolpath))
-    assert "states no uncertainty" in text
-    assert "Thickness –" in text
-    assert "Section at" not in text  # the stock is not known
-
-
 def test_a_path_that_cuts_nothing_is_reported_too(planned, quick):
     p = planned()
     idle = tuple(dataclasses.replace(x, cutting=np.zeros_like(x.cutting)) for x in p.toolpath.layers)
@@ -155,10 +146,8 @@ def test_the_same_input_gives_the_same_chapter_and_is_not_changed(planned, quick
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_milled_edge_and_an_empty_path_are_refused(planned, part):
-    p, milled = planned(), part(frames=40, columns=40)
-    with pytest.raises(InputError, match="raw edge"):
-        plan(milled.cloud, milled.edge, p.toolpath)
+def test_an_empty_path_is_refused(planned):
+    p = planned()
     with pytest.raises(InputError, match="at least one layer"):
         plan(p.cloud, p.edge, dataclasses.replace(p.toolpath, layers=()))
 

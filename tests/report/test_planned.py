@@ -80,11 +80,9 @@ def test_the_scans_uncertainty_moves_the_planned_bevel_so_far(planned):
     root_u, bevel_u = planned_u(p.edge, 40.0)
     assert np.std(roots) == pytest.approx(root_u, rel=0.15)
     assert bevel_u == pytest.approx(np.degrees(0.0005))
-    assert planned_u(dataclasses.replace(p.edge, position_u_mm=None), 40.0) == (None, None)
 
 
 def test_thickness_is_not_invented(planned):
     edge = planned().edge
     np.testing.assert_allclose(thickness_mm(edge)[edge.seen], 10.0)
     assert np.isnan(thickness_mm(edge)[~edge.seen]).all()
-    assert np.isnan(thickness_mm(dataclasses.replace(edge, upper_position_mm=None))).all()

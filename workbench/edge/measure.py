@@ -1,55 +1,130 @@
-"""What every frame says about the edge in the section plane: directions of the faces, and the root size."""
+"""A milled edge from its faces: one smooth state along the edge, from what every frame says in the section plane.
+
+The state (docs/method.md) is the lower edge c(s), the direction of the root face and of the bevel face about it, and
+the root size, each a `geometry.course`. Each frame contributes the lines of its faces and the place where the root face
+ends; nothing else of it is used, so that vibration and the robot's errors cancel in sizes and angles.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud, EdgeFrames
-from workbench.edge.directions import pass_tilt, runs_forward, smooth_along, smooth_slope, with_true_noise, wrapped
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
-from workbench.edge.root_size import missing_share, root_size, smooth_size
+from workbench.edge.root_end import RootEnds, root_ends
 from workbench.errors import InputError
-from workbench.geometry.curves import Curve, arrange, fit_curve
-from workbench.geometry.sections import crossing, on_line, section_lines
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.settling import settled
+from workbench.geometry.silhouette import EndCourse, Ends, find_end
 from workbench.units import Bool, Float
 
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root size: frames that say more have lost the faces
+LEAST_SIGMA_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faces:
+    """Directions of both faces along the edge and each frame's lines, in the section planes of a curve."""
+
+    root: SectionLines  # of N frames
+    bevel: SectionLines
+    root_course: Course  # direction of the root face, rad
+    bevel_course: Course  # direction of the bevel face, rad
+    opening_course: Course  # angle between both, rad, as each frame shows it
+    follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """The frames' measures, the lower edge as a smooth curve, and what ties both."""
+    """The milled edge's state."""
 
-    frames: EdgeFrames
-    curve: Curve
-    s_low: Float  # (N,) arc length of each frame's lower edge on the curve, from 0; NaN where not seen
+    curve: Curve  # the lower edge, from arc length 0
+    s_low: Float  # (N,) where each frame shows it; NaN where it does not
+    faces: Faces
+    ends: RootEnds  # of N frames
+    end: EndCourse  # root size
+    upper_s: Float  # (N,) where each frame shows the upper edge of the root face
+    lever_mm: Float  # (N,) distance of the bevel's measured points from it
+    root_turn: Float  # (N,) what obliquity adds to the direction of the root face, rad
+    bevel_turn: Float  # (N,) the same of the bevel face
+    shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
 
 
 def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
-    """Measure every frame in the section planes of the lower edge, which itself comes out of the measures.
+    """Estimate the state of a milled edge.
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats with the
     lower edge that this gives.
     """
-    corners, forward = _corners(cloud, tracked)
-    seen = tracked.seen & np.isfinite(corners).all(axis=1)
+    corners, along = _corners(cloud, tracked)
+    seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])
     s = np.full(seen.size, np.nan)
-    s[seen] = arrange(corners[seen], cloud.pass_index[seen], forward[seen])
-    curve = fit_curve(corners[seen], s[seen])
+    s[seen] = along_motion(corners[seen], along[seen], cloud.pass_index[seen])
+    curve = fit_curve(corners[seen], s[seen], cloud.pass_index[seen])
     s[seen] = curve.project(corners[seen], s[seen])
     for _ in range(2):
-        frames, lower_edge = _measure(cloud, tracked, curve, s)
-        good = _sound(cloud, lower_edge, frames.lower_arc_length_mm, corners)
-        curve = fit_curve(lower_edge[good], frames.lower_arc_length_mm[good], curve.stiffness)
-        s[good] = curve.project(lower_edge[good], frames.lower_arc_length_mm[good])
+        _, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=False)
+        good = _sound(cloud, lower_edge, s_low, corners)
+        clean = good & ~tracked.end_is_burred
+        curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
+        s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
-    frames, lower_edge = _measure(cloud, tracked, curve, s)
-    return _from_zero(frames, curve)
+    measured, _, _ = _state(cloud, tracked, curve, s, whole=True)
+    return measured
+
+
+def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:
+    """Corner of root face and bevel face in the base (N, 3), frame by frame; direction t of the edge there (N, 3)."""
+    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
+    kr, kb = root.sxz / root.sxx, bevel.sxz / bevel.sxx
+    cr, cb = root.z_mean - kr * root.x_mean, bevel.z_mean - kb * bevel.x_mean
+    x = (cb - cr) / (kr - kb)
+    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
+    corners = cloud.base_from_profiler[:, :3, 3] + x[:, None] * ex + (kr * x + cr)[:, None] * ez
+    up_root = -tracked.side[:, None] * (ex + kr[:, None] * ez)
+    up_bevel = -tracked.side[:, None] * (ex + kb[:, None] * ez)
+    across = np.cross(up_bevel, up_root)  # t = m x n, if the laser plane stood square to the edge
+    return corners, edge_direction(corners, across, cloud)
+
+
+def edge_direction(points: Float, across: Float, cloud: Cloud) -> Float:
+    """Unit direction t (N, 3) of the edge at each frame: of the points' (N, 3) motion, in the sense of `across`."""
+    out = np.full(points.shape, np.nan)
+    for p in np.unique(cloud.pass_index):
+        mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(points).all(axis=1))
+        if mine.size < 2:
+            continue
+        reach = max(1, min(10, mine.size // 4))
+        ahead = mine[np.minimum(np.arange(mine.size) + reach, mine.size - 1)]
+        behind = mine[np.maximum(np.arange(mine.size) - reach, 0)]
+        motion = points[ahead] - points[behind]
+        motion *= np.sign((motion * across[mine]).sum(axis=1, keepdims=True))
+        size = np.linalg.norm(motion, axis=1, keepdims=True)
+        usual = np.median(size[size > 0]) if (size > 0).any() else 1.0
+        direction = np.where(size > 0.2 * usual, motion / np.maximum(size, 1e-9), np.nan)
+        known = np.isfinite(direction[:, 0])
+        if known.any():
+            at = np.flatnonzero(known)
+            nearest = at[np.clip(np.searchsorted(at, np.arange(mine.size)), 0, at.size - 1)]
+            out[mine] = direction[nearest]
+    return out
+
+
+def check_advance(cloud: Cloud, corners: Float) -> None:
+    """Refuse frames that do not run along an edge: angles and lengths need its direction."""
+    travelled = np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
+    if len(corners) < LEAST_FRAMES or np.linalg.norm(travelled) < LEAST_LENGTH_MM:
+        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
+                         f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
+                         f"{np.linalg.norm(travelled):.2f} mm")  # fmt: skip
 
 
 def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
@@ -65,81 +140,111 @@ def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
     return np.asarray(good)
 
 
-def check_advance(cloud: Cloud, corners: Float) -> None:
-    """Refuse frames that do not run along an edge: angles and lengths need its direction."""
-    travelled = np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
-    if len(corners) < LEAST_FRAMES or np.linalg.norm(travelled) < LEAST_LENGTH_MM:
-        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
-                         f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
-                         f"{np.linalg.norm(travelled):.2f} mm")  # fmt: skip
-
-
-def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Bool]:
-    """Corner of root face and bevel face in the base (N, 3), frame by frame; does time run along t (N,)?"""
-    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    kr, kb = root.sxz / root.sxx, bevel.sxz / bevel.sxx
-    cr, cb = root.z_mean - kr * root.x_mean, bevel.z_mean - kb * bevel.x_mean
-    x = (cb - cr) / (kr - kb)
-    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
-    corners = cloud.base_from_profiler[:, :3, 3] + x[:, None] * ex + (kr * x + cr)[:, None] * ez
-    up_root = -tracked.side[:, None] * (ex + kr[:, None] * ez)
-    up_bevel = -tracked.side[:, None] * (ex + kb[:, None] * ez)
-    t = np.cross(up_bevel, up_root)  # t = m x n
-    return corners, runs_forward(corners, t, cloud.pass_index, tracked.seen)
-
-
-def _measure(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> tuple[EdgeFrames, Float]:
-    """All frames in the section planes of `curve`; and each frame's lower edge in the base (N, 3)."""
+def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> Faces:
+    """Directions of both faces along the edge (eq. (5), (6))."""
     pose, side, sigma = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm
-    slope = {label: smooth_slope(face, s, cloud.pass_index) for label, face in tracked.faces.items()}
-    root = section_lines(tracked.faces[ROOT_FACE], slope[ROOT_FACE], pose, side, sigma[:, 2], curve, s)
-    bevel = section_lines(tracked.faces[BEVEL_FACE], slope[BEVEL_FACE], pose, side, sigma[:, 1], curve, s)
-    tilt = pass_tilt(root, cloud.pass_index)
-    root = with_true_noise(root, wrapped(root.angle - tilt), cloud.pass_index)
-    apparent = wrapped(tilt - bevel.angle)
-    beta, beta_slope = smooth_along(bevel.s, apparent, 1.0 / bevel.angle_variance, cloud.pass_index)
-    bevel = with_true_noise(bevel, apparent - beta, cloud.pass_index)
-    missing = missing_share(tracked, cloud.pass_index)
-    size_slope = np.zeros_like(beta)
-    for last in (False, True):
-        # Drift bends an oblique frame's bevel: take it back (docs/geometry.md).
+    lines = [section_lines(tracked.faces[label], near_slope(tracked.faces[label], s, cloud.pass_index), pose, side,
+                           sigma[:, column], curve, s)
+             for label, column in ((ROOT_FACE, 2), (BEVEL_FACE, 1))]  # fmt: skip
+    root, bevel = lines
+    about = float(np.angle(np.nanmean(np.exp(1j * root.angle))))
+    root_angle = about + wrapped(root.angle - about)
+    bevel_angle = root_angle - wrapped(root_angle - bevel.angle)
+    group = cloud.pass_index
+    bevel_course = fit_course(bevel.s, bevel_angle, bevel.angle_variance, group)
+    root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)  # a burr's foot turns the face's line
+    root_course = fit_course(root.s, root_angle, root.angle_variance, group)
+    opening = root_angle - bevel_course.value(root.s)
+    opening_course = fit_course(root.s, opening, root.angle_variance, group)
+    follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
+    return Faces(root, bevel, root_course, bevel_course, opening_course, follows)
+
+
+def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float,
+           whole: bool) -> tuple[Measured, Float, Float]:  # fmt: skip
+    """The state in the section planes of `curve`; each frame's lower edge in the base (N, 3), and its arc length (N,).
+
+    whole: False takes the middles of the column steps for the root face's end, which is quick.
+    """
+    faces = _directions(cloud, tracked, curve, s)
+    root, bevel = faces.root, faces.bevel
+    tilt, beta = face_angles(faces, np.where(np.isfinite(s), s, 0.0))
+    turn = _slope(faces, s)
+    size_value = size_slope = np.zeros_like(s)
+    size = end = None
+    for _ in range(2):
+        # An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
+        lever_low = 0.5 * size_value
+        root_turn = root.run * lever_low * turn[0]
         nu = tilt + np.pi / 2 - beta
         across = np.stack([np.cos(nu), np.sin(nu)], axis=1)
-        place = bevel.place + (beta_slope * bevel.run * bevel.spread)[:, None] * across
+        place = bevel.place - (turn[1] * bevel.run * bevel.spread)[:, None] * across
         up = crossing(root.place, tilt, place, tilt - beta)
         lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
-        drift = bevel.run * (size_slope * np.sin(beta) - beta_slope * lever)
-        beta, beta_slope = smooth_along(bevel.s, apparent + drift, 1.0 / bevel.angle_variance, cloud.pass_index)
-        low, step, low_sigma = root_size(cloud, tracked, curve, root, bevel, tilt, beta, up, slope[LOWER_SURFACE])
-        low, step, low_sigma, counts = settled(low, step, low_sigma, tracked.end_column, cloud.pass_index)
-        s_up = root.s + root.run * up
-        if last:
-            size, size_slope = smooth_size(s_up, low, step, low_sigma, missing, counts, tracked.end_is_burred)
-        else:
-            rough = 1.0 / (low_sigma**2 + step**2 / 12.0 + 1e-8)
-            size, size_slope = smooth_along(s_up, low + 0.5 * step, rough, cloud.pass_index)
-    _, a, b = curve.frame(np.where(np.isfinite(s_up), s_up, 0.0))
-    spot = on_line(root.place, tilt, up - size)
-    lower_edge = curve.position(np.where(np.isfinite(s_up), s_up, 0.0)) + spot[:, :1] * a + spot[:, 1:] * b
-    lower_edge[~np.isfinite(s_up)] = np.nan
-    frames = EdgeFrames(
-        arc_length_mm=s_up, lower_arc_length_mm=s_up - root.run * size, reference=a, tilt=tilt,
-        root_angle=root.angle, root_angle_variance=root.angle_variance, bevel_arc_length_mm=bevel.s,
-        bevel_angle=tilt - apparent - drift, bevel_angle_variance=bevel.angle_variance, bevel_lever_mm=lever,
-        root_low_mm=low, root_step_mm=step, root_sigma_mm=low_sigma,
-        root_weight=counts, missing=missing,
-        tangent_leverage=np.sqrt(root.run**2 + bevel.run**2 - 2.0 * root.run * bevel.run * np.cos(beta)),
-    )  # fmt: skip
-    return frames, lower_edge
+        bevel_turn = bevel.run * (size_slope * np.sin(beta) + size_value * turn[0] * np.cos(beta) + lever * turn[1])
+        tilt, beta = face_angles(faces, np.where(np.isfinite(s), s, 0.0), _near(root.s, root_turn, s),
+                                 _near(bevel.s, bevel_turn, s))  # fmt: skip
+        ends = root_ends(cloud, tracked, curve, root, bevel, tilt, beta, up, s)
+        upper_s = root.s + root.run * up
+        safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
+        middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
+        size = size or fit_course(upper_s, middle, spread, cloud.pass_index)
+        end = (
+            find_end(_as_ends(cloud, tracked, ends, upper_s, faces, size), end.course if end else size)
+            if whole
+            else None
+        )
+        course = end.course if end else size
+        size_value, size_slope = course.value(safe), course.slope(safe)
+    _, a, b = curve.frame(safe)
+    spot = on_line(root.place, tilt, up - size_value)
+    lower_edge = curve.position(safe) + spot[:, :1] * a + spot[:, 1:] * b
+    lower_edge[~np.isfinite(upper_s)] = np.nan
+    s_low = upper_s - root.run * size_value
+    shift = float(np.nanmin(s_low))
+    measured = Measured(curve, s_low - shift, faces, ends, end, upper_s, lever, root_turn, bevel_turn, shift)  # type: ignore[arg-type]
+    return measured, lower_edge, s_low
 
 
-def _from_zero(frames: EdgeFrames, curve: Curve) -> Measured:
-    """The same with arc length 0 at the first measured point of the lower edge."""
-    s0 = float(np.nanmin(frames.lower_arc_length_mm))
-    moved = replace(
-        frames,
-        arc_length_mm=frames.arc_length_mm - s0,
-        lower_arc_length_mm=frames.lower_arc_length_mm - s0,
-        bevel_arc_length_mm=frames.bevel_arc_length_mm - s0,
+def _near(s: Float, value: Float, at: Float) -> Float:
+    """A correction's course at the frames: it runs smoothly."""
+    on = np.isfinite(s) & np.isfinite(value)
+    if not on.any():
+        return np.zeros(at.shape)
+    order = np.flatnonzero(on)[np.argsort(s[on], kind="stable")]
+    return np.interp(np.where(np.isfinite(at), at, 0.0), s[order], value[order])
+
+
+def face_angles(faces: Faces, at: Float, root_turn: Float | float = 0.0,
+                bevel_turn: Float | float = 0.0) -> tuple[Float, Float]:  # fmt: skip
+    """Direction of the root face and bevel angle (m,) at `at`, rad: averaged over what may run smoothly."""
+    bevel = faces.bevel_course.value(at)
+    beta = (1.0 - faces.follows) * (faces.root_course.value(at) - bevel) + faces.follows * faces.opening_course.value(
+        at
     )
-    return Measured(moved, curve.shifted(s0), moved.lower_arc_length_mm)
+    beta = beta + bevel_turn - root_turn
+    bevel = bevel - bevel_turn
+    return bevel + beta, beta
+
+
+def _slope(faces: Faces, s: Float) -> tuple[Float, Float]:
+    """Turn of root face and bevel face along the edge at each frame (N,), rad/mm."""
+    at = np.where(np.isfinite(s), s, 0.0)
+    bevel = faces.bevel_course.slope(at)
+    alone, together = faces.root_course.slope(at), bevel + faces.opening_course.slope(at)
+    return (1.0 - faces.follows) * alone + faces.follows * together, bevel
+
+
+def _as_ends(cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float, faces: Faces, size: Course) -> Ends:
+    """The frames' ends as the silhouette's likelihood takes them: with the noise that directions and ends show."""
+    course = faces.opening_course if faces.follows > 0.5 else faces.root_course
+    excess = max(1.0, course.frame_factor)
+    share = min(1.0, excess / max(course.noise_factor, 1e-9))
+    column = ends.step**2 / 12.0
+    shown = size.frame_factor * (ends.sigma**2 + column) - column
+    sigma = np.sqrt(np.maximum(np.maximum(ends.sigma**2 * excess, shown), LEAST_SIGMA_MM**2))
+    low, step, sigma, weight = settled(ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
+    on = np.flatnonzero(np.isfinite(upper_s) & np.isfinite(low) & np.isfinite(sigma))
+    on = on[np.argsort(upper_s[on], kind="stable")]
+    return Ends(upper_s[on], low[on], step[on], np.maximum(sigma[on], LEAST_SIGMA_MM), ends.missing[on],
+                share * weight[on], ends.fill[on], ends.fill_sigma[on])  # fmt: skip

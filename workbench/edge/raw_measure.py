@@ -1,92 +1,252 @@
-"""The smooth lower and upper edge of a raw edge and the direction of its end face, from what all frames show.
+"""A raw edge from its end face: one smooth state along the edge, from what every frame says in the section plane.
 
-All is measured relative to a reference curve, which in the end is the lower edge itself: how far each frame's end face
-stands out of it (along n), and how far its two ends lie from it along the face (along m). Roughness and vibration
-average out along the edge; the end face's direction is one for the whole edge.
+The state (docs/method.md, section 6) is the lower edge c(s), the direction of the end face about it, how far the face
+stands out, and the lower and the upper edge along it, each a `geometry.course`. All is measured relative to a reference
+curve, which in the end is the lower edge itself. Roughness and vibration average out along the edge.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.directions import pass_tilt, runs_forward, smooth_slope, wrapped
-from workbench.edge.measure import check_advance
-from workbench.edge.raw_ends import EndCourse, end_course, frame_shift, place_ends, range_noise
-from workbench.edge.raw_faces import RawFaces, middle_of, outward_of
-from workbench.geometry.courses import fit_course_curve
-from workbench.geometry.curves import Curve, arrange, fit_curve
-from workbench.geometry.sections import SectionLines, section_lines
-from workbench.units import Float
+from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.measure import check_advance, edge_direction
+from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
+from workbench.geometry.sections import SectionLines, in_section, section_lines
+from workbench.geometry.settling import settled
+from workbench.geometry.silhouette import Ends, find_end
+from workbench.units import Bool, Float, Int
 
-ROUNDS = 3
-BLOCKS_MM = (5.0, 10.0, 20.0)  # of edge whose frames' directions count as one
+MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
+ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
+ROUGH_MM = 0.01  # roughness within frames from which neighbouring frames share it, and their scatter is no course
+TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
+RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
+COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
+SAMPLE_FRAMES = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EndAlong:
+    """One edge along the other: its distance from the reference curve along m."""
+
+    course: Course
+    s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawMeasured:
-    """The lower edge as a curve with the lower and the upper edge along m from it; directions; N frames."""
+    """The raw edge's state in the section planes of `curve`; N frames."""
 
     curve: Curve
-    tilt: float  # direction of the end face, from the lower to the upper side, against a of the curve's frame; rad
-    tilt_u: float  # rad
-    lean: float  # turn from there to the direction of the upper surface into the plate; NaN: not seen; rad
-    s: Float  # (N,) where each frame shows the lower edge, mm; NaN where it does not
-    s_upper: Float  # (N,) likewise the upper edge
-    lower: EndCourse
-    upper: EndCourse
-    stand_out: Float  # (N,) of each frame's end face from the curve, along n; NaN where not seen; mm
-    s_face: Float  # (N,) where
+    tilt: Course  # direction of the end face, from the lower to the upper side, against a of the curve's frame; rad
+    stands_out_mm: Float  # (N,) of each frame's end face from the curve, along n
+    stand_out: Course  # the same along the edge, mm
+    lower: EndAlong
+    upper: EndAlong
+    lean: float  # turn from the end face to the direction of the upper surface into the plate; NaN: not seen; rad
+    s_face: Float  # (N,) where each frame shows the end face, mm
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
-    tangent_u: float  # rad
+    rough: bool
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
-    """Measure the edge in the section planes of its own smooth course: starts from the faces' middles, repeats.
+    """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
 
     Raises InputError where the frames do not run along an edge.
     """
     middle = middle_of(cloud, found.faces[ROOT_FACE])
-    seen = found.seen & np.isfinite(middle).all(axis=1)
+    along = edge_direction(middle, np.cross(_upwards(cloud, found), outward_of(cloud, found)), cloud)
+    seen = found.seen & np.isfinite(middle).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, middle[seen])
-    t = np.cross(_upwards(cloud, found), outward_of(cloud, found))
-    forward = runs_forward(middle, t, cloud.pass_index, found.seen)
     s = np.full(seen.size, np.nan)
-    s[seen] = arrange(middle[seen], cloud.pass_index[seen], forward[seen])
-    tangent_u = fit_curve(middle[seen], s[seen]).tangent_u
-    travelled = middle[np.nanargmax(s)] - middle[np.nanargmin(s)]
-    curve = fit_course_curve(middle[seen], s[seen], _across(cloud, found, travelled))
-    sigma = range_noise(cloud, found)
-    for last in [False] * ROUNDS + [True]:
+    s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
+    curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
+    for whole in (False, True):
         s[seen] = curve.project(middle[seen], s[seen])
-        slope = smooth_slope(found.faces[ROOT_FACE], s, cloud.pass_index)
-        face = section_lines(found.faces[ROOT_FACE], slope, cloud.base_from_profiler, found.side,
-                             np.full(seen.size, sigma), curve, s)  # fmt: skip
-        tilt = _mean_angle(pass_tilt(face, cloud.pass_index))
-        m, n = np.array([math.cos(tilt), math.sin(tilt)]), np.array([-math.sin(tilt), math.cos(tilt)])
-        stand_out = face.place @ n
-        placed = tuple(place_ends(cloud, found, ends, way, curve, s, tilt, sigma)
-                       for ends, way in ((found.lower, -1.0), (found.upper, 1.0)))  # fmt: skip
-        shift = frame_shift((placed[0], placed[1]), _vibration(cloud, stand_out))
-        lower = end_course(placed[0], shift, cloud.pass_index, last)
-        if not last:
-            on = np.isfinite(stand_out) & np.isfinite(face.s)
-            _, a, b = curve.frame(face.s[on])
-            spot = stand_out[on, None] * n + lower.rough(face.s[on])[:, None] * m
-            points = curve.position(face.s[on]) + spot[:, :1] * a + spot[:, 1:] * b
-            lean = [_lean(cloud, found, curve, s, tilt, sigma, f) for f in (UPPER_SURFACE, LOWER_SURFACE)]
-            square = tilt + next((turn + math.pi / 2.0 for turn in lean if math.isfinite(turn)), 0.0)
-            across = _unit((math.cos(square) * a + math.sin(square) * b).mean(axis=0))
-            curve = fit_course_curve(points, face.s[on], across, float(np.nanmedian(placed[0].step)))
-    upper = end_course(placed[1], shift, cloud.pass_index, True)
-    return RawMeasured(
-        curve, tilt, _tilt_u(face, tilt), _lean(cloud, found, curve, s, tilt, sigma, UPPER_SURFACE),
-        np.where(lower.used, placed[0].s, np.nan), np.where(upper.used, placed[1].s, np.nan), lower, upper, stand_out,
-        face.s, float(np.nanmedian(face.place @ m)), tangent_u,
-    )  # fmt: skip
+        state = _state(cloud, found, curve, s, whole)
+        on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
+        at = state.lower.s[on]
+        points = curve.position(at) + _offset(state, at, on)
+        curve = fit_curve(points, at, cloud.pass_index[on], None, TOGETHER_MM if state.rough else POSE_MM)
+    s[seen] = curve.project(middle[seen], s[seen])
+    return _state(cloud, found, curve, s, whole=True)
+
+
+def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
+    """t, n and m (k, 3) at arc lengths `at` (k,) of the curve."""
+    t, a, b = measured.curve.frame(at)
+    tilt = measured.tilt.value(at)[:, None]
+    m = np.cos(tilt) * a + np.sin(tilt) * b
+    return t, np.cross(t, m), m
+
+
+def _offset(state: RawMeasured, at: Float, on: Bool) -> Float:
+    """From the reference curve to the lower edge (k, 3) at the arc lengths (k,) of the frames `on`."""
+    _, n, m = axes(state, at)
+    return state.stands_out_mm[on, None] * n + state.lower.course.value(at)[:, None] * m
+
+
+def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -> RawMeasured:
+    """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends."""
+    sigma = _range_noise(cloud, found)
+    face = _lines(cloud, found, curve, s, sigma, ROOT_FACE)
+    about = float(np.angle(np.nanmean(np.exp(1j * face.angle))))
+    angle = about + wrapped(face.angle - about)
+    mid = np.where(np.isfinite(face.s), face.s, 0.0)
+    tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index)
+    # An oblique frame sees each point of the face at another arc length, where the face has turned (eq. (7)).
+    n = _normal(tilt.value(mid))
+    turn = face.run * tilt.slope(mid)
+    angle = angle - turn * np.abs((face.place * np.stack([n[:, 1], -n[:, 0]], axis=1)).sum(axis=1))
+    face = replace(face, place=face.place - (turn * face.spread)[:, None] * n)
+    tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index, stiffness=tilt.stiffness)
+    n = _normal(tilt.value(mid))
+    stand_out = (face.place * n).sum(axis=1)
+    out = fit_course(face.s, stand_out, None, cloud.pass_index)
+    rough = _roughness(found, sigma) > ROUGH_MM
+    if rough:
+        tilt = _rough_course(face.s, angle, cloud.pass_index)
+        n = _normal(tilt.value(mid))
+        stand_out = (face.place * n).sum(axis=1)
+        out = _rough_course(face.s, stand_out, cloud.pass_index)
+    m = np.stack([n[:, 1], -n[:, 0]], axis=1)
+    vibration = _vibration(cloud, stand_out)
+    placed = [_placed(cloud, found, ends, curve, s, tilt, sigma) for ends in (found.lower, found.upper)]
+    lower = _end_along(cloud, found.lower, placed[0], -1.0, vibration, rough, whole)
+    upper = _end_along(cloud, found.upper, placed[1], 1.0, vibration, rough, whole)
+    lean = _lean(cloud, found, curve, s, tilt, sigma)
+    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s,
+                       abs(float(np.nanmedian((face.place * m).sum(axis=1)))), rough)  # fmt: skip
+
+
+def _rough_course(s: Float, value: Float, pass_index: Int) -> Course:
+    """The course of a value (N,) of a rough face: its scatter hangs together over centimetres, and is no course.
+
+    What the face locally is off its course is in the uncertainty: the scatter of means over TOGETHER_MM.
+    """
+    on = np.isfinite(s) & np.isfinite(value)
+    block = np.floor((s[on] - s[on].min()) / TOGETHER_MM).astype(np.int64)
+    _, number = np.unique(block, return_inverse=True)
+    count = np.bincount(number)
+    trend = np.polyfit(s[on] - s[on].mean(), value[on], 1) if count.size > 3 else np.array([0.0, value[on].mean()])
+    left = value[on] - np.polyval(trend, s[on] - s[on].mean())
+    local = float(np.var(np.bincount(number, left) / count)) * count.size / max(count.size - 2.0, 1.0)
+    variance = np.full(s.shape, max(local, 1e-12) * float(np.median(count)))
+    course = fit_course(s, value, variance, pass_index, together_mm=TOGETHER_MM)
+    return replace(course, variance=course.variance + local)
+
+
+def _normal(tilt: Float) -> Float:
+    """n (N, 2) in (a, b), m being at the angle `tilt`."""
+    return np.stack([-np.sin(tilt), np.cos(tilt)], axis=1)
+
+
+def _lines(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, sigma: float, label: int) -> SectionLines:
+    face = found.faces[label]
+    return section_lines(face, near_slope(face, s, cloud.pass_index), cloud.base_from_profiler, found.side,
+                         np.full(s.size, sigma), curve, s)  # fmt: skip
+
+
+def _placed(cloud: Cloud, found: RawFaces, ends: FaceEnds, curve: Curve, s_guess: Float, tilt: Course,
+            range_sigma_mm: float) -> tuple[Float, Float, Float, Float, Float]:  # fmt: skip
+    """One end of the face in the sections of `curve`: arc length, place along m, column step, noise, share missing."""
+    here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
+    pose = cloud.base_from_profiler[here, :3]
+    point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]
+    s, place = in_section(point, curve, s_guess[here])
+    _, a, b = curve.frame(s)
+    angle = tilt.value(s)
+    c, d = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    m, n = c * a + d * b, c * b - d * a
+    slope = np.where(ends.corner, 0.0, ends.slope)[here, None]
+    step = ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
+    ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
+    face = found.faces[ROOT_FACE]
+    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[here]
+    rough = np.sqrt(rss / face.count[here]) * ray_n  # height of the face's own roughness and noise
+    # On a face that leans by its roughness the next column is that much nearer or farther.
+    blur = np.hypot(range_sigma_mm * ray_m, step * ROUGH_SLOPE * rough * ray_m / ray_n / 4.0)
+    out = np.full((5, here.size), np.nan)
+    out[:, here] = (s, place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0], step, np.maximum(blur, 1e-3),
+                    _missing(found, ends, cloud.pass_index)[here])  # fmt: skip
+    return out[0], out[1], out[2], out[3], out[4]
+
+
+def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
+    """Probability that a column at the face's end has no return (N,): as inside the face, MIXED at a mixed pixel."""
+    face = found.faces[ROOT_FACE]
+    share = np.full(face.count.shape, np.nan)
+    for p in np.unique(pass_index):
+        mine = (pass_index == p) & (face.count > 2)
+        if mine.any():
+            columns = (face.columns[mine, 1] - face.columns[mine, 0] + 1).sum()
+            share[pass_index == p] = 1.0 - face.count[mine].sum() / columns
+    return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
+
+
+def _end_along(cloud: Cloud, ends: FaceEnds, placed: tuple[Float, Float, Float, Float, Float], outward: float,
+               vibration: Float, rough: bool, whole: bool) -> EndAlong:  # fmt: skip
+    """The course of one edge along m: by its corners where they show enough of it, else by the silhouettes too.
+
+    A frame's own shift scatters its silhouette and its corner alike.
+    """
+    s, m, step, sigma, missing = placed
+    together = TOGETHER_MM if rough else None
+    m = np.where(_at_rim(s), np.nan, m)
+    silhouette = np.isfinite(m) & (step > 0)
+    corner = np.isfinite(m) & (step == 0)
+    use = corner | (silhouette if not _covered(s, corner) else _alone(s, corner, silhouette))
+    spread = np.hypot(sigma, vibration)
+    middle = np.where(use, outward * m + 0.5 * step, np.nan)
+    course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, together_mm=together)
+    if whole and (use & silhouette).any():
+        column = np.where(silhouette, ends.column, 0).astype(np.int64)
+        low, wide, noise, weight = settled(outward * m, step, spread, column, cloud.pass_index)
+        on = np.flatnonzero(use & course.kept & np.isfinite(low) & np.isfinite(noise))
+        on = on[np.argsort(s[on], kind="stable")]
+        unknown = np.full(on.size, np.nan)
+        known = Ends(s[on], low[on], wide[on], np.maximum(noise[on], 1e-3), missing[on], weight[on], unknown, unknown)
+        course = find_end(known, course, together).course
+    return EndAlong(_scaled(course, outward), np.where(np.isfinite(placed[1]), s, np.nan))
+
+
+def _at_rim(s: Float) -> Bool:
+    """Frames (N,) next to a hidden stretch: what hides it may stand before a part of the face there too."""
+    seen = np.sort(s[np.isfinite(s)])
+    gap = np.flatnonzero(np.diff(seen) > LEAST_GAP_MM)
+    out = np.zeros(s.shape, bool)
+    for before, after in zip(seen[gap], seen[gap + 1], strict=True):
+        out |= (s > before - RIM_MM) & (s < after + RIM_MM)
+    return out
+
+
+def _scaled(course: Course, factor: float) -> Course:
+    return replace(course, spline=BSpline(course.spline.t, factor * course.spline.c, course.spline.k))
+
+
+def _cells(s: Float, chosen: Bool) -> Int:
+    return np.unique(np.floor(s[chosen] / CELL_MM).astype(np.int64))
+
+
+def _covered(s: Float, corner: Bool) -> bool:
+    """Do corners show (nearly) all of the edge?"""
+    seen = np.isfinite(s)
+    return bool(corner.any()) and _cells(s, corner).size >= COVERS * _cells(s, seen).size
+
+
+def _alone(s: Float, corner: Bool, silhouette: Bool) -> Bool:
+    """Silhouettes where no corner is near."""
+    cell = np.full(s.shape, -(10**9), np.int64)
+    cell[silhouette] = np.floor(s[silhouette] / CELL_MM).astype(np.int64)
+    return silhouette & ~np.isin(cell, _cells(s, corner))
 
 
 def _upwards(cloud: Cloud, found: RawFaces) -> Float:
@@ -95,16 +255,6 @@ def _upwards(cloud: Cloud, found: RawFaces) -> Float:
     slope = (face.sxz / face.sxx)[:, None]
     ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
     return np.asarray(-found.side[:, None] * (ex + slope * ez) / np.hypot(1.0, slope))
-
-
-def _across(cloud: Cloud, found: RawFaces, travelled: Float) -> Float:
-    """Direction (3,) of the end face across the edge, roughly; travelled (3,): along it."""
-    up = np.nanmedian(_upwards(cloud, found), axis=0)
-    return _unit(up - travelled * (up @ travelled) / (travelled @ travelled))
-
-
-def _unit(vector: Float) -> Float:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _vibration(cloud: Cloud, stand_out: Float) -> Float:
@@ -117,33 +267,36 @@ def _vibration(cloud: Cloud, stand_out: Float) -> Float:
     return out
 
 
-def _mean_angle(angle: Float) -> float:
-    return float(np.angle(np.nanmean(np.exp(1j * angle))))
+def _roughness(found: RawFaces, sigma: float) -> float:
+    """Height of the end face's roughness within frames, beyond the range noise, mm."""
+    face = found.faces[ROOT_FACE]
+    on = face.count > 5
+    if not on.any():
+        return 0.0
+    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[on] / (face.count[on] - 2)
+    return math.sqrt(max(float(np.median(rss)) - sigma**2, 0.0))
 
 
-def _tilt_u(face: SectionLines, tilt: float) -> float:
-    """Standard uncertainty of the end face's direction, rad: the largest that blocks of edge show by their scatter.
+def _range_noise(cloud: Cloud, found: RawFaces) -> float:
+    """Range noise of single points, mm, from neighbouring columns: roughness is longer than a column."""
+    frames = np.flatnonzero(found.seen)
+    frames = frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(int))]
+    z = np.where(cloud.keep[frames] & (found.labels[frames] == ROOT_FACE), cloud.z_mm[frames], np.nan).astype(float)
+    bend = np.abs(z[:, :-3] - 3.0 * z[:, 1:-2] + 3.0 * z[:, 2:-1] - z[:, 3:])
+    bend = bend[np.isfinite(bend)]
+    return max(float(np.median(bend)) / 0.6745 / math.sqrt(20.0), 1e-3) if bend.size else 0.02
 
-    Roughness hangs together over centimetres, so that short blocks may agree by chance.
+
+def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: Course, sigma: float) -> float:
+    """Turn from the end face's direction to that of the upper surface, into the plate; NaN if it is never seen.
+
+    Where only the lower surface is seen, the upper one is taken for parallel to it.
     """
-    on = np.isfinite(face.angle) & np.isfinite(face.s)
-    s, off = face.s[on], wrapped(face.angle[on] - tilt)
-    found = [float(np.std(off)) / math.sqrt(off.size)]
-    for length in BLOCKS_MM:
-        blocks = round(float(np.ptp(s)) / length)
-        if blocks >= 3:
-            number = np.minimum((s - s.min()) / np.ptp(s) * blocks, blocks - 1).astype(np.int64)
-            means = np.array([np.median(off[number == k]) for k in np.unique(number)])
-            found.append(float(np.std(means, ddof=1)) / math.sqrt(means.size))
-    return max(found)
-
-
-def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: float, sigma: float, label: int) -> float:
-    """Turn from the end face's direction to that of a surface of the plate, into it; NaN if it is never seen."""
-    surface = found.faces[label]
-    if (surface.count > 0).sum() < 3:
-        return math.nan
-    slope = smooth_slope(surface, s, cloud.pass_index)
-    lines = section_lines(surface, slope, cloud.base_from_profiler, found.side, np.full(s.size, sigma), curve, s)
-    turn = _mean_angle(2.0 * wrapped(lines.angle - tilt)) / 2.0  # a line has two senses; the plate lies at -n
-    return turn if math.sin(turn) < 0.0 else turn - math.pi
+    for label in (UPPER_SURFACE, LOWER_SURFACE):
+        if (found.faces[label].count > 0).sum() >= 3:
+            lines = _lines(cloud, found, curve, s, sigma, label)
+            at = np.where(np.isfinite(lines.s), lines.s, 0.0)
+            # A line has two senses; the plate lies at -n.
+            turn = float(np.angle(np.nanmean(np.exp(2j * wrapped(lines.angle - tilt.value(at)))))) / 2.0
+            return turn if math.sin(turn) < 0.0 else turn - math.pi
+    return math.nan

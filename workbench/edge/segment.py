@@ -9,12 +9,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge
+from workbench.artefacts import Cloud, MilledEdge
 from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.measure import Measured, measure_edge
+from workbench.edge.sizes import corrected_angles, sizes
+from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
 from workbench.units import Float
@@ -37,7 +39,7 @@ def segment(
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the faces by name (docs/checks.md)"),
     ] = {},  # noqa: B006  (never changed)
-) -> Edge:
+) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
     Key frames are segmented into straight faces (optimal partition) and read as root face and bevel face by their
@@ -64,24 +66,26 @@ def segment(
     return replace(edge, checks=(*edge.checks, *checks))
 
 
-def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_mm: float) -> Edge:
+def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_mm: float) -> MilledEdge:
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
     seen = covered(s_low, cloud.pass_index, at)
-    position = measured.curve.position(at)
+    position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
     tangent, normal, across = section_axes(measured, at)
-    here = np.isfinite(s_low)
-    frame_tangent = np.full((len(s_low), 3), np.nan)
-    frame_tangent[here] = measured.curve.tangent(s_low[here])
-    return Edge(
-        kind="milled", part=cloud.part, faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
-        frame_arc_length_mm=s_low, frame_tangent=frame_tangent, frames=measured.frames,
-        tangent_u=math.hypot(measured.curve.tangent_u, math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud)),
-        arc_length_mm=at,
-        position_mm=position, tangent=tangent, normal=normal, across=across, seen=seen,
-        burr_stations=burr_stations(cloud, tracked, measured, at), checks=cloud.checks,
+    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud))
+    tangent_u = np.hypot(
+        measured.curve.tangent_u(at + measured.shift),
+        math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)),
+    )
+    root, bevel = sizes(measured, at, tangent_u)
+    return MilledEdge(
+        part=cloud.part, faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
+        frame_arc_length_mm=s_low,
+        arc_length_mm=at, position_mm=position, tangent=tangent, tangent_u=tangent_u, normal=normal, across=across,
+        seen=seen, burr_stations=burr_stations(cloud, tracked, measured, at), checks=cloud.checks,
+        root=root, bevel=bevel,
     )  # fmt: skip
 
 
@@ -95,8 +99,8 @@ def laser_plane_u(cloud: Cloud) -> float:
 
 
 def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:
-    """t, n and m (m, 3) at arc lengths `at` (m,)."""
-    t, a, b = measured.curve.frame(at)
-    tilt = float(np.angle(np.nanmean(np.exp(1j * measured.frames.tilt))))
+    """t, n and m (k, 3) at arc lengths `at` (k,)."""
+    t, a, b = measured.curve.frame(at + measured.shift)
+    tilt = corrected_angles(measured, at + measured.shift)[0][:, None]
     m = np.cos(tilt) * a + np.sin(tilt) * b
     return t, np.cross(t, m), m

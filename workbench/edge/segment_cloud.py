@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import ROOT_FACE, Cloud, Edge, PointSet
+from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, Edge, MilledEdge, PointSet
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
@@ -106,16 +106,19 @@ def _check_extent(points: PointSet) -> None:
                          "of the origin")  # fmt: skip
 
 
-def _of_slices(edge: Edge, passes: Traces, robot_noise_mm: float) -> Edge:
+def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> MilledEdge:
     """The edge with what slices do not know taken off its certainty, and told."""
-    assert edge.frames is not None, "segment gives a milled edge"
-    frames = replace(edge.frames, root_weight=SLICE_WEIGHT * edge.frames.root_weight)
     # Passes may see one end of the root face each, and differ by the noise of two positions.
     passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
     told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
-    root_direction_u = math.hypot(_noise_slope(edge.faces[ROOT_FACE]),
-                                  STEP_SLOPE * passes_u_mm / float(np.nanmedian(frames.root_low_mm)))  # fmt: skip
-    return replace(edge, frames=frames, root_u_mm=passes_u_mm, root_direction_u=root_direction_u,
+    direction_u = math.hypot(_noise_slope(edge.faces[ROOT_FACE]),
+                             STEP_SLOPE * passes_u_mm / float(np.nanmedian(edge.root.value)))  # fmt: skip
+    root, bevel = dict(edge.root.u_by_source), dict(edge.bevel.u_by_source)
+    root[END] = root[END] / math.sqrt(SLICE_WEIGHT)  # neighbouring slices cut the same scan lines
+    whole = np.ones(edge.arc_length_mm.size)
+    lever = 0.5 * edge.root.value / np.abs(np.tan(edge.bevel.value))
+    root[PASSES], bevel[PASSES] = np.hypot(passes_u_mm, lever * direction_u), direction_u * whole
+    return replace(edge, root=replace(edge.root, u_by_source=root), bevel=replace(edge.bevel, u_by_source=bevel),
                    warnings=(*edge.warnings, SLICED, *told))  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def _straight(points: PointSet) -> Laid:
     middle = points.points_mm.mean(axis=0)
     s = (points.points_mm - middle) @ along
     at = np.linspace(s.min(), s.max(), 8)
-    course = with_frame(make_interp_spline(at, middle + at[:, None] * along, k=3), at, np.inf, 0.0)
+    course = with_frame(make_interp_spline(at, middle + at[:, None] * along, k=3), at)
     return lay_out(points.points_mm, course, s)
 
 

@@ -4,43 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import Part, Uncertainty, UncertaintySource
-from workbench.inspect.angles import BevelAngles
-from workbench.inspect.roots import RootSizes
+from workbench.artefacts import KINDS, MilledEdge, Quantity, Uncertainty, UncertaintySource
 from workbench.units import DEG, Float
 
 NOT_INCLUDED = (
     "Errors of scale and linearity of the profile sensor: its calibration certificate states them.",
     "Position errors of the robot that do not scatter within a pass, such as those of its kinematic calibration.",
     "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
+    "A burr in the plane of the root face, or returns lost at its end, along the whole edge: no frame shows them "
+    "(declare them by edge.segment.end_u_mm).",
 )
 NO_HAND_EYE = "The uncertainty of the hand-eye calibration: none is stated with the pose in use (hand_eye)."
 
 
-def budget(angles: BevelAngles, roots: RootSizes, part: Part) -> Uncertainty:
+def budget(edge: MilledEdge, at_mm: Float) -> Uncertainty:
     """The sources at the section of the largest uncertainty, of each characteristic by itself.
 
-    `angles` and `roots` are those of the measured sections (m,).
+    at_mm (m,): arc lengths of the measured sections.
     """
-    r = int(np.argmax(roots.u_mm)) if roots.u_mm.size else None
-    b = int(np.argmax(angles.u)) if angles.u.size else None
+    root, bevel = _largest(edge, edge.root, at_mm), _largest(edge, edge.bevel, at_mm)
+    sources = tuple(
+        UncertaintySource(name, root.get(name, 0.0), bevel.get(name, 0.0) / DEG, KINDS[name])
+        for name in KINDS
+        if root.get(name, 0.0) > 0.0 or bevel.get(name, 0.0) > 0.0
+    )
+    left_out = NOT_INCLUDED if edge.part.hand_eye_u_mm is not None else (*NOT_INCLUDED, NO_HAND_EYE)
+    return Uncertainty(sources=sources, not_included=(*left_out, *edge.not_included))
 
-    def root(u_mm: Float) -> float:
-        return 0.0 if r is None else float(u_mm[r])
 
-    def bevel(u: Float) -> float:
-        return 0.0 if b is None else float(u[b]) / DEG
+def u_at(edge: MilledEdge, quantity: Quantity, at_mm: Float) -> Float:
+    """Combined standard uncertainty (m,) at arc lengths: of the sources there."""
+    return np.sqrt(sum(np.interp(at_mm, edge.arc_length_mm, u) ** 2 for u in quantity.u_by_source.values()))
 
-    turned = np.sqrt(np.maximum(angles.u**2 - angles.local_u**2 - angles.tilt_u**2, 0.0))
-    found = (
-        UncertaintySource("scatter of the returns at the ends of the root face", root(roots.end_u_mm), 0.0, "A"),
-        UncertaintySource("line fit of the bevel face", root(roots.corner_u_mm), bevel(angles.local_u), "A"),
-        UncertaintySource("tilt of the root face", root(roots.tilt_u_mm), bevel(angles.tilt_u), "A"),
-        UncertaintySource("roughness of the root face", root(roots.rough_u_mm), 0.0, "A"),
-        UncertaintySource("direction of the edge: robot position noise and hand-eye pose", root(roots.turned_u_mm),
-                          bevel(turned), "B"),
-        UncertaintySource("agreement of scanning passes", root(roots.passes_u_mm), 0.0, "B"),
-    )  # fmt: skip
-    sources = tuple(one for one in found if one.root_u_mm > 0.0 or one.bevel_u_deg > 0.0)
-    left_out = NOT_INCLUDED if part.hand_eye_u_mm is not None else (*NOT_INCLUDED, NO_HAND_EYE)
-    return Uncertainty(sources=sources, not_included=left_out)
+
+def _largest(edge: MilledEdge, quantity: Quantity, at_mm: Float) -> dict[str, float]:
+    if not at_mm.size:
+        return {}
+    worst = at_mm[int(np.argmax(u_at(edge, quantity, at_mm)))]
+    return {name: float(np.interp(worst, edge.arc_length_mm, u)) for name, u in quantity.u_by_source.items()}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import UNLABELLED, Cloud, Edge, Layer, Toolpath, Travel
+from workbench.artefacts import UNLABELLED, Cloud, Edge, Layer, RawEdge, Toolpath, Travel
 from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
 from workbench.path.course import stocked_course
 from workbench.path.obstacles import find_foreign, sections_of
@@ -53,7 +53,7 @@ def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: flo
 
 def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
     """Standard uncertainty of the finished bevel's place, along its normal: the worst along the edge."""
-    if edge.position_u_mm is None:
+    if not isinstance(edge, RawEdge):
         return 0.0
     b = bevel_of(toolpath.root_mm, toolpath.bevel_deg).normal
     u = np.hypot(edge.position_u_mm[:, 0] * b[0], edge.position_u_mm[:, 1] * b[1])

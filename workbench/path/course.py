@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from workbench.artefacts import Edge, Toolpath
+from workbench.artefacts import Edge, RawEdge, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.smoothing import local_polynomial
+from workbench.geometry.course import fit_course
 from workbench.geometry.tool_frames import unit
 from workbench.path.poses import poses_of
 from workbench.units import Bool, Float
@@ -63,16 +63,14 @@ def lower_course(edge: Edge, s: Float) -> Course:
     )  # fmt: skip
 
 
-def edge_course(edge: Edge, s: Float, smoothing_mm: float) -> Course:
+def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:
     """The course of a raw `edge` at arc lengths s (k,) mm, ascending, with the stock above it.
 
     The upper edge is smoothed along the edge over `smoothing_mm` on each side (its roughness would shake the path).
 
     Raises:
-        InputError: the edge is milled already, or its upper edge was seen nowhere.
+        InputError: its upper edge was seen nowhere.
     """
-    if edge.kind != "raw":
-        raise InputError("edge", "expected a raw edge to plan for, found a milled one")
     course = lower_course(edge, s)
     stations, at = edge.arc_length_mm, np.clip(s, 0.0, edge.arc_length_mm[-1])
     upper, inward = _upper(edge, smoothing_mm)
@@ -84,7 +82,7 @@ def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
 
     The upper surface lies where the plan's finished bevel met it, square to the root face.
     """
-    if edge.kind == "raw":
+    if isinstance(edge, RawEdge):
         return edge_course(edge, s, 0.0)
     final, course = toolpath.layers[-1], lower_course(edge, toolpath.layers[-1].arc_length_mm)
     poses = poses_of(toolpath, final)
@@ -118,10 +116,8 @@ def _curvature(edge: Edge, at: Float, normal: Float, across: Float) -> Float:
     return np.stack([(bend * normal).sum(axis=1), (bend * across).sum(axis=1)], axis=1)
 
 
-def _upper(edge: Edge, smoothing_mm: float) -> tuple[Float, Float]:
+def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
     """The upper edge and the upper surface's direction (n, 2) at the stations, bridged where hidden."""
-    if edge.upper_position_mm is None or edge.upper_inward is None:
-        raise InputError("edge", "expected a raw edge whose upper edge is known, found none")
     off = edge.upper_position_mm - edge.position_mm
     pairs = [(v * axis).sum(axis=1) for v in (off, edge.upper_inward) for axis in (edge.normal, edge.across)]
     good = edge.seen & np.isfinite(pairs).all(axis=0)
@@ -135,7 +131,7 @@ def _upper(edge: Edge, smoothing_mm: float) -> tuple[Float, Float]:
 def _smoothed(s: Float, values: Float, at: Float, half_width: float) -> Float:
     """Values (g,) at s (g,), smoothed, at the stations `at` (n,); linear where none is near."""
     if half_width > 0:
-        values = local_polynomial(s, values, np.ones(s.size), s, half_width)[:, 0]
+        values = fit_course(s, values, together_mm=half_width).value(s)
     return np.interp(at, s, values)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import Edge, Layer, Toolpath
+from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
 from workbench.path.course import edge_course, lower_course
 from workbench.path.plan import KEY_POINT_MM
 from workbench.path.poses import poses_of
@@ -45,7 +45,7 @@ def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
     if [layer.index for layer in toolpath.layers] != list(range(1, len(toolpath.layers) + 1)):
         yield "layers are not counted from 1 in cutting order"
     first = toolpath.layers[0]
-    if edge.kind == "raw":
+    if isinstance(edge, RawEdge):
         top = bevel.height_mm(edge_course(edge, first.arc_length_mm, 0.0).upper_mm)
         if (top - first.height_mm)[first.cutting].max(initial=0.0) < LEAST_DEPTH_MM / 2.0:
             yield "layer 1 cuts nothing but air"

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Cutter, Edge, Layer, Toolpath
+from workbench.artefacts import Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
@@ -25,7 +25,7 @@ FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length
 
 @stage("path.layers")
 def layers(
-    edge: Edge,
+    edge: RawEdge,
     cloud: Cloud,
     *,
     root_mm: Annotated[float, Field(gt=0, le=50, description="required root face")] = 1.5,

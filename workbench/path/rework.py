@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge, Inspection, Rework, Stretch, Toolpath
+from workbench.artefacts import Cloud, Inspection, MilledEdge, Rework, Stretch, Toolpath
 from workbench.errors import InputError
 from workbench.path.check import check
 from workbench.path.course import Course, lower_course, with_thickness
@@ -28,7 +28,7 @@ LEAVE = "nothing to rework"
 
 @stage("path.rework")
 def rework(
-    edge: Edge,
+    edge: MilledEdge,
     inspection: Inspection,
     toolpath: Toolpath,
     cloud: Cloud,
@@ -63,7 +63,7 @@ def rework(
 
     A path that cannot be planned, or that its checks refuse, is left out with a warning.
     """
-    if edge.kind != "milled" or len(inspection.profile.root_mm) != len(edge.arc_length_mm):
+    if len(inspection.profile.root_mm) != len(edge.arc_length_mm):
         raise InputError("edge", "expected the milled edge that was inspected")
     asked = inspection.requirements
     bevel = bevel_of(asked.root_nominal_mm, asked.bevel_nominal_deg)
@@ -86,7 +86,7 @@ def rework(
     return Rework(path, *told, _reason(*told), warnings)
 
 
-def _left_out(edge: Edge, mask: Bool) -> tuple[str, ...]:
+def _left_out(edge: MilledEdge, mask: Bool) -> tuple[str, ...]:
     return tuple(f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
                  for a, b in cut_stretches(edge.arc_length_mm, mask))  # fmt: skip
 
@@ -96,7 +96,7 @@ def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
     return [(max(a - by_mm, 0.0), min(b + by_mm, float(s[-1]))) for a, b in cut_stretches(s, mask)]
 
 
-def _path(edge: Edge, cloud: Cloud, before: Toolpath, table: Course, bevel: Bevel, excess: Excess,
+def _path(edge: MilledEdge, cloud: Cloud, before: Toolpath, table: Course, bevel: Bevel, excess: Excess,
           wanted: list[tuple[float, float]], air: Air) -> Toolpath:  # fmt: skip
     """The path over the whole edge that comes down on the wanted stretches only."""
     s = key_points(float(edge.arc_length_mm[-1]), air.lead_mm)

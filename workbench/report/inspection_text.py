@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection
+from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection, RawEdge
 from workbench.report.aside import PlanView
 from workbench.report.certificate import MOST_ROWS
 from workbench.report.colours import FACES, REJECTED, VERDICTS
@@ -44,5 +44,5 @@ def inspection_html(
 def faces_seen(edge: Edge) -> list[tuple[str, str]]:
     """Name and colour of each face that some of a few hundred frames show."""
     labels = np.unique(edge.labels[:: max(1, len(edge.labels) // 300)])
-    names = {ROOT_FACE: "end face"} if edge.kind == "raw" else {}
+    names = {ROOT_FACE: "end face"} if isinstance(edge, RawEdge) else {}
     return [(names.get(face, FACE_NAMES[face]), FACES[face]) for face in FACES if face in labels]

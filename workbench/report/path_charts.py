@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, Toolpath
+from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.report.along import hidden_stretches
 from workbench.report.colours import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE
 from workbench.report.figures import hatch_hidden, svg
@@ -23,12 +23,11 @@ ENGAGED = (
 )
 
 
-def edges_in_plane(cloud: Cloud, edge: Edge) -> bytes:
+def edges_in_plane(cloud: Cloud, edge: RawEdge) -> bytes:
     """SVG of the paper's Fig. 8 (d): both edges in the plane of the end face, and how far they lie off that plane."""
     stretch = shown_stretch(edge)
     here = (edge.arc_length_mm >= stretch.from_mm) & (edge.arc_length_mm <= stretch.to_mm)
-    upper = edge.upper_position_mm if edge.upper_position_mm is not None else np.full_like(edge.position_mm, np.nan)
-    curves = (edge.position_mm[here], upper[here])
+    curves = (edge.position_mm[here], edge.upper_position_mm[here])
     origin, axes = _plane(np.vstack(curves), edge.tangent[here], edge.normal[here])
     vertices = face_ends(cloud, edge, ROOT_FACE, stretch.frames)
     figure = Figure(figsize=(5.2, 2.9))

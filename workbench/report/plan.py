@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Moves, Toolpath
+from workbench.artefacts import Chapter, Cloud, Engagement, Gate, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
 from workbench.stage import stage
 
@@ -14,7 +14,7 @@ from workbench.stage import stage
 @stage("report.plan")
 def plan(
     cloud: Cloud,
-    edge: Edge,
+    edge: RawEdge,
     toolpath: Toolpath,
     moves: Moves | None = None,
     gate: Gate | None = None,
@@ -55,10 +55,6 @@ def plan(
     from workbench.report.scenes import plan_scene
     from workbench.report.stepping import stepped_section, stepping_drawing
 
-    if edge.kind != "raw":
-        raise InputError(
-            cloud.source or "edge", f"expected the raw edge that the path was planned on, got a {edge.kind} one"
-        )
     if not toolpath.layers:
         raise InputError(toolpath.source or "path", "expected at least one layer")
     run = whole_run(toolpath)

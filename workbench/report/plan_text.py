@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from workbench.artefacts import Cloud, Edge, Gate, Moves, Toolpath
+from workbench.artefacts import Cloud, Edge, Gate, Moves, RawEdge, Toolpath
 from workbench.errors import one_line
 from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
 from workbench.report.inspection_text import faces_seen
@@ -43,8 +43,8 @@ def plan_html(
         plan=[*plan_rows(toolpath, run), *move_rows(moves)],
         layers=list(layer_rows(toolpath, run)),
         refused=list(refused(edge, toolpath, gate)),
-        from_scan=edge.position_u_mm is not None,
-        calibrated=edge.hand_eye_u_mm is not None,
+        from_scan=isinstance(edge, RawEdge),
+        calibrated=isinstance(edge, RawEdge) and edge.hand_eye_u_mm is not None,
         pictures={name: data_address(content) for name, content in drawn.items()},
         stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
         whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import Edge, Layer, Toolpath
+from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, step_times_s
 from workbench.report.develop import axes_at, developed
@@ -92,16 +92,16 @@ def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]
     The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
     None where the edge does not state its own.
     """
-    if edge.position_u_mm is None:
+    if not isinstance(edge, RawEdge):
         return None, None
     shared = 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm
     u_out, u_across = np.nanmedian(np.hypot(edge.position_u_mm, shared), axis=0)
-    return float(np.hypot(u_across, u_out / np.tan(bevel_deg * DEG))), float(edge.normal_u / DEG)
+    return float(np.hypot(u_across, u_out / np.tan(bevel_deg * DEG))), float(np.median(edge.normal_u) / DEG)
 
 
 def thickness_mm(edge: Edge) -> Float:
     """(n,) height of a raw edge's end face at its stations; NaN where hidden."""
-    if edge.upper_position_mm is None:
+    if not isinstance(edge, RawEdge):
         return np.full(len(edge.arc_length_mm), np.nan)
     rise = edge.upper_position_mm - edge.position_mm
     return np.asarray(np.einsum("ij,ij->i", rise, edge.across))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, Cloud, Edge, Toolpath
+from workbench.artefacts import ROOT_FACE, Cloud, Edge, RawEdge, Toolpath
 from workbench.report.colours import FACES, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
 from workbench.report.planned import frames_in_base
 from workbench.report.sample import Points, around, face_ends
@@ -45,7 +45,7 @@ def shown_stretch(edge: Edge) -> Shown:
     return Shown(start, end, np.flatnonzero(inside))
 
 
-def procedure_views(cloud: Cloud, edge: Edge, toolpath: Toolpath, budget: int) -> dict[str, View]:
+def procedure_views(cloud: Cloud, edge: RawEdge, toolpath: Toolpath, budget: int) -> dict[str, View]:
     """Views: `a` rough cloud, `b` vertices a frame, `c` end face, `e` edges in space, `f` key points, tool frames."""
     stretch = shown_stretch(edge)
     points = around(cloud, edge, stretch.middle_mm, (stretch.to_mm - stretch.from_mm) / 2.0, budget)
@@ -84,12 +84,12 @@ def _with_vertices(view: View, cloud: Cloud, edge: Edge, stretch: Shown, origin:
     return replace(view, dots_mm=np.vstack(dots), dot_colour=np.vstack(colours))
 
 
-def _with_edges(view: View, edge: Edge, stretch: Shown, origin: Float) -> View:
+def _with_edges(view: View, edge: RawEdge, stretch: Shown, origin: Float) -> View:
     """Lower and upper edge as smooth curves, broken where hidden."""
     here = (edge.arc_length_mm >= stretch.from_mm) & (edge.arc_length_mm <= stretch.to_mm)
     lines, colours = [], []
     for position, colour in ((edge.position_mm, LOWER_EDGE), (edge.upper_position_mm, UPPER_EDGE)):
-        for run in runs(position[here]) if position is not None else []:
+        for run in runs(position[here]):
             lines.append(run - origin)
             colours.append(np.tile(rgb(colour), (len(run), 1)))
     return joined(view, lines, colours)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import Cloud, Edge, Inspection, Scene, Strokes, Toolpath
+from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, RawEdge, Scene, Strokes, Toolpath
 from workbench.report.choose import telling
 from workbench.report.colours import INK, rgb
 from workbench.report.inspection_text import faces_seen
@@ -50,7 +50,7 @@ def loop_scene(
     colour = np.tile(rgb(INK), (len(path), 1))
     strokes = (lower_edge(inspection.profile), Strokes("final layer of the path", (path,), (colour,)))
     sections, axes = tuple(row.section for row in rows), section_axes(inspection)
-    if cloud is None or edge is None or edge.kind != "milled":
+    if cloud is None or not isinstance(edge, MilledEdge):
         nothing = Points(np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0, np.int64), np.zeros(0, np.int64))
         return Scene(nothing.position_mm, (), strokes, section_marks(nothing, sections, rows), axes)
     points, planned = telling(cloud, edge, budget), planned_bevel(toolpath, edge)
@@ -60,7 +60,7 @@ def loop_scene(
     return Scene(points.position_mm, (off, by_face(points, faces_seen(edge))), strokes, marks, axes)
 
 
-def plan_scene(cloud: Cloud, edge: Edge, toolpath: Toolpath, run: Run, budget: int) -> Scene:
+def plan_scene(cloud: Cloud, edge: RawEdge, toolpath: Toolpath, run: Run, budget: int) -> Scene:
     """The raw part by face, all layers by number and by feed, cutter axes, travel moves, both edges."""
     points = telling(cloud, edge, budget)
     middle = middle_of_cut_mm(toolpath) or float(edge.arc_length_mm[-1]) / 2.0

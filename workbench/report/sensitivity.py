@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Document, Edge, Toolpath
+from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.report.error_chain import Link, needs, thermal_mm
 from workbench.stage import InputFile, stage
@@ -138,10 +138,10 @@ def sensitivity(
 
 def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
     """u of the planned face along b, mm, and of its direction, deg: the scan's own."""
-    if edge.position_u_mm is None:
+    if not isinstance(edge, RawEdge):
         return 0.0, 0.0
     u = np.hypot(edge.position_u_mm[:, 0] * math.cos(bevel), edge.position_u_mm[:, 1] * math.sin(bevel))
-    return float(np.nanmedian(u)), edge.normal_u / DEG
+    return float(np.nanmedian(u)), float(np.median(edge.normal_u)) / DEG
 
 
 def _tool(path: Path, tool_deg: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import Cloud, Edge, Layer, Toolpath
+from workbench.artefacts import Cloud, Edge, Layer, RawEdge, Toolpath
 from workbench.report.colours import FACES, GREY, INK
 from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
@@ -49,7 +49,7 @@ class Stepped:
     bevel_deg: float
 
 
-def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
+def stepped_section(edge: RawEdge, toolpath: Toolpath) -> Stepped | None:
     """The section at the middle of the longest stretch that is cut; None without one, or where the stock is unknown."""
     middle, high = middle_of_cut_mm(toolpath), thickness_mm(edge)
     bevel = planned_bevel(toolpath, edge)
@@ -59,9 +59,8 @@ def stepped_section(edge: Edge, toolpath: Toolpath) -> Stepped | None:
         return None
     k = int(np.argmin(np.where(known, np.abs(s - middle), np.inf)))
     station = int(np.nanargmin(np.where(np.isfinite(high), np.abs(edge.arc_length_mm - s[k]), np.nan)))
-    assert edge.upper_position_mm is not None  # else its thickness is not known
     axes = np.array([edge.normal[station], edge.across[station]])
-    inward = -axes[0] if edge.upper_inward is None else edge.upper_inward[station]
+    inward = edge.upper_inward[station]
     return Stepped(
         arc_length_mm=float(s[k]), thickness_mm=float(high[station]), inward=axes @ inward,
         upper_edge=axes @ (edge.upper_position_mm[station] - edge.position_mm[station]),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.artefacts import Edge, EdgeProfile, Section, Strokes, Toolpath
+from workbench.artefacts import EdgeProfile, RawEdge, Section, Strokes, Toolpath
 from workbench.report.colours import INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
 from workbench.report.planned import frames_in_base
 from workbench.report.procedure import TOOL_AXIS_MM, runs
@@ -36,10 +36,10 @@ def lower_edge(profile: EdgeProfile) -> Strokes:
     return Strokes("lower edge", lines, tuple(np.tile(rgb(LOWER_EDGE), (len(line), 1)) for line in lines))
 
 
-def both_edges(edge: Edge) -> Strokes:
+def both_edges(edge: RawEdge) -> Strokes:
     """Lower and upper edge of a raw part, broken where hidden."""
     curves = ((edge.position_mm, LOWER_EDGE), (edge.upper_position_mm, UPPER_EDGE))
-    found = [(line, rgb(colour)) for curve, colour in curves if curve is not None for line in runs(curve)]
+    found = [(line, rgb(colour)) for curve, colour in curves for line in runs(curve)]
     return Strokes("edges", tuple(line for line, _ in found), tuple(np.tile(c, (len(line), 1)) for line, c in found))
 
 

@@ -1,26 +1,39 @@
-"""The root size of every frame: from its corner with the bevel face to the lower end of the root face."""
+"""Where the root face ends in every frame, counted from its corner with the bevel face."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud
-from workbench.edge.directions import smooth_along, wrapped
+from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
+from workbench.geometry.course import fit_course
 from workbench.geometry.curves import Curve
-from workbench.geometry.ends import Ends, contradicted, fit_end, local_end
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
-from workbench.units import Bool, Float, Int
+from workbench.units import Float, Int
 
-SLOPE_MM = 15.0  # the root size's drift is taken over this much edge on each side: nearer, it is the columns' steps
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 
 
-def root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, bevel: SectionLines, tilt: Float,
-               beta: Float, up: Float, lower_slope: Float) -> tuple[Float, Float, Float]:  # fmt: skip
-    """Root size to the last return on the root face (N,), the step to the next column, and its standard deviation, mm.
+@dataclass(frozen=True, slots=True, eq=False)
+class RootEnds:
+    """The end of the root face in N frames, counted from the frame's corner with the bevel face; NaN: not seen."""
 
-    Where the lower surface is seen, the size is that to the corner with it, and the step 0.
+    low: Float  # (N,) the face reaches at least to here, mm
+    step: Float  # (N,) the next column would meet it this much further; 0: a corner with the lower surface, mm
+    sigma: Float  # (N,) noise of `low`, mm
+    missing: Float  # (N,) probability that a column at the end of the root face has no return on it
+    fill: Float  # (N,) share of the last pixel that the face fills, by its brightness; NaN: not known
+    fill_sigma: Float  # (N,) its standard uncertainty
+
+
+def root_ends(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, bevel: SectionLines, tilt: Float,
+              beta: Float, up: Float, s: Float) -> RootEnds:  # fmt: skip
+    """The end of the root face in every frame; up (N,): distance of the corner with the bevel along the root face, mm.
+
+    Where the lower surface is seen, the end is the corner with it, and the step 0.
     """
     pose = cloud.base_from_profiler[:, :3]
     end = tracked.root_end
@@ -37,21 +50,24 @@ def root_size(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLi
     down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
-        corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, lower_slope)
+        corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, s)
         at_corner = tracked.end_is_corner & np.isfinite(corner)
         down, step = np.where(at_corner, corner, down), np.where(at_corner, 0.0, step)
         root_share = np.where(at_corner, (1.0 / np.tan(beta) - 1.0 / np.tan(lean)) ** 2, root_share)
     variance = root_share * root.offset_variance + bevel.offset_variance / np.sin(beta) ** 2
-    return up - down, step, np.sqrt(variance)
+    unknown = np.full(down.shape, np.nan)
+    return RootEnds(up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index), unknown, unknown)
 
 
 def _lower_corner(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, tilt: Float,
-                  slope: Float) -> tuple[Float, Float]:  # fmt: skip
+                  s: Float) -> tuple[Float, Float]:  # fmt: skip
     """Distance along the root face to the corner with the lower surface (N,), mm; and the angle between both, rad."""
+    slope = near_slope(tracked.faces[LOWER_SURFACE], s, cloud.pass_index)
     lower = section_lines(tracked.faces[LOWER_SURFACE], slope, cloud.base_from_profiler, tracked.side,
                           tracked.range_sigma_mm[:, 3], curve, root.s)  # fmt: skip
     apparent = wrapped(lower.angle - tilt)
-    lean, _ = smooth_along(lower.s, apparent, 1.0 / lower.angle_variance, cloud.pass_index)
+    course = fit_course(lower.s, apparent, lower.angle_variance, cloud.pass_index)
+    lean = course.value(np.where(np.isfinite(lower.s), lower.s, 0.0))
     return crossing(root.place, tilt, lower.place, tilt + lean), lean
 
 
@@ -69,25 +85,3 @@ def missing_share(tracked: TrackedFaces, pass_index: Int) -> Float:
         if inner > 0:
             share[pass_index == p] = 1.0 - (root.count[mine] - 2).sum() / inner
     return np.where(tracked.end_is_mixed, MIXED, np.clip(share, 0.02, 0.6))
-
-
-def smooth_size(s: Float, low: Float, step: Float, sigma: Float, missing: Float, counts: Float,
-                burred: Bool) -> tuple[Float, Float]:  # fmt: skip
-    """Root size and its slope along the edge at each frame (N,), all passes together.
-
-    Where a burr covers the root face's end (burred) the size is that of the course between its neighbours.
-    """
-    size, slope = np.full(s.shape, np.nan), np.full(s.shape, np.nan)
-    mine = np.flatnonzero(np.isfinite(s) & np.isfinite(low) & np.isfinite(sigma))
-    mine = mine[np.argsort(s[mine], kind="stable")]
-    ends = Ends(s[mine], low[mine], step[mine], sigma[mine], missing[mine], counts[mine])
-    end = fit_end(ends)
-    course = end.spline(s[mine])
-    off_course = contradicted(ends, course, s[mine])
-    course[off_course], _ = local_end(ends, s[mine][off_course])
-    size[mine] = course
-    bridged = np.flatnonzero(burred & (s > s[mine[0]]) & (s < s[mine[-1]]))
-    size[bridged], slope[bridged] = end.spline(s[bridged]), 0.0
-    ahead, behind = np.minimum(s[mine] + SLOPE_MM, s[mine[-1]]), np.maximum(s[mine] - SLOPE_MM, s[mine[0]])
-    slope[mine] = (end.spline(ahead) - end.spline(behind)) / np.maximum(ahead - behind, 1e-6)
-    return size, slope

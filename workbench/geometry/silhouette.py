@@ -1,0 +1,156 @@
+"""Where a face ends along the edge, when each frame knows it only to the step between two columns.
+
+A frame says that the end lies between its last return and the next column (the half-pixel rule), blurred by the
+frame's own noise. Frames that cut the face at other phases of the column step share what they know; frames that all cut
+it at the same phase know no more than one. Both follow from the likelihood of the frames in each short stretch of edge
+(docs/method.md, eq. (8)), and from how much of it the stretches around say again (eq. (9)): what is left is given to
+the one estimator, `geometry.course`, as a value with a variance (expectation propagation, eq. (10)).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.geometry.blocks import as_input
+from workbench.geometry.course import Course, fit_course
+from workbench.kernels import kernel
+from workbench.units import Bool, Float, Int
+
+STRAY = 0.01  # probability that a frame's last return tells nothing about the end
+MISSES = 6  # columns of the face that may have gone without return at its end
+CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
+GRID = 161  # places of the end about the course
+REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
+ROUNDS = 4
+UNSEEN_STEPS, UNSEEN_MM = 0.1, 20.0  # of a column step, over which the end may wave unseen
+CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
+SURE_SIGMAS = 5.0
+FAR_SIGMAS = 7.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ends:
+    """The last return on a face in each of n frames, counted from some place in the frame, mm."""
+
+    s: Float  # (n,) arc length, rising
+    low: Float  # (n,) the face reaches at least to here
+    step: Float  # (n,) the next column lies this much further; 0: `low` is a measured corner
+    sigma: Float  # (n,) noise of low
+    missing: Float  # (n,) probability that a column of the face is without return
+    weight: Float  # (n,) what the frame counts: below 1 where neighbours share their noise
+    fill: Float  # (n,) share of the last pixel that the face fills, by its brightness; NaN: not known
+    fill_sigma: Float  # (n,) its standard uncertainty
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EndCourse:
+    """The end along the edge."""
+
+    course: Course  # mm
+    s: Float  # (c,) middle of each stretch of edge, mm
+    contradicted: Bool  # (c,) most frames there say something else than the course
+
+
+def find_end(ends: Ends, first: Course, together_mm: float | None = None) -> EndCourse:
+    """The end along the edge; first: a course through the middles of the column steps; together_mm: as `fit_course`."""
+    length = max(float(ends.s[-1] - ends.s[0]), 1e-3)
+    cells = max(math.ceil(length / CELL_MM), min(LEAST_CELLS, ends.s.size // 3), 1)
+    cell = np.minimum((ends.s - ends.s[0]) / length * cells, cells - 1).astype(np.int64)
+    _, cell = np.unique(cell, return_inverse=True)
+    count = np.bincount(cell)
+    place = np.bincount(cell, ends.s) / count
+    silhouette = ends.step > 0
+    sigma = float(np.median(ends.sigma)) + 1e-6
+    step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
+    grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
+    least_walk = (UNSEEN_STEPS * step) ** 2 / UNSEEN_MM
+    course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
+    for _ in range(ROUNDS):
+        about = course.value(place)
+        logs = np.zeros((place.size, GRID))
+        low = ends.low - course.value(ends.s)
+        _add_up(as_input(cell), as_input(low), as_input(ends.step), as_input(ends.sigma), as_input(ends.missing),
+                as_input(ends.weight), as_input(ends.fill), as_input(ends.fill_sigma), grid, logs)  # fmt: skip
+        mean, variance = _sites(logs, grid, prior)
+        course = fit_course(place, about + mean, variance * _said_again(logs, grid), least_walk=least_walk,
+                            together_mm=together_mm)  # fmt: skip
+        prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
+    off = np.bincount(cell, _off_course(ends, course.value(ends.s))) / count
+    return EndCourse(course, place, off > CONTRADICTED)
+
+
+def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
+    """What each cell adds to a normal prior about 0 of standard deviation `prior` (c,): value and variance (c,)."""
+    mean, variance = _moments(logs - 0.5 * (grid[None, :] / prior[:, None]) ** 2, grid)
+    before = 1.0 / _moments(-0.5 * (grid[None, :] / prior[:, None]) ** 2, grid)[1]  # of the grid's finite width
+    added = np.maximum(1.0 / variance - before, 1e-3 * before)
+    return np.clip(mean / variance / added, grid[0], grid[-1]), 1.0 / added
+
+
+def _said_again(logs: Float, grid: Float) -> Float:
+    """Factor (c,) of each cell's variance by which the cells around say the same again, at least 1 (eq. (9)).
+
+    Independent cells know sqrt(k) times better together than alone; cells at one phase of the columns know no more.
+    """
+    alone = _moments(logs, grid)[1]
+    out = np.ones(len(logs))
+    total = np.concatenate([np.zeros((1, grid.size)), np.cumsum(logs, axis=0)])
+    number = np.arange(len(logs))
+    for cells in 2 ** np.arange(2, max(3, len(logs).bit_length() + 2)):
+        first, last = np.maximum(number - cells // 2, 0), np.minimum(number + cells // 2, len(logs))
+        together = _moments(total[last] - total[first], grid)[1]
+        out = np.maximum(out, (last - first) * together / alone)
+    return out
+
+
+def _moments(logs: Float, grid: Float) -> tuple[Float, Float]:
+    """Mean and variance (c,) of densities (c, g) over the grid."""
+    density = np.exp(logs - logs.max(axis=1, keepdims=True))
+    density /= density.sum(axis=1, keepdims=True)
+    mean = density @ grid
+    return mean, np.maximum(density @ grid**2 - mean**2, (0.3 * (grid[1] - grid[0])) ** 2)
+
+
+def _off_course(ends: Ends, about: Float) -> Float:
+    """1 for each frame that has its end columns away from the course, else 0."""
+    beyond = about > ends.low + 1.5 * ends.step + SURE_SIGMAS * ends.sigma
+    before = about < ends.low - 0.5 * ends.step - SURE_SIGMAS * ends.sigma
+    return np.asarray(beyond | before, dtype=float)
+
+
+@kernel
+def _add_up(cell: Int, low: Float, step: Float, sigma: Float, missing: Float, weight: Float, fill: Float,
+            fill_sigma: Float, grid: Float, out: Float) -> None:  # fmt: skip
+    """Add each frame's log-likelihood of an end at each place of the grid to the row of its cell (eq. (8))."""
+    for i in range(cell.size):
+        for g in range(grid.size):
+            end, s = grid[g], sigma[i]
+            if step[i] <= 0.0:
+                z = (low[i] - end) / s
+                chance = math.exp(-0.5 * z * z)
+            else:
+                chance, share = 0.0, 1.0 - missing[i]
+                below = _cdf((low[i] - end) / s)
+                for k in range(MISSES):
+                    b = (low[i] + (k + 1) * step[i] - end) / s
+                    above = _cdf(b)
+                    chance += share * (above - below)
+                    if b > FAR_SIGMAS:
+                        break
+                    below, share = above, share * missing[i]
+                if fill[i] == fill[i]:
+                    full = min(max((end - low[i]) / step[i] + 0.5, 0.0), 1.0)
+                    z = (fill[i] - full) / math.hypot(fill_sigma[i], s / step[i])
+                    chance *= math.exp(-0.5 * z * z) + STRAY
+            out[cell[i], g] += weight[i] * math.log(chance + STRAY)
+
+
+@kernel
+def _cdf(z: float) -> float:
+    """Standard normal distribution function."""
+    if abs(z) > FAR_SIGMAS:
+        return 1.0 if z > 0.0 else 0.0
+    return 0.5 * math.erfc(-z * 0.7071067811865476)

@@ -84,7 +84,7 @@ def columns_table(**columns: AnyArray) -> Any:
 
 def along_chart(arc_length_mm: Float, *series: tuple[str, Float, Float | None]) -> Any:
     """A matplotlib Figure: values (label, (n,), (n,) standard uncertainty or None) along the edge, U = 2 u a band."""
-    figure = _figure(len(series))
+    figure = chart(len(series))
     for k, (label, values, u) in enumerate(series, 1):
         axes = figure.add_subplot(len(series), 1, k)
         axes.plot(arc_length_mm, values, color=BLUE, linewidth=1.2)
@@ -96,7 +96,7 @@ def along_chart(arc_length_mm: Float, *series: tuple[str, Float, Float | None]) 
 
 def space_chart(*lines: tuple[str, Float]) -> Any:
     """A matplotlib Figure: curves (label, (n, 3)) in the base."""
-    figure = _figure(2)
+    figure = chart(2)
     axes = figure.add_subplot(projection="3d")
     for label, points in lines:
         axes.plot(*points.T, label=label, linewidth=1.2)
@@ -106,8 +106,8 @@ def space_chart(*lines: tuple[str, Float]) -> Any:
     return figure
 
 
-def _figure(rows: int) -> Any:
-    """A Figure that a notebook shows without any set-up."""
+def chart(rows: float = 1.0) -> Any:
+    """An empty matplotlib Figure, `rows` charts high, that a notebook shows without any set-up."""
     from matplotlib.figure import Figure
 
     class Shown(Figure):

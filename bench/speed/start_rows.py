@@ -1,8 +1,8 @@
 """Rows of the table about waiting: start-up, the first run after installing, reports, a part in a batch.
 
-All are processor seconds of the command and its children, so that other work on the machine counts little. Cold runs
-begin with an empty folder for kernels. `python -m bench.speed.start_rows --beside CHECKOUT` times another state of the
-project in turn.
+All are processor seconds of the command and its children, so that other work on the machine counts little. Set-up
+compiles the kernels; runs without it begin with an empty folder for them. `--beside CHECKOUT` of
+`python -m bench.speed.start_rows` times another state of the project in turn.
 """
 
 from __future__ import annotations
@@ -52,16 +52,19 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
 
             return emptied
 
-        yield _row("first inspection after installing, no kernels", sides, cold(run(inspect, *given)), repeats, 6)
-        yield _row("first closed loop after installing, no kernels", sides, cold(run(loop)), repeats, 25)
+        yield _row(
+            "first inspection without set-up, all kernels to compile", sides, cold(run(inspect, *given)), repeats
+        )
+        yield _row("first closed loop without set-up, all kernels to compile", sides, cold(run(loop)), repeats)
         for side in sides:  # all kernels are there from now on
             run(inspect, *given)(side)
         without = {side: [run(short, *given)(side) for _ in range(repeats)] for side in sides}
         yield _said("small part, new process, without report", sides, without, 1.0)
         whole = {side: [run(inspect, *given)(side) for _ in range(repeats)] for side in sides}
+        yield _said("first inspection after set-up, report included", sides, whole, 6)
         pages = {side: [statistics.median(whole[side]) - statistics.median(without[side])] for side in sides}
         yield _said("an inspection report", sides, pages, 1.0)
-        yield _row("closed loop, warm", sides, run(loop), repeats, 7)
+        yield _row("closed loop after set-up", sides, run(loop), repeats, 7)
         yield _row("a part in a batch, report included", sides, lambda side: _batch_part(side, folder), repeats, 1.2)
         for command in (("stages",), ("validate", inspect), ("schema",)):
             yield _row(
@@ -106,7 +109,7 @@ def _spent(side: Path, folder: Path, *arguments: str) -> float:
     return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-def _row(what: str, sides: list[Path], timed: Callable[[Path], float], repeats: int, goal: float) -> Row:
+def _row(what: str, sides: list[Path], timed: Callable[[Path], float], repeats: int, goal: float | None = None) -> Row:
     times: dict[Path, list[float]] = {side: [] for side in sides}
     for _ in range(repeats):
         for side in sides:
@@ -114,7 +117,7 @@ def _row(what: str, sides: list[Path], timed: Callable[[Path], float], repeats: 
     return _said(what, sides, times, goal)
 
 
-def _said(what: str, sides: list[Path], times: dict[Path, list[float]], goal: float) -> Row:
+def _said(what: str, sides: list[Path], times: dict[Path, list[float]], goal: float | None) -> Row:
     medians = [statistics.median(times[side]) for side in sides]
     other = f"{medians[1]:.2f} s" if len(medians) > 1 else ""
     return Row(f"{what}, processor time", f"{medians[0]:.2f} s", other, medians[0], "{:.2f} s", goal=goal, at_most=True)

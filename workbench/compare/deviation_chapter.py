@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import PurePath
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, refere
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:
     return [
-        ("Finding", summary.in_words), ("Scan", scan.source), ("Reference", reference.source),
+        ("Finding", summary.in_words), ("Scan", PurePath(scan.source).name), ("Reference", PurePath(reference.source).name),
         ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
         ("Mean", f"{summary.mean_mm:+.4f} mm"), ("Root mean square", f"{summary.rms_mm:.4f} mm"),
         ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
+
 from workbench.errors import InputError
 from workbench.stage import InputFile, stage
 from workbench.synthetic import read_recipe
@@ -9,13 +13,20 @@ from workbench.synthetic.workpiece import Workpiece
 
 
 @stage("twin.part")
-def part(*, recipe: InputFile) -> Workpiece:
+def part(
+    *,
+    recipe: InputFile,
+    part_id: Annotated[
+        str | None, Field(max_length=200, description="name of the part, instead of the recipe's")
+    ] = None,
+) -> Workpiece:
     """Put the raw part of a recipe on the table of the simulated cell (docs/simulation.md).
 
     The recipe also says which scanner looks at it, how the robot carries it, and what goes wrong.
 
     Args:
         recipe: a recipe as for `workbench simulate`, its part of the kind `raw`.
+        part_id: name of the part, for results and reports.
 
     Raises:
         InputError: the file is no recipe, or the recipe of a part that is milled already.
@@ -23,4 +34,4 @@ def part(*, recipe: InputFile) -> Workpiece:
     found = read_recipe(recipe)
     if found.part.kind != "raw":
         raise InputError(f"{recipe}: part.kind", f"'raw', a part that is still to be milled, not '{found.part.kind}'")
-    return Workpiece(found)
+    return Workpiece(found if part_id is None else found.model_copy(update={"part_id": part_id}))

@@ -40,7 +40,8 @@ def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, refere
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:
     return [
-        ("Finding", summary.in_words), ("Scan", PurePath(scan.source).name), ("Reference", PurePath(reference.source).name),
+        ("Finding", summary.in_words),
+        ("Scan", PurePath(scan.source).name), ("Reference", PurePath(reference.source).name),
         ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
         ("Mean", f"{summary.mean_mm:+.4f} mm"), ("Root mean square", f"{summary.rms_mm:.4f} mm"),
         ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),

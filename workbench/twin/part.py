@@ -16,9 +16,7 @@ from workbench.synthetic.workpiece import Workpiece
 def part(
     *,
     recipe: InputFile,
-    part_id: Annotated[
-        str | None, Field(max_length=200, description="name of the part, instead of the recipe's")
-    ] = None,
+    part_id: Annotated[str | None, Field(max_length=200, description="of the part; null: the recipe's")] = None,
 ) -> Workpiece:
     """Put the raw part of a recipe on the table of the simulated cell (docs/simulation.md).
 

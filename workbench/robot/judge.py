@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Judgement, ProgramMoves, Violation
-from workbench.robot.bounds import SAFE_MM, bounding_volumes, pair_bounds_mm
+from workbench.robot.bounds import SAFE_MM, pair_bounds_mm
 from workbench.robot.cell import Cell, turntable_margin
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.drive import Places, between, first_look, joined
-from workbench.robot.kinematics import forward_kinematics, joint_axes, motions
-from workbench.robot.margins import COVERAGE, dexterity
-from workbench.robot.shapes import ON_TURNTABLE
+from workbench.robot.kinematics import forward_kinematics, motions
+from workbench.robot.margins import dexterity
+from workbench.robot.pairs import Pairs
 from workbench.robot.surface import Planned, deviations
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
@@ -90,53 +90,9 @@ class _Findings:
     faults: list[tuple[int, float, str, str]] = field(default_factory=list)  # segment, share, kind, finding
 
 
-class _Pairs:
-    """Which joints move the bodies of each pair against each other, and how far they must keep apart."""
-
-    def __init__(self, cell: Cell) -> None:
-        self.cell, self.model, self.volumes = cell, CollisionModel(cell), bounding_volumes(cell)
-        pairs = np.array(self.model.pairs, int).reshape(-1, 2)
-        link = np.array([max(shape.link, 0) for shape in cell.shapes] or [0])[pairs]
-        on_table = link == ON_TURNTABLE
-        arm = np.where(on_table, 0, link)
-        low, high = arm.min(axis=1), arm.max(axis=1)
-        self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
-        self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
-        self.table = on_table.any(axis=1)
-        self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
-        self.least_mm = self._least(pairs)
-
-    def _least(self, pairs: Int) -> Float:
-        """The clearance (P,) and what tool and part may be off, coverage 2."""
-        margins, shapes = self.cell.margins, self.cell.shapes
-        around = self.volumes.around_mm if len(shapes) else np.zeros(0)
-        tool = np.array([shape.body in ("tool", "cutter") for shape in shapes])
-        part = np.array([not 0 <= shape.link <= 6 for shape in shapes])
-        flange = self.cell.chain.base_from_flange_at_zero[:3, 3]
-        lever = np.array([np.linalg.norm(shape.pose[:3, 3] - flange) for shape in shapes]) + around
-        lever = np.where(part, around, lever)
-        off = np.where(tool, np.hypot(margins.flange_mm, margins.flange_rad * lever), 0.0)
-        off = np.where(part, np.hypot(margins.part_mm, margins.part_rad * lever), off)
-        two = off[pairs]
-        return np.asarray(self.cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
-
-    def moved_mm(self, places: Places, reach: Float, middles: Float) -> Float:
-        """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
-        axes, points = joint_axes(self.cell.chain, places.joints)
-        arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
-        radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
-        way = np.einsum("nip,pi,ni->np", radius[:, :, self.outer], self.joints.astype(float), reach[:, :6])
-        if self.table.any():
-            pose = turntable_pose(self.cell, 0.0)
-            from_axis = np.linalg.norm(np.cross(middles - pose[:3, 3], pose[:3, 2]), axis=-1) + self.volumes.around_mm
-            way += np.where(self.table, from_axis[:, self.standing] * reach[:, 6:], 0.0)
-        slack = 1 - reach.sum(axis=1, keepdims=True)
-        return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
-
-
 def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings:
     """Halve every stretch until it is proven, or found to be at fault."""
-    pairs = _Pairs(cell)
+    pairs = Pairs(cell)
     found.places.append(places)
     before, after = places.at(np.arange(len(places) - 1)), places.at(np.arange(1, len(places)))
     for turn in range(ROUNDS):
@@ -151,7 +107,7 @@ def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings
     return found
 
 
-def _stretches(cell: Cell, way: Way, pairs: _Pairs, before: Places, middle: Places, after: Places, found: _Findings, *,
+def _stretches(cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Places, after: Places, found: _Findings, *,
                last: bool) -> Bool:  # fmt: skip
     """Which stretches (n,) stay open; faults are noted."""
     open_, closed = np.zeros(len(middle), bool), np.zeros(len(middle), bool)
@@ -228,7 +184,7 @@ def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
             f"{np.degrees(cell.margins.limit):g} deg")  # fmt: skip
 
 
-def _collisions(pairs: _Pairs, places: Places, reach: Float, tiny: Bool,
+def _collisions(pairs: Pairs, places: Places, reach: Float, tiny: Bool,
                 found: _Findings) -> tuple[Bool, Int, Float, Int]:  # fmt: skip
     """Which stretches stay open, the pair that is too near or -1, the least distance and its pair (n,) each."""
     n, shape = len(places), (len(places),)
@@ -236,7 +192,7 @@ def _collisions(pairs: _Pairs, places: Places, reach: Float, tiny: Bool,
     if not len(pairs.model.pairs) or not n:
         return open_, hit, np.full(n, np.inf), np.full(n, -1)
     apart, middles = pair_bounds_mm(pairs.cell, pairs.volumes, places.joints, places.turntable)
-    moved = pairs.moved_mm(places, reach, middles)
+    moved = pairs.moved_mm(places.joints, reach, middles)
     need = pairs.least_mm + SAFE_MM
     doubtful = apart - moved <= need
     rows = np.flatnonzero(doubtful.any(axis=1))
@@ -264,7 +220,7 @@ def _collisions(pairs: _Pairs, places: Places, reach: Float, tiny: Bool,
     return open_, hit, least, np.where(hit >= 0, hit, pair)
 
 
-def _collision_finding(pairs: _Pairs, hit: int, distance: float) -> str:
+def _collision_finding(pairs: Pairs, hit: int, distance: float) -> str:
     a, b = pairs.model.names(*pairs.model.pairs[hit])
     need = float(pairs.least_mm[hit])
     how = f"{a} runs into {b}" if distance <= 0 else f"{a} comes within {distance:.2f} mm of {b}"

@@ -67,3 +67,17 @@ def dexterity(chain: Chain, joints: Float, tip_mm: Float, twist: Float) -> tuple
         regular = np.flatnonzero(condition < REGULAR)
         asked[regular] = np.abs(np.linalg.inv(j[regular])) @ (twist / scale)
     return wrist_angles(axes), condition, asked
+
+
+def joint_reach(chain: Chain, joints: Float, tip_mm: Float, far_mm: float, turn: float) -> Float:
+    """How far each joint (n, 6) turns, to first order, while the tip (n, 3) moves by `far_mm`, the tool by `turn`."""
+    axes, points = joint_axes(chain, joints)
+    scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
+    j = jacobian_at(axes, points, tip_mm) / scale[:, None]
+    found = np.full((len(joints), 6), np.inf)
+    regular = np.isfinite(j).all(axis=(1, 2))
+    regular[regular] = np.abs(np.linalg.det(j[regular])) > 1.0 / REGULAR
+    inverse = np.linalg.inv(j[regular])
+    by_place, by_turn = (np.linalg.norm(part, axis=2) for part in (inverse[..., :3], inverse[..., 3:]))
+    found[regular] = by_place * far_mm / scale[0] + by_turn * turn
+    return found

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from workbench.robot.bounds import SAFE_MM, bounding_volumes, clearance_bound_mm, near_pairs
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import motions
-from workbench.units import Float, Int
+from workbench.robot.pairs import Pairs
+from workbench.units import Bool, Float, Int
 
 FREE = -1
 
@@ -35,6 +38,14 @@ class CollisionScreen:
         for i, n in enumerate(open_.tolist()):
             found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
         return found
+
+    @functools.cached_property
+    def _pairs(self) -> Pairs:
+        return Pairs(self.cell)
+
+    def proven(self, joints: Float, turntable: Float, tip_mm: Float, far_mm: float, turn: float) -> Bool:
+        """Which postures (n, 6), (n,) are free with all that are so near them; see `Pairs.proven`."""
+        return self._pairs.proven(joints, turntable, tip_mm, far_mm, turn)
 
     def pair(self, hit: int) -> tuple[str, str]:
         """Names of the bodies of a hit."""

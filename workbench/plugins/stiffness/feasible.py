@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,14 @@ from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
 FREE, SINGULAR, LIMIT, UNREACHABLE, COLLISION = range(5)
+SOLVED, SAMPLED, EVERY_POINT, PROVEN = range(4)
+JUDGED = (
+    "solved",
+    "sampled",
+    "every point",
+    "proven",
+)  # by joint angles alone; at some points; at all; between them too
+NEAR_MM, LEVER_MM, MOST_MIDDLES = 12.0, 150.0, 60  # of points that are judged together; what a turn counts
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 
@@ -36,6 +45,7 @@ class Verdicts:
     cause: Int  # (c,) index into CAUSES
     hit: Int  # (c,) pair of bodies that collides, or -1
     flip: Int  # (c,) of the wrist, where it is free
+    how: Int  # (c,) index into JUDGED
 
 
 class Examiner:
@@ -71,7 +81,50 @@ class Examiner:
                 better = (found == FREE) | (found == COLLISION) | ((found == SINGULAR) & (cause[todo] == LIMIT))
                 cause[todo[better]], hit[todo[better]], flips[todo[better]] = found[better], hits[better], flip
         hit[cause == FREE] = -1
-        return Verdicts(cause, hit, flips)
+        return Verdicts(cause, hit, flips, np.full(count, SAMPLED))
+
+    @functools.cached_property
+    def _middles(self) -> tuple[Int, float, float]:
+        """Points of the path (k,) near which all its points lie, and how near: mm and rad."""
+        poses = self.points.base_from_point
+        there = np.hstack([poses[:, :3, 3], LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
+        chosen, away = [0], np.linalg.norm(there - there[0], axis=1)
+        while away.max() > NEAR_MM and len(chosen) < MOST_MIDDLES:
+            chosen.append(int(away.argmax()))
+            away = np.minimum(away, np.linalg.norm(there - there[chosen[-1]], axis=1))
+        nearest = np.argmin(np.linalg.norm(there[:, None] - there[chosen], axis=2), axis=1)
+        middle = poses[np.array(chosen)[nearest]]
+        far = np.linalg.norm(poses[:, :3, 3] - middle[:, :3, 3], axis=1).max()
+        cosine = (np.einsum("nij,nij->n", poses[:, :3, :3], middle[:, :3, :3]) - 1) / 2
+        turn = float(np.arccos(np.clip(cosine, -1, 1)).max())
+        reach = self.points.point_from_tip[:3, 3]
+        return np.array(chosen), float(far + turn * np.linalg.norm(reach)), turn
+
+    def confirm(self, branch: Int, flip: Int, rotation: Float, table: Float) -> Verdicts:
+        """Verdicts on cells (c,) that are free where they were sampled: all points of the path, and what lies between.
+
+        All points lie near some middle points. Where the bodies cannot meet for anything that the joints may do within
+        that nearness, the cell is proven; else it is judged at every point.
+        """
+        at, far_mm, turn = self._middles
+        count = len(branch)
+        cause, hit, how = np.full(count, FREE), np.full(count, -1), np.full(count, PROVEN)
+        flange = flange_poses(self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)),
+                              np.repeat(table, len(at))).reshape(count, len(at), 4, 4)  # fmt: skip
+        joints = np.empty((count, len(at), 6))
+        for which, wrist in {(int(b), int(f)) for b, f in zip(branch, flip, strict=True)}:
+            some = (branch == which) & (flip == wrist)
+            found = Configuration(which, wrist).joints(self.arm, flange[some].reshape(-1, 4, 4))
+            joints[some] = found.reshape(-1, len(at), 6)
+        flat = joints.reshape(-1, 6)
+        tip = (flange.reshape(-1, 4, 4) @ self.cell.flange_from_cutter)[:, :3, 3]
+        proven = self.screen.proven(flat, np.repeat(table, len(at)), tip, far_mm, turn).reshape(count, -1).all(axis=1)
+        for i in np.flatnonzero(~proven).tolist():
+            n = len(self.points.layer)
+            _, cause[i], hit[i] = self.along(Configuration(int(branch[i]), int(flip[i])), np.full(n, rotation[i]),
+                                             np.full(n, table[i]))  # fmt: skip
+            how[i] = EVERY_POINT
+        return Verdicts(cause, hit, flip, how)
 
     def along(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.api import DEG, AnyArray, Float, PostureFile, Postures
-from workbench.plugins.stiffness.feasible import CAUSES
+from workbench.plugins.stiffness.feasible import CAUSES, JUDGED
 from workbench.plugins.stiffness.search import PostureMap
 from workbench.plugins.stiffness.standing import Case, Found
 
@@ -76,6 +76,7 @@ def _map(over: PostureMap) -> dict[str, Any]:
         "turntable_deg": _rounded(over.tables / DEG, 6),
         "mean_displacement_mm": _rounded(over.mean_mm, 6),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
+        "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],
         "collision_pairs": [list(pair) for pair in over.pairs],
         "collision_pair": [[None if i < 0 else i for i in row] for row in over.pair.tolist()],
     }

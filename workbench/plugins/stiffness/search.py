@@ -7,10 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import Float, InputError, Int
-from workbench.plugins.stiffness.feasible import CAUSES, COLLISION, FREE, UNREACHABLE, Configuration, Examiner
+from workbench.plugins.stiffness.feasible import (
+    CAUSES,
+    COLLISION,
+    EVERY_POINT,
+    FREE,
+    SOLVED,
+    UNREACHABLE,
+    Configuration,
+    Examiner,
+)
 from workbench.plugins.stiffness.traversal import Traversal, spread
 
 JUDGED_AT = 16  # points of the path at which a cell of the map is examined; the chosen one is at all
+MOST_CONFIRMED = 1500  # free cells that are looked at along the whole path, the best first: about 20 s
 FIRST_CHUNK, LARGEST_CHUNK = 64, 2048
 
 
@@ -36,6 +46,7 @@ class PostureMap:
     cause: Int  # (t, a) index into `feasible.CAUSES`
     pair: Int  # (t, a) index into `pairs`, -1: no collision
     pairs: tuple[tuple[str, str], ...]
+    how: Int  # (t, a) index into `feasible.JUDGED`
     without_collision_mm: Float  # (t, a)
 
 
@@ -43,20 +54,27 @@ def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Cho
     """Cells in the order of their mean displacement, each examined until one is free at every point of the path.
 
     All better cells are proven infeasible, so the choice is the optimum of the grid. `whole_map`: the others are
-    examined too; without it they count as infeasible by collision only where that was found.
+    examined too; without it they count as infeasible by collision only where that was found. The best MOST_CONFIRMED
+    free cells are judged along the whole path, the others at JUDGED_AT points of it: the map says which (`how`).
 
     Raises:
         InputError: no cell is free; the line says what stands in the way.
     """
     state = _State(grid)
     ranked = grid.ranked
-    choice, start, size = None, 0, FIRST_CHUNK
+    choice, start, size, confirmed = None, 0, FIRST_CHUNK, 0
     at = spread(np.arange(len(examiner.points.layer)), JUDGED_AT)
     while start < len(ranked) and (whole_map or choice is None):
         flat = state.still_open(ranked[start : start + size])
         branch, table, rotation = np.unravel_index(flat, grid.said.shape)
         verdicts = examiner.examine(branch, grid.rotations[rotation], grid.tables[table], at)
-        state.note(flat, verdicts.cause, verdicts.hit)
+        free = np.flatnonzero(verdicts.cause == FREE)[: MOST_CONFIRMED - confirmed]
+        confirmed += len(free)
+        if len(free):
+            sure = examiner.confirm(branch[free], verdicts.flip[free], grid.rotations[rotation[free]],
+                                    grid.tables[table[free]])  # fmt: skip
+            verdicts.cause[free], verdicts.hit[free], verdicts.how[free] = sure.cause, sure.hit, sure.how
+        state.note(flat, verdicts.cause, verdicts.hit, verdicts.how)
         for i in np.flatnonzero(verdicts.cause == FREE) if choice is None else ():
             choice = _tried(examiner, grid, int(flat[i]), int(verdicts.flip[i]), state)
             if choice is not None:
@@ -79,7 +97,7 @@ def _tried(examiner: Examiner, grid: Traversal, flat: int, flip: int, state: _St
         if cause == FREE:
             mean = float(grid.mean_mm[branch, table, rotation])
             return Choice(float(at[0]), float(at[1]), configuration, joints, mean, state.examined)
-    state.note(np.array([flat]), np.array([cause]), np.array([hit]))
+    state.note(np.array([flat]), np.array([cause]), np.array([hit]), np.array([EVERY_POINT]))
     return None
 
 
@@ -89,6 +107,7 @@ class _State:
     def __init__(self, grid: Traversal) -> None:
         self.grid, self.cause = grid, grid.said.astype(np.int64).reshape(-1)
         self.hit = np.full(self.cause.shape, -1)
+        self.how = np.full(self.cause.shape, SOLVED)
         self.settled = np.zeros(grid.said[0].size, bool)  # a branch of it is free
         self.examined = 0
 
@@ -96,8 +115,8 @@ class _State:
         """Without those whose cell is free in a better branch."""
         return flat[~self.settled[flat % len(self.settled)]]
 
-    def note(self, flat: Int, cause: Int, hit: Int) -> None:
-        self.cause[flat], self.hit[flat] = cause, hit
+    def note(self, flat: Int, cause: Int, hit: Int, how: Int) -> None:
+        self.cause[flat], self.hit[flat], self.how[flat] = cause, hit, how
         self.settled[flat % len(self.settled)] = False
         self.settled[(flat % len(self.settled))[cause == FREE]] = True
         self.examined += len(flat)
@@ -105,11 +124,11 @@ class _State:
     def map(self, examiner: Examiner) -> PostureMap:
         """The best free branch of each cell, or the cause of the branch that came farthest."""
         shape = self.grid.said.shape
-        cause, hit = self.cause.reshape(shape), self.hit.reshape(shape)
+        cause, hit, how = self.cause.reshape(shape), self.hit.reshape(shape), self.how.reshape(shape)
         mean = np.where(cause == FREE, self.grid.mean_mm, np.inf)
         far = np.where(cause == COLLISION, -1, cause)  # nearest to free: collision, then singular, limit, unreachable
         which = np.where(np.isfinite(mean).any(axis=0), mean.argmin(axis=0), far.argmin(axis=0))[None]
-        best = [np.take_along_axis(part, which, axis=0)[0].T for part in (mean, cause, hit)]
+        best = [np.take_along_axis(part, which, axis=0)[0].T for part in (mean, cause, hit, how)]
         solved = np.where(self.grid.said == FREE, self.grid.mean_mm, np.inf).min(axis=0).T
         used = [int(i) for i in np.unique(best[2]) if i >= 0]
         number = {hit: i for i, hit in enumerate(used)}
@@ -117,7 +136,7 @@ class _State:
             rotations=self.grid.rotations, tables=self.grid.tables, mean_mm=np.where(best[1] == FREE, best[0], np.nan),
             cause=best[1], pair=np.vectorize(lambda i: number.get(int(i), -1), otypes=[int])(best[2]),
             pairs=tuple(examiner.screen.pair(i) for i in used),
-            without_collision_mm=np.where(np.isfinite(solved), solved, np.nan),
+            how=best[3], without_collision_mm=np.where(np.isfinite(solved), solved, np.nan),
         )  # fmt: skip
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
+from dataclasses import replace
 from html import escape
 
 import numpy as np
 
-from workbench.api import DEG, Chapter, Recording, rpy_from_rotation, stage
+from workbench.api import DEG, Chapter, Part, Recording, rpy_from_rotation, stage
 from workbench.plugins.calibration import pictures
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
 
@@ -44,11 +45,17 @@ def report(
     ]
     return Chapter(
         title="Hand-eye calibration", html="\n".join(parts),
-        part=recording.part,
+        part=_named(recording),
         summary=f"Predicted error over the field of view {calibration.volume_u_mm:.3f} mm (1 u), from "
                 f"{int(calibration.used.sum())} of {len(calibration.used)} postures.",
         warnings=calibration.warnings,
     )  # fmt: skip
+
+
+def _named(recording: Recording) -> Part:
+    """The recording's part; a sphere without a name by its size."""
+    part = recording.part
+    return part if part.part_id else replace(part, part_id=f"Sphere of {recording.sphere_diameter_mm:g} mm")
 
 
 def _answer(found: Calibration) -> str:

@@ -90,7 +90,6 @@ class ProgramJob:
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",
                 f"within {moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g} deg",
                 "Check tool, load and work object before the first run.",
-                "The spindle is not started here.",
             )
         )
 

@@ -6,7 +6,7 @@ from scripts.site.commands import ROOT, blocks, follow, lay_out
 
 PAGES = sorted((ROOT / "docs/howto").glob("*.md"))
 HEAVY = {"calibrate", "plugin", "read_the_report"}  # an inspection with its pictures
-EXAMPLE = ROOT / "docs/examples/welding"
+EXAMPLES = (ROOT / "docs/examples/welding", ROOT / "workbench/program")
 QUOTED = {"python": "*.py", "toml": "pyproject.toml", "json": "*.json"}
 
 
@@ -21,4 +21,4 @@ def test_every_command_runs_and_prints_what_the_page_says(page, tmp_path):
 def test_code_that_is_quoted_is_the_examples(page):
     for language, text in blocks(page.read_text()):
         if pattern := QUOTED.get(language):
-            assert any(text in file.read_text() for file in EXAMPLE.rglob(pattern)), text
+            assert any(text in file.read_text() for folder in EXAMPLES for file in folder.rglob(pattern)), text

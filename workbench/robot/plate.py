@@ -56,5 +56,6 @@ def plate(
     pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
     body = scanned(points, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, cloud.source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
+    unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
-    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=())
+    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen)

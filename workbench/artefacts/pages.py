@@ -71,7 +71,7 @@ class Chapter:
     html: str
     verdict: Verdict | Literal[""] = ""  # '': the chapter decides nothing
     summary: str = ""  # one line for the top of the page, plain text
-    part: Part | None = None  # that it is about
+    part: Part | str | None = None  # that it is about, or its name alone
     warnings: tuple[str, ...] = ()
     scene: Scene | None = None
     certificate: str = ""  # HTML of the first page, above the signature: one A4 side with the part's identity

@@ -46,7 +46,8 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
 def _parts(chapters: Sequence[Chapter]) -> list[Part]:
     """The parts that the chapters are about; that of the certificate first."""
     ranked = sorted(chapters, key=lambda chapter: not chapter.certificate)
-    return list(dict.fromkeys(chapter.part for chapter in ranked if chapter.part is not None))
+    named = (chapter.part for chapter in ranked if chapter.part)
+    return list(dict.fromkeys(Part(part_id=part) if isinstance(part, str) else part for part in named))
 
 
 def _heading(parts: Sequence[Part], provenance: Provenance | None) -> str:

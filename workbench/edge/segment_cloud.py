@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, Edge, MilledEdge, PointSet
+from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, RawEdge
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
@@ -50,7 +50,7 @@ def segment_cloud(
         Field(description="a raw edge's: direction from the plate's lower to its upper surface; null: a milled edge"),
     ] = None,
     use_order: Annotated[bool, Field(description="look for scan lines in the order of the points")] = True,
-) -> tuple[Cloud, Edge]:
+) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
 
     The cloud becomes an organised one, and the edge is then that of `edge.segment` (`edge.segment_raw` where

@@ -22,7 +22,7 @@ from workbench.units import Float
 
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
-EXPLAINED = 1.0 / 3.0  # share of the twist that a better reading may leave
+EXPLAINED = 0.2  # share of the twist that a better reading may leave
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -80,7 +80,7 @@ def consistent_conventions(
     """The readings of poses and hand-eye under which neighbouring profiles agree, the likeliest first.
 
     The recording as it is read is among those tried, as `AS_READ`. A reading counts if the laser plane is then within
-    `most_deg` of square to the edge, and the orientations explain how the section turns, to half a degree or a third of
+    `most_deg` of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a fifth of
     what they leave as read. A single straight pass in one orientation can agree with several.
 
     Args:
@@ -262,6 +262,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
     yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
+    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order?"
+    yield check("wiggle_mm", now.wiggle_mm, told, given=given)
     yield from _pass_check(recording, found, hand_eye, given)
     offset = clock_offset(
         found, lambda number, shift: _poses(recording, {number: found[number]}, hand_eye, AS_READ, shift)[number]

@@ -21,7 +21,7 @@ class Limit:
 
 
 LIMITS: dict[str, Limit] = {
-    "view_width_mm": Limit((3.0, 3000.0), "width of all that the profiles show", "profilers for edges see 3 mm to 3 m"),
+    "view_width_mm": Limit((6.0, 3000.0), "width of all that the profiles show", "profilers for edges see 7 mm to 3 m"),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
     "reach_mm": Limit(
         (250.0, 30_000.0), "greatest distance of the flange from the robot's base",
@@ -71,8 +71,12 @@ LIMITS: dict[str, Limit] = {
         "plates are not twisted by more; wrong orientations turn the section with the wrist",
     ),
     "convention_twist_deg": Limit(
-        0.75, "the same, where another reading of the orientations explains two thirds of it",
+        1.2, "the same, where another reading of the orientations explains four fifths of it",
         "a plate does not happen to be twisted as a known mistake would show it",
+    ),
+    "wiggle_mm": Limit(
+        0.3, "standard deviation of the edge's way through the base from a smooth one, from profile to profile",
+        "robots and edges are smoother; frames out of order and poses that jump are not",
     ),
     "pass_disagreement_mm": Limit(
         0.6, "distance of a face as one pass saw it from where the next saw it",

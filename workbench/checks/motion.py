@@ -25,6 +25,7 @@ class Consistency:
     obliquity_deg: float  # between the laser plane's normal and the edge, the worst pass's median
     varies_deg: float  # of that angle within a pass: half of its middle nine tenths
     twist_deg: float  # greatest turn of the section about the edge that the poses do not explain
+    wiggle_mm: float  # robust standard deviation of a place from the straight line through the two beside it
     way_mm: float  # of the edge, all passes
 
 
@@ -38,12 +39,14 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 4)
-    angle, spread, twist, way = (np.array(column) for column in zip(*found, strict=True))
-    return Consistency(float(angle.max()), float(spread.max()), float(twist.max()), float(way.sum()))
+        return Consistency(*[float("nan")] * 5)
+    angle, spread, twist, wiggle, way = (np.array(column) for column in zip(*found, strict=True))
+    return Consistency(
+        float(angle.max()), float(spread.max()), float(twist.max()), float(wiggle.max()), float(way.sum())
+    )
 
 
-def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float] | None:
+def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float, float] | None:
     point, turn, stretch = chain.track()
     place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
     length, tangent, oblique = way_of(place, stretch, pose)
@@ -56,8 +59,21 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float] | N
         float(np.median(oblique[here])),
         float(high - low) / 2.0,
         _twist(across, tangent, stretch, chain.turn_u),
+        _wiggle(place, stretch),
         length,
     )
+
+
+def _wiggle(place: Float, stretch: Int) -> float:
+    """Robust standard deviation of a place from the straight line through the two beside it, mm."""
+    together = stretch[2:] == stretch[:-2]
+    before, here, after = place[:-2][together], place[1:-1][together], place[2:][together]
+    if len(here) < LEAST_STRETCH:
+        return 0.0
+    chord, off = after - before, here - before
+    size = np.maximum(np.linalg.norm(chord, axis=1), LEAST_MM)
+    aside = np.linalg.norm(np.cross(off, chord), axis=1) / size
+    return float(np.median(aside)) / 1.1774 / math.sqrt(1.5)  # of two normal numbers, of a place less the mean of two
 
 
 def section_turns(chain: Chain, pose: Float) -> Float | None:

@@ -100,11 +100,12 @@ def _on_grid(x: Float, z: Float, at: Float) -> Float:
     return np.asarray(made)
 
 
-def _registered(surface: Float, at: Float, frames: Int) -> Chain:
+def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     """Each row of `surface` (k, GRID) laid on the one before, all pairs at once."""
     pitch = at[1] - at[0]
-    with np.errstate(invalid="ignore"):
-        z0 = float(np.nanmedian(surface))
+    if not np.isfinite(surface).any():
+        return None
+    z0 = float(np.nanmedian(surface))
     x0 = float(at[GRID // 2])
     before, after = surface[:-1], surface[1:]
     slope = _slopes(before, pitch)

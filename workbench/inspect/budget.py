@@ -10,6 +10,8 @@ from workbench.units import DEG, Float
 NOT_INCLUDED = (
     "Errors of scale and linearity of the profile sensor: its calibration certificate states them.",
     "Position errors of the robot that do not scatter within a pass, such as those of its kinematic calibration.",
+    "Turns of the laser plane within 20 deg, and scales of the robot's travel, that a straight pass in one orientation "
+    "does not show (checks).",
     "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
     "A burr in the plane of the root face, or returns lost at its end, along the whole edge: no frame shows them "
     "(declare them by edge.segment.end_u_mm).",

@@ -15,7 +15,13 @@ from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
-from workbench.path.refusals import refuse_allowance, refuse_cutter, refuse_partial_view, refuse_requirement
+from workbench.path.refusals import (
+    refuse_allowance,
+    refuse_cutter,
+    refuse_partial_view,
+    refuse_requirement,
+    refuse_small_root,
+)
 from workbench.path.section import Bevel, bevel_of, layer_heights, raised
 from workbench.stage import stage
 from workbench.units import Bool, Float
@@ -91,6 +97,7 @@ def layers(
     course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
+    refuse_small_root(edge, bevel)
     refuse_allowance(course, at, bevel, finish_allowance_mm, depth_of_cut_mm)
     cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
     refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import Cutter, Edge
+from workbench.artefacts import Cutter, Edge, RawEdge
 from workbench.errors import InputError
 from workbench.path.course import Course
 from workbench.path.plan import stretch_factor
@@ -12,6 +12,8 @@ from workbench.path.section import LEAST_DEPTH_MM, Bevel
 from workbench.units import Bool, Float
 
 LEAST_STRETCH = 0.02  # of the axis' course per length of edge
+LEAST_ROOT_MM = 0.05  # to which good robots repeat
+SMALL_ROOT = 3.0  # expanded uncertainties of the lower edge across it
 LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
 
 
@@ -37,6 +39,14 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
                          f"length {s[flat]:.1f} mm")  # fmt: skip
     if bevel.height_mm(course.upper_mm)[at].max() <= LEAST_DEPTH_MM:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
+
+
+def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
+    """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
+    known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))
+    if bevel.root_mm < known_mm:
+        raise InputError("root_mm", f"{bevel.root_mm:g} mm of root is less than the {known_mm:.3g} mm to which edge "
+                         "and robot are known: is it in another unit?")  # fmt: skip
 
 
 def refuse_allowance(course: Course, at: Bool, bevel: Bevel, allowance_mm: float, depth_of_cut_mm: float) -> None:

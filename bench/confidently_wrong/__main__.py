@@ -1,0 +1,150 @@
+"""`python -m bench.confidently_wrong --parts 20 --plans 10 --good 40`: the table of docs/confidently_wrong.md."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from bench.confidently_wrong.kinds import KINDS, Kind
+from bench.metrology.part import inspect_as_a_user
+from bench.metrology.planning.part import plan_as_a_user
+from workbench.artefacts import Recording
+from workbench.checks import judge_recording
+from workbench.errors import WorkbenchError
+from workbench.inspect import gate
+from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS
+from workbench.units import Float
+
+SEED = 2_000_000  # from here on; not used for developing
+INSPECTED = ("straight", "arc", "oblique", "two_pass", "robot_error")
+PLANNED = ("raw_straight", "raw_arc", "raw_two_pass")
+CLASSES = ("right", "honest", "refused, right suspicion", "refused, other suspicion", "confidently wrong", "crashed")
+FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
+HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
+PATH_MM = 0.5  # off the true edge by less than robots err
+PAGE = Path(__file__).parents[2] / "docs" / "confidently_wrong.md"
+
+
+class NoClock:
+    """Nobody looks at the time."""
+
+    def lap(self, name: str) -> None:
+        """Nothing."""
+
+
+def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
+    """The class of an inspection."""
+    try:
+        inspection = inspect_as_a_user(recording, truth)
+        gate(inspection)
+    except WorkbenchError as error:
+        return _refused(str(error), kind)
+    except Exception:
+        return "crashed"
+    told = [s for s in inspection.sections if s.root_mm is not None]
+    count = len(inspection.sections)
+    share = np.array([(s.index - 0.5) / count for s in told])
+    wrong = min(_wrong(told, truth, share), _wrong(told, truth, 1.0 - share))
+    if wrong > 2:
+        return "confidently wrong"
+    vague = [s for s in told if s.root_u_mm > HONEST_MM or s.bevel_u_deg > HONEST_DEG]
+    return "honest" if len(told) - len(vague) < count / 2 else "right"
+
+
+def _wrong(told: list, truth: Truth, share: Float) -> int:
+    """How many sections are off the truth at their share of the seen edge by more than 3 u."""
+    seen = truth.arc_length_mm[truth.seen]
+    at = seen[0] + share * (seen[-1] - seen[0])
+    root = np.interp(at, truth.arc_length_mm, truth.root_mm)
+    bevel = np.interp(at, truth.arc_length_mm, truth.bevel_deg)
+    return sum(
+        abs(s.root_mm - r) > max(3 * s.root_u_mm, FLOOR_MM) or abs(s.bevel_deg - b) > max(3 * s.bevel_u_deg, FLOOR_DEG)
+        for s, r, b in zip(told, root, bevel, strict=True)
+    )
+
+
+def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
+    """The class of a plan: wrong if a path passes its check although it lies off the true edge."""
+    try:
+        edge, _, decision = plan_as_a_user(recording, truth, NoClock())
+    except WorkbenchError as error:
+        return _refused(str(error), kind)
+    except Exception:
+        return "crashed"
+    if not decision.passed:
+        return "honest"
+    place = edge.position_mm[np.isfinite(edge.position_mm[:, 0])]
+    apart = np.array([np.linalg.norm(truth.position_mm - p, axis=1).min() for p in place[:: max(1, len(place) // 50)]])
+    off = float(np.median(apart))
+    return "right" if off < PATH_MM else "confidently wrong"
+
+
+def _refused(message: str, kind: Kind) -> str:
+    return f"refused, {'right' if any(word in message for word in kind.words) else 'other'} suspicion"
+
+
+def main() -> None:
+    """Run the study and print its table; `--docs` writes the page."""
+    parser = argparse.ArgumentParser(prog="python -m bench.confidently_wrong")
+    parser.add_argument("--parts", type=int, default=20, help="inspected parts a kind")
+    parser.add_argument("--plans", type=int, default=10, help="planned parts a kind")
+    parser.add_argument("--good", type=int, default=30, help="good recordings a condition, for false refusals")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--docs", action="store_true", help="write docs/confidently_wrong.md")
+    chosen = parser.parse_args()
+    lines = [
+        f"`python -m bench.confidently_wrong --parts {chosen.parts} --plans {chosen.plans} --good {chosen.good}`",
+        "",
+    ]
+    for what, judge, conditions, count in (
+        ("Inspection", inspected, INSPECTED, chosen.parts), ("Planning", planned, PLANNED, chosen.plans),
+    ):  # fmt: skip
+        lines += [f"### {what}", "", *_table(judge, conditions, count, chosen.seed), ""]
+    lines += _false_refusals(chosen.good, chosen.seed)
+    print("\n".join(lines))
+    if chosen.docs:
+        _write(lines)
+
+
+def _table(judge, conditions, count: int, seed: int) -> list[str]:
+    rows = [f"| corruption | {' | '.join(CLASSES)} |", "|" + " --- |" * (len(CLASSES) + 1)]
+    parts = [simulate_recording(random_recipe(conditions[k % len(conditions)], seed + k)) for k in range(count)]
+    total: Counter[str] = Counter()
+    for name, kind in KINDS.items():
+        found = Counter(
+            judge(kind.spoil(recording, np.random.default_rng([seed, k])), truth, kind)
+            for k, (recording, truth) in enumerate(parts)
+        )
+        total += found if name != "nothing" else Counter()
+        rows.append(f"| {name} | {' | '.join(str(found[one] or '') for one in CLASSES)} |")
+        print(rows[-1], flush=True)
+    return [*rows, f"| all but nothing | {' | '.join(str(total[one]) for one in CLASSES)} |"]
+
+
+def _false_refusals(count: int, seed: int) -> list[str]:
+    failed, recordings = [], 0
+    for condition in [*CONDITIONS, *RAW_CONDITIONS]:
+        for k in range(count):
+            recording, _ = simulate_recording(random_recipe(condition, seed + 500 + k))
+            recordings += 1
+            failed += [f"{condition} {seed + 500 + k}: {c.name}" for c in judge_recording(recording) if not c.passed]
+    return [
+        "### False refusals", "",
+        f"{len(failed)} of {recordings} good recordings under all named conditions fail a check of the recording"
+        + (f": {'; '.join(failed[:20])}." if failed else "."),
+    ]  # fmt: skip
+
+
+def _write(lines: list[str]) -> None:
+    begin, end = "<!-- tables: begin -->\n", "<!-- tables: end -->"
+    page = PAGE.read_text()
+    first, last = page.index(begin) + len(begin), page.index(end)
+    PAGE.write_text(page[:first] + "\n".join(lines) + "\n" + page[last:])
+
+
+if __name__ == "__main__":
+    main()

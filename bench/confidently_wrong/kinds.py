@@ -1,0 +1,249 @@
+"""Kinds of corruption: what equipment, drivers and users do to a recording, and the words that name it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from workbench.artefacts import Recording
+from workbench.geometry.poses import inverse, pose_from
+from workbench.units import Float
+
+Spoil = Callable[[Recording, np.random.Generator], Recording]
+
+
+class Kind(NamedTuple):
+    """A corruption; `words`: any of them in a refusal is the right suspicion."""
+
+    spoil: Spoil
+    words: tuple[str, ...]
+
+
+ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
+AXES = ("axes", "orientation")
+HAND_EYE = ("hand-eye", "profiler's axes")
+UNIT = ("read as mm", "unit")
+
+
+def _with(r: Recording, **changes: object) -> Recording:
+    return dataclasses.replace(r, **changes)  # type: ignore[arg-type]
+
+
+def _quaternion(change: Callable[[Float], Float]) -> Spoil:
+    return lambda r, _: _with(r, robot_quaternion_wxyz=change(r.robot_quaternion_wxyz))
+
+
+def _position(change: Callable[[Float], Float]) -> Spoil:
+    return lambda r, _: _with(r, robot_position_mm=change(r.robot_position_mm))
+
+
+def _hand_eye(change: Callable[[Float], Float]) -> Spoil:
+    return lambda r, _: _with(r, flange_from_profiler=change(np.asarray(r.flange_from_profiler)))
+
+
+def _grid(change: Callable[[Recording, np.random.Generator], tuple[Float, Float]]) -> Spoil:
+    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
+        x, z = change(r, rng)
+        return _with(r, x_mm=np.ascontiguousarray(x, np.float32), z_mm=np.ascontiguousarray(z, np.float32))
+
+    return spoil
+
+
+def _euler(written: str, read: str) -> Spoil:
+    def change(q: Float) -> Float:
+        angles = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_euler(written)
+        return np.asarray(Rotation.from_euler(read, angles).as_quat()[:, [3, 0, 1, 2]])
+
+    return _quaternion(change)
+
+
+def _turned_hand_eye(degrees: float) -> Spoil:
+    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
+        axis = rng.normal(size=3)
+        turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix()
+        pose = np.asarray(r.flange_from_profiler)
+        return _with(r, flange_from_profiler=pose_from(pose[:3, :3] @ turn, pose[:3, 3]))
+
+    return spoil
+
+
+def _frames(pick: Callable[[int], Float]) -> Spoil:
+    """Frame i shows what frame pick[i] saw."""
+
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        which = np.asarray(pick(len(r.time_s)), int)
+        return _with(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
+
+    return spoil
+
+
+def _hangs(n: int) -> Float:
+    which = np.arange(n)
+    which[n // 3 : n // 3 + n // 8] = n // 3
+    return which
+
+
+def _shuffled(n: int) -> Float:
+    return np.random.default_rng(1).permutation(n)
+
+
+def _mean(columns: int) -> Spoil:
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        seen = np.isfinite(r.z_mm)
+        count = uniform_filter1d(seen.astype(float), columns, axis=1)
+        total = uniform_filter1d(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
+        return r.x_mm, np.where(seen, total / np.maximum(count, 1e-9), np.nan)
+
+    return _grid(change)
+
+
+def _median(columns: int) -> Spoil:
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        seen = np.isfinite(r.z_mm)
+        return r.x_mm, np.where(seen, median_filter(np.where(seen, r.z_mm, 1e3), (1, columns)), np.nan)
+
+    return _grid(change)
+
+
+def _rounded(step_x: float, step_z: float) -> Spoil:
+    def one(values: Float, step: float) -> Float:
+        return np.round(values / step) * step if step else values
+
+    return _grid(lambda r, _: (one(r.x_mm, step_x), one(r.z_mm, step_z)))
+
+
+def _passes(count: int, dither_mm: float) -> Spoil:
+    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
+        n, k = len(r.time_s), len(r.robot_time_s)
+        z = np.tile(r.z_mm, (count, 1)) + rng.normal(0, dither_mm, (count * n, r.z_mm.shape[1])).astype(np.float32)
+        return _with(
+            r, time_s=np.tile(r.time_s, count), x_mm=np.tile(r.x_mm, (count, 1)), z_mm=z,
+            pass_index=np.repeat(np.arange(count), n), intensity=None,
+            robot_time_s=np.tile(r.robot_time_s, count),
+            robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
+            robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (count, 1)),
+            robot_pass=np.repeat(np.arange(count), k),
+        )  # fmt: skip
+
+    return spoil
+
+
+def _frozen_stream(share: float) -> Spoil:
+    """The pose stream hangs for a share of the scan; poses at every frame, so that it can."""
+
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        dense = dense_stream(r)
+        n = len(dense.robot_time_s)
+        which = np.arange(n)
+        which[n // 4 : n // 4 + int(share * n)] = n // 4
+        return _with(dense, robot_position_mm=dense.robot_position_mm[which],
+                     robot_quaternion_wxyz=dense.robot_quaternion_wxyz[which])  # fmt: skip
+
+    return spoil
+
+
+def dense_stream(r: Recording) -> Recording:
+    """The same poses, told at every frame's time."""
+    from workbench.geometry.poses import quaternion_from_rotation
+    from workbench.scan.fuse import flange_poses
+
+    poses = flange_poses(r)
+    return _with(r, robot_time_s=r.time_s, robot_position_mm=poses[:, :3, 3], robot_pass=r.pass_index,
+                 robot_quaternion_wxyz=quaternion_from_rotation(poses[:, :3, :3]))  # fmt: skip
+
+
+def _clock(offset_s: float) -> Spoil:
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        dense = dense_stream(r)
+        low, high = dense.robot_time_s[0], dense.robot_time_s[-1]
+        keep = (r.time_s + offset_s >= low) & (r.time_s + offset_s <= high)
+        return _with(dense, time_s=r.time_s[keep] + offset_s, x_mm=r.x_mm[keep], z_mm=r.z_mm[keep],
+                     pass_index=r.pass_index[keep], intensity=None)  # fmt: skip
+
+    return spoil
+
+
+def _axes(order: list[int], signs: tuple[int, int, int]) -> Spoil:
+    return _position(lambda p: p[:, order] * signs)
+
+
+def _identity(q: Float) -> Float:
+    return np.tile([1.0, 0.0, 0.0, 0.0], (len(q), 1))
+
+
+KINDS: dict[str, Kind] = {
+    "nothing": Kind(lambda r, _: r, ()),
+    "quaternions x y z w": Kind(_quaternion(lambda q: q[:, [1, 2, 3, 0]]), ORIENTATION),
+    "quaternions z y x w": Kind(_quaternion(lambda q: q[:, [3, 2, 1, 0]]), ORIENTATION),
+    "quaternions w z y x": Kind(_quaternion(lambda q: q[:, [0, 3, 2, 1]]), ORIENTATION),
+    "quaternions conjugated": Kind(_quaternion(lambda q: q * (1, -1, -1, -1)), ORIENTATION),
+    "quaternions x y z w, conjugated": Kind(_quaternion(lambda q: (q * (1, -1, -1, -1))[:, [1, 2, 3, 0]]), ORIENTATION),
+    "quaternion x negated": Kind(_quaternion(lambda q: q * (1, -1, 1, 1)), ORIENTATION),
+    "quaternion y negated": Kind(_quaternion(lambda q: q * (1, 1, -1, 1)), ORIENTATION),
+    "quaternion z negated": Kind(_quaternion(lambda q: q * (1, 1, 1, -1)), ORIENTATION),
+    "identity orientation": Kind(_quaternion(_identity), ORIENTATION),
+    "first orientation held": Kind(_quaternion(lambda q: np.repeat(q[:1], len(q), axis=0)), ORIENTATION),
+    "Euler ZYX read as XYZ": Kind(_euler("ZYX", "XYZ"), ORIENTATION),
+    "Euler XYZ read as ZYX": Kind(_euler("XYZ", "ZYX"), ORIENTATION),
+    "Euler ZYZ read as ZYX": Kind(_euler("ZYZ", "ZYX"), ORIENTATION),
+    "Euler ZYX read as zyx": Kind(_euler("ZYX", "zyx"), ORIENTATION),
+    "hand-eye inverted": Kind(_hand_eye(inverse), HAND_EYE),
+    "hand-eye transposed": Kind(_hand_eye(lambda p: pose_from(p[:3, :3].T, p[:3, 3])), HAND_EYE),
+    "hand-eye missing": Kind(_hand_eye(lambda p: np.eye(4)), HAND_EYE),
+    "hand-eye rotation missing": Kind(_hand_eye(lambda p: pose_from(np.eye(3), p[:3, 3])), HAND_EYE),
+    "hand-eye translation in m": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)), (*HAND_EYE, *UNIT)),
+    "hand-eye translation negated": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], -p[:3, 3])), HAND_EYE),
+    "hand-eye translation 30 mm off": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] + (30, 0, 0))), HAND_EYE),
+    "hand-eye turned by 2 deg": Kind(_turned_hand_eye(2), HAND_EYE),
+    "hand-eye turned by 10 deg": Kind(_turned_hand_eye(10), HAND_EYE),
+    "hand-eye turned by 30 deg": Kind(_turned_hand_eye(30), HAND_EYE),
+    "hand-eye turned by 90 deg": Kind(_turned_hand_eye(90), HAND_EYE),
+    "positions in m": Kind(_position(lambda p: p / 1e3), UNIT),
+    "positions in cm": Kind(_position(lambda p: p / 10), UNIT),
+    "positions in inches": Kind(_position(lambda p: p / 25.4), UNIT),
+    "positions in micrometres": Kind(_position(lambda p: p * 1e3), UNIT),
+    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT),
+    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT),
+    "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES),
+    "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES),
+    "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES),
+    "axes y z x": Kind(_axes([1, 2, 0], (1, 1, 1)), AXES),
+    "x mirrored": Kind(_axes([0, 1, 2], (-1, 1, 1)), AXES),
+    "y mirrored": Kind(_axes([0, 1, 2], (1, -1, 1)), AXES),
+    "z mirrored": Kind(_axes([0, 1, 2], (1, 1, -1)), AXES),
+    "poses frozen": Kind(_position(lambda p: np.repeat(p[:1], len(p), axis=0)), ("frozen",)),
+    "pose stream hangs for 60 %": Kind(_frozen_stream(0.6), ("frozen",)),
+    "pose stream hangs for 20 %": Kind(_frozen_stream(0.2), ("frozen",)),
+    "profiles in m": Kind(_grid(lambda r, _: (r.x_mm / 1e3, r.z_mm / 1e3)), UNIT),
+    "profiles in inches": Kind(_grid(lambda r, _: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
+    "profiles in cm": Kind(_grid(lambda r, _: (r.x_mm / 10, r.z_mm / 10)), UNIT),
+    "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge")),
+    "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",)),
+    "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",)),
+    "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",)),
+    "all frames alike": Kind(_frames(lambda n: np.full(n, n // 2)), ("repeating", "frozen")),
+    "scanner hangs for an eighth": Kind(_frames(_hangs), ("repeating", "frozen")),
+    "every frame twice": Kind(_frames(lambda n: np.arange(n) // 2 * 2), ("repeating", "frozen")),
+    "every 20th frame 20 times": Kind(_frames(lambda n: np.arange(n) // 20 * 20), ("repeating", "frozen")),
+    "last frames ten late": Kind(_frames(lambda n: np.maximum(np.arange(n) - 10, 0)), ("repeating", "frozen")),
+    "frames shuffled": Kind(_frames(_shuffled), ("order",)),
+    "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), AXES),
+    "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
+    "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),
+    "mean over 3 columns": Kind(_mean(3), ("averaged", "filter")),
+    "mean over 5 columns": Kind(_mean(5), ("averaged", "filter")),
+    "mean over 9 columns": Kind(_mean(9), ("averaged", "filter")),
+    "median over 5 columns": Kind(_median(5), ("filter",)),
+    "median over 11 columns": Kind(_median(11), ("filter",)),
+    "z rounded to 0.1 mm": Kind(_rounded(0, 0.1), ("rounded",)),
+    "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),
+    "x rounded to 0.1 mm": Kind(_rounded(0.1, 0), ("rounded",)),
+    "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
+    "clock 20 ms late": Kind(_clock(0.02), ("clock",)),
+    "clock 0.5 s late": Kind(_clock(0.5), ("clock",)),
+}  # fmt: skip

@@ -1,0 +1,115 @@
+"""Random variants of good recordings, inspected and planned: right, or refused in one sentence."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bench.confidently_wrong.__main__ import inspected, planned
+from bench.confidently_wrong.kinds import Kind
+from workbench.artefacts import Recording
+from workbench.synthetic import Truth, random_recipe, simulate_recording
+
+Vary = Callable[[Recording, np.random.Generator], Recording]
+
+
+def moved(r: Recording, rng: np.random.Generator) -> Recording:
+    """The whole cell, by a rigid motion."""
+    turn = Rotation.random(rng=rng)
+    quaternion = (turn * Rotation.from_quat(r.robot_quaternion_wxyz[:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]]
+    return dataclasses.replace(r, robot_position_mm=turn.apply(r.robot_position_mm), robot_quaternion_wxyz=quaternion)
+
+
+def frames(r: Recording, which: np.ndarray) -> Recording:
+    return dataclasses.replace(
+        r,
+        time_s=r.time_s[which],
+        x_mm=r.x_mm[which],
+        z_mm=r.z_mm[which],
+        pass_index=r.pass_index[which],
+        intensity=None,
+    )
+
+
+def decimated(r: Recording, rng: np.random.Generator) -> Recording:
+    every = int(rng.integers(2, 6))
+    return frames(r, np.arange(0, len(r.time_s), every))
+
+
+def half_lost(r: Recording, rng: np.random.Generator) -> Recording:
+    return frames(r, np.flatnonzero(rng.random(len(r.time_s)) < 0.5))
+
+
+def cropped_frames(r: Recording, rng: np.random.Generator) -> Recording:
+    n = len(r.time_s)
+    start = int(rng.integers(0, n - 10))
+    return frames(r, np.arange(start, min(n, start + int(rng.integers(2, n)))))
+
+
+def cropped_columns(r: Recording, rng: np.random.Generator) -> Recording:
+    m = r.x_mm.shape[1]
+    start = int(rng.integers(0, m // 2))
+    columns = np.s_[:, start : start + int(rng.integers(20, m))]
+    return dataclasses.replace(r, x_mm=r.x_mm[columns].copy(), z_mm=r.z_mm[columns].copy(), intensity=None)
+
+
+def fewer_columns(r: Recording, rng: np.random.Generator) -> Recording:
+    every = np.s_[:, :: int(rng.integers(2, 5))]
+    return dataclasses.replace(r, x_mm=r.x_mm[every].copy(), z_mm=r.z_mm[every].copy(), intensity=None)
+
+
+def noisy(r: Recording, rng: np.random.Generator) -> Recording:
+    noise = rng.normal(0, rng.choice([0.02, 0.05, 0.3, 2.0]), r.z_mm.shape).astype(np.float32)
+    return dataclasses.replace(r, z_mm=r.z_mm + noise)
+
+
+def sparse(r: Recording, rng: np.random.Generator) -> Recording:
+    lost = rng.random(r.z_mm.shape) < rng.choice([0.5, 0.9, 0.99])
+    return dataclasses.replace(r, z_mm=np.where(lost, np.float32(np.nan), r.z_mm))
+
+
+def columns_reversed(r: Recording, rng: np.random.Generator) -> Recording:
+    return dataclasses.replace(r, x_mm=r.x_mm[:, ::-1].copy(), z_mm=r.z_mm[:, ::-1].copy(), intensity=None)
+
+
+def scaled(r: Recording, rng: np.random.Generator) -> Recording:
+    by = float(rng.choice([1e-3, 0.1, 10.0, 25.4]))
+    return dataclasses.replace(r, x_mm=r.x_mm * by, z_mm=r.z_mm * by, robot_position_mm=r.robot_position_mm * by)
+
+
+def permuted(r: Recording, rng: np.random.Generator) -> Recording:
+    which = rng.permutation(len(r.time_s))
+    return dataclasses.replace(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which], intensity=None)
+
+
+def empty_frames(r: Recording, rng: np.random.Generator) -> Recording:
+    lost = rng.random(len(r.time_s)) < rng.choice([0.5, 0.95])
+    return dataclasses.replace(r, z_mm=np.where(lost[:, None], np.float32(np.nan), r.z_mm))
+
+
+TRUE: list[Vary] = [moved, decimated, half_lost, columns_reversed, fewer_columns, cropped_frames, noisy]
+ANY: list[Vary] = [cropped_columns, sparse, scaled, permuted, empty_frames]  # what is left of them may be another part
+
+
+def part(condition: str, seed: int) -> tuple[Recording, Truth]:
+    return simulate_recording(random_recipe(condition, seed))
+
+
+@pytest.mark.parametrize("vary", [*TRUE, *ANY], ids=lambda vary: vary.__name__)
+@pytest.mark.parametrize("judge", [inspected, planned])
+def test_a_variant_is_right_or_refused(vary: Vary, judge: Callable[[Recording, Truth, Kind], str]) -> None:
+    if vary is moved and judge is planned:
+        pytest.skip("a moved part has another upper side")
+    conditions = ("straight", "arc") if judge is inspected else ("raw_straight", "raw_arc")
+    for k, condition in enumerate(conditions):
+        recording, truth = part(condition, 300 + k)
+        for trial in range(2):
+            spoilt = vary(recording, np.random.default_rng([trial, k]))
+            outcome = judge(spoilt, truth, Kind(vary, ()))
+            assert outcome != "crashed", (condition, trial)
+            if vary in (moved, decimated, half_lost, columns_reversed) and judge is inspected:
+                assert outcome != "confidently wrong", (condition, trial)

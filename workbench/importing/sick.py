@@ -89,7 +89,7 @@ def described(path: Path) -> list[Sub]:
     if regular_file(path).st_size > MOST_XML:
         raise InputError(str(path), f"expected at most {MOST_XML} bytes")
     content = path.read_bytes()
-    if b"<!" in content:
+    if b"<!" in content or b"\0" in content:  # or in two bytes a letter
         raise InputError(str(path), "expected no document type or entity in it")
     try:
         root = ElementTree.fromstring(content)

@@ -61,7 +61,8 @@ def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, chains: Any) -> Non
     made = chains.run(stage)
     assert digest(chains, chains.sources(stage)) == before
     assert digest(chains, chains.run(stage)) == digest(chains, made)
-    assert [type(one) for one in made] == list(stage.produces)
+    kinds = [type(one) for one in made]
+    assert kinds == list(stage.produces) or (kinds and set(kinds) <= set(stage.produces))  # of several ways, one
 
 
 def digest(chain: Any, artefacts: Any) -> str:

@@ -206,7 +206,7 @@ def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, rob
 def test_a_written_program_is_judged(made, cells, controller: str, robot: str) -> None:
     """As written: driven through its cell, near the path's own points."""
     cell, moves = cells[robot], made[robot]
-    *documents, gate, judgement = write(moves, passed(moves.toolpath), cell, controller=controller)
+    *documents, gate, judgement, _ = write(moves, passed(moves.toolpath), cell, controller=controller)
     assert judgement.passed, judgement.violations[:3]
     assert gate.passed
     assert judgement.deviation_mm < 0.05

@@ -101,7 +101,7 @@ def test_what_was_not_checked_stands_in_the_program(moves: Moves, irb6700: Cell)
 
 def test_what_the_cell_does_not_say_ends_in_exit_1(moves: Moves, irb6700: Cell) -> None:
     """The program is there, with NOT CHECKED in its head; the gate is not clean, and says what is missing."""
-    *files, gate, judgement = write(moves, passed(moves.toolpath), irb6700)
+    *files, gate, judgement, chapter = write(moves, passed(moves.toolpath), irb6700)
     assert judgement.passed, judgement.violations
     assert [file.name for file in files] == ["BevelPath.mod", "program_check.json"]
     for what in ("load of the tool", "envelope", "uncertainty", "accelerations", "links 1, 2"):
@@ -110,6 +110,7 @@ def test_what_the_cell_does_not_say_ends_in_exit_1(moves: Moves, irb6700: Cell) 
         )
     assert (gate.passed, gate.clean) == (True, False)
     assert b"! NOT CHECKED: the load of the tool" in files[0].content
+    assert "NOT CHECKED: the load of the tool" in chapter.html
 
 
 def test_a_program_that_fails_is_not_left(moves: Moves, irb6700: Cell) -> None:
@@ -118,9 +119,10 @@ def test_a_program_that_fails_is_not_left(moves: Moves, irb6700: Cell) -> None:
     pose = np.eye(4)
     pose[:3, 3] = at + np.array([0, 0, 60])
     boxed = replace(irb6700, shapes=(*irb6700.shapes, Shape_("post", -1, "box", (30.0, 30.0, 30.0), pose)))
-    (record, gate, judgement) = write(moves, passed(moves.toolpath), with_spindle(boxed))
+    record, gate, judgement, chapter = write(moves, passed(moves.toolpath), with_spindle(boxed))
     assert not judgement.passed
     assert record.name == "program_check.json"
+    assert "Why it may not run" in chapter.html
     words = r"program refused: line \d+, at [\d.]+ mm of its way: .*post.*, expected a clearance of 5.00 mm"
     assert re.search(words, gate.reason)
     assert {"tool", "post"} <= set(re.findall(r"tool|post", gate.reason))

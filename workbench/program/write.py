@@ -8,9 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from workbench.artefacts import Document, Judgement, Moves, PathGate, RobotCell
+from workbench.artefacts import Chapter, Document, Judgement, Moves, PathGate, RobotCell
 from workbench.dialect import Dialect, ProgramJob, released, write_program
 from workbench.errors import InputError
+from workbench.program.chapter import program_chapter
 from workbench.program.fanuc import Fanuc
 from workbench.program.krl import Krl
 from workbench.program.names import program_name
@@ -46,7 +47,7 @@ def write(
     tool_name: Annotated[Name, Field(description="RAPID: name of the tool data")] = "tMill",
     work_object_name: Annotated[Name, Field(description="RAPID: name of the work object")] = "woEdge",
     zone_mm: Zone = 0.3,
-) -> tuple[Document | PathGate | Judgement, ...]:
+) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
     `abb`: a RAPID module. `kuka`: KRL, `.src` and `.dat`. `fanuc`: TP as ASCII, `.ls`. `ur`: URScript. `trajectory`:
@@ -96,7 +97,9 @@ def write(
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)
     )
     written = write_program(dialect, gate, cell)
-    return (*written.documents, written.gate, *([written.judgement] if written.judgement else []))
+    if written.judgement is None:
+        return (written.gate,)
+    return (*written.documents, written.gate, written.judgement, program_chapter(written.judgement, written.gate))
 
 
 def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:

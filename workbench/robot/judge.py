@@ -28,6 +28,7 @@ ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin
 LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is told as a violation
 MOST_REACH = 0.25  # rad, of all joints together in a stretch that can be proven at once
 MOST_TOLD = 40
+ON_BOUNDARY = 0.02 * np.pi / 180  # rad: what the digits of a program may turn a joint by
 Configuration = Callable[[Float, Cell], tuple[int, ...] | None]
 
 
@@ -321,8 +322,12 @@ def _configurations(cell: Cell, program: ProgramMoves, way: Way, places: Places,
         move = program.moves[way.move[places.segment[i]]]
         if move.configuration is None or not np.isfinite(places.joints[i]).all():
             continue
-        there = configuration(places.joints[i], cell)
-        if there is not None and tuple(there) != tuple(move.configuration):
+        near = [configuration(places.joints[i] + step, cell) for step in (0.0, -ON_BOUNDARY, ON_BOUNDARY)]
+        there = near[0]
+        if there is None:
+            continue
+        either = zip(move.configuration, zip(*(one for one in near if one is not None), strict=True), strict=True)
+        if not all(said in found for said, found in either):  # an angle on the boundary of two counts as both
             said = f"the program says configuration {list(move.configuration)}, the robot has {list(there)}"
             yield Violation(move.line, at.arc(int(places.segment[i]), float(places.share[i])), "configuration", said)
 

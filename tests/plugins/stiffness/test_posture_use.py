@@ -51,7 +51,7 @@ def made(request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: Milli
 
 @pytest.fixture(scope="module")
 def program(made: Postures, path: Toolpath, cell: Cell) -> RapidProgram:
-    document, record, gate, judgement = write(simplify(path, made), free(path), cell)
+    document, record, gate, judgement, _ = write(simplify(path, made), free(path), cell)
     assert (record.name, gate.passed, judgement.violations) == ("program_check.json", True, ())
     return parse_rapid(document.content.decode())
 

@@ -38,8 +38,10 @@ class TrackedFaces:
     range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
 
 
-def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -> TrackedFaces:
+def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0) -> TrackedFaces:
     """Find root face and bevel face, and the surfaces that join them, in every frame of a milled edge.
+
+    rim_mm: how much of the root face's free end, along x, is rounded: its line leaves that out.
 
     Raises InputError where no pass shows a root face with a bevel face.
     """
@@ -61,7 +63,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float) -
         at, states, side = choice
         side_of[frames] = side
         rising[frames] = side * (1 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1)
-        tracked = _follow_pass(cloud, frames, at, states, side)
+        tracked = _follow_pass(cloud, frames, at, states, side, rim_mm)
         sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
     if seen.sum() < 2:
         raise InputError(cloud.source, "no edge in view: expected a root face next to a bevel face of "
@@ -152,7 +154,9 @@ def _alike(states: Float) -> Bool:
     return good
 
 
-def _follow_pass(cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int) -> tuple[AnyArray, ...]:
+def _follow_pass(
+    cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int, rim_mm: float
+) -> tuple[AnyArray, ...]:
     """Follow the faces through one pass: first its key frames alone, for the noise, then all of it."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     beyond = states[:, [0, 3], 2]
@@ -168,7 +172,7 @@ def _follow_pass(cloud: Cloud, frames: slice | Int, keys: Int, states: Float, si
         whole = n == x.shape[0]
         grid = (x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])
         at = keys if whole else np.arange(n)
-        tracking.follow(*grid, float(side), at, states, sigma, LABELS, sums, end, seen, labels)
+        tracking.follow(*grid, float(side), at, states, sigma, LABELS, rim_mm, sums, end, seen, labels)
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)
     return sums, end, seen, labels, np.tile(sigma, (n, 1)), np.full(n, common[1])

@@ -14,6 +14,7 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
+from workbench.edge.form import Rounding, form_of, rounding_of
 from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
 from workbench.geometry.curves import doubtful_slope
@@ -22,6 +23,10 @@ from workbench.stage import stage
 from workbench.units import Float
 
 STATION_MM = 1.0
+ROUNDED = (
+    "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
+    "{:.2f} mm beyond the last return on the root face"
+)
 
 
 @stage("edge.segment")
@@ -35,6 +40,9 @@ def segment(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
     ] = 0.07,
+    end_u_mm: Annotated[
+        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
+    ] = 0.0,
     limits: Annotated[
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the faces by name (docs/checks.md)"),
@@ -52,6 +60,8 @@ def segment(
         bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
+        end_u_mm: of the end of the root face by what no frame shows (a burr in its plane, returns lost along the whole
+            edge): it enters the uncertainty of every root size.
         limits: limits of the checks of the faces by name. One that passes only by a wider limit than the default is
             named in the results.
 
@@ -61,12 +71,18 @@ def segment(
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     checks = require_bevel(cloud, tracked.labels, checked_limits(limits, "edge.segment.limits"))
+    rounding = rounding_of(cloud, tracked)
+    if rounding.radius_mm > 0.0:
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
+        rounding = rounding_of(cloud, tracked)
     measured = measure_edge(cloud, tracked)
-    edge = _edge(cloud, tracked, measured, robot_noise_mm)
+    edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))
 
 
-def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_mm: float) -> MilledEdge:
+def _edge(
+    cloud: Cloud, tracked: TrackedFaces, measured: Measured, rounding: Rounding, robot_noise_mm: float, end_u_mm: float
+) -> MilledEdge:
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
@@ -79,13 +95,17 @@ def _edge(cloud: Cloud, tracked: TrackedFaces, measured: Measured, robot_noise_m
         measured.curve.tangent_u(at + measured.shift),
         math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)),
     )
-    root, bevel = sizes(measured, at, tangent_u)
+    beta = corrected_angles(measured, at + measured.shift)[1]
+    form = form_of(cloud, tracked, s_low, beta, at)
+    root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm)
+    position -= rounding.beyond_mm * across
+    told = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
     return MilledEdge(
         part=cloud.part, faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
         frame_arc_length_mm=s_low,
         arc_length_mm=at, position_mm=position, tangent=tangent, tangent_u=tangent_u, normal=normal, across=across,
         seen=seen, burr_stations=burr_stations(cloud, tracked, measured, at), checks=cloud.checks,
-        root=root, bevel=bevel,
+        root=root, bevel=bevel, warnings=told,
     )  # fmt: skip
 
 

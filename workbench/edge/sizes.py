@@ -4,30 +4,70 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.artefacts import DIRECTIONS, END, TANGENT, Quantity
+from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
+from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
 from workbench.units import Float
 
+SUDDEN_MM, REACH_MM = 0.03, 40.0  # a change of the root size by this, and the edge about it that it is compared with
+SUDDEN_SLOPE = 0.012  # over some mm: a machined root face does not change so fast, lost returns and burrs do
+SUDDEN_SIGMAS = 4.0
 
-def sizes(measured: Measured, at: Float, tangent_u: Float) -> tuple[Quantity, Quantity]:
-    """Root size (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge; tangent_u (m,) rad."""
+
+def sizes(
+    measured: Measured, at: Float, tangent_u: Float, form: Form, rounding: Rounding, end_u_mm: float
+) -> tuple[Quantity, Quantity]:
+    """Root size (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
+
+    tangent_u (m,) rad; end_u_mm: what is declared of the end of the root face beyond what frames show.
+    """
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
     _, beta = corrected_angles(measured, s)
-    root = measured.end.course.value(s)
+    end_u = measured.end.course.u(s)
+    root = measured.end.course.value(s) + rounding.beyond_mm
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
-    drift_u = (
-        np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
-    )  # what obliquity makes of the root's drift
+    # What obliquity makes of the root size's drift.
+    drift_u = np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
     turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
-    return (
-        Quantity(
-            root, {END: measured.end.course.u(s), DIRECTIONS: turned, TANGENT: tangent_u * np.abs(run_root) * root}
-        ),
-        Quantity(beta, {DIRECTIONS: np.hypot(angle_u, drift_u), TANGENT: tangent_u * leverage}),
-    )
+    whole = np.ones(at.size)
+    root_u = {
+        END: np.hypot(end_u, sudden_mm(at, root, end_u)),
+        DIRECTIONS: turned,
+        TANGENT: tangent_u * np.abs(run_root) * root,
+        FORM: form.corner_u_mm,
+        ROUNDING: rounding.u_mm * whole,
+        DECLARED: end_u_mm * whole,
+    }
+    angle = {
+        DIRECTIONS: np.hypot(angle_u, drift_u),
+        TANGENT: tangent_u * leverage,
+        FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
+    }
+    return Quantity(root, root_u), Quantity(beta, angle)
+
+
+def sudden_mm(at: Float, root: Float, u: Float) -> Float:
+    """By how much the root size leaves its course about it (m,) by a sudden change, mm; 0 elsewhere.
+
+    The end of the face may be lost there, covered, or stand out in its plane: nothing tells which, so all of the
+    change is uncertainty.
+    """
+    out = np.zeros(at.size)
+    slope = np.abs(np.gradient(root, at)) if at.size > 2 else out
+    about = np.array([np.median(root[np.abs(at - s) <= REACH_MM]) for s in at])
+    off = np.abs(root - about)
+    for k in np.flatnonzero(off > np.maximum(SUDDEN_MM, SUDDEN_SIGMAS * u)):
+        first = last = k  # the stretch that lies off on this side
+        while first > 0 and off[first - 1] > 0.3 * SUDDEN_MM:
+            first -= 1
+        while last < at.size - 1 and off[last + 1] > 0.3 * SUDDEN_MM:
+            last += 1
+        if slope[max(first - 2, 0) : last + 3].max() > SUDDEN_SLOPE:
+            out[first : last + 1] = np.maximum(out[first : last + 1], off[first : last + 1])
+    return out
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

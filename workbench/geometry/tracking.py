@@ -50,8 +50,11 @@ def _copy(a: Float, b: Float) -> None:
 
 
 @kernel
-def _limits(state: Float, side: float, margin_mm: float) -> Float:
-    """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen."""
+def _limits(state: Float, side: float, margin_mm: float, rim_mm: float) -> Float:
+    """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen.
+
+    rim_mm: taken off the free end of the root face besides, along x: it is rounded there.
+    """
     limits = np.full((4, 2), np.nan)
     bevel_root = side * _crossing(state, BEVEL, ROOT)
     limits[BEVEL, 1], limits[ROOT, 0] = bevel_root, bevel_root
@@ -67,6 +70,8 @@ def _limits(state: Float, side: float, margin_mm: float) -> Float:
         margin = margin_mm / np.sqrt(1.0 + state[f, SLOPE] ** 2)
         limits[f, 0] += margin
         limits[f, 1] -= margin
+    if not state[LOWER, SEEN]:
+        limits[ROOT, 1] = max(limits[ROOT, 1] - rim_mm, 0.5 * (limits[ROOT, 0] + limits[ROOT, 1]))
     return limits
 
 
@@ -244,12 +249,12 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 
 @kernel
-def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float,
+def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float,
                   sums: Float, end: Float) -> bool:  # fmt: skip
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
-    spans = _spans(x, keep, side, _limits(state, side, 0.0))
+    spans = _spans(x, keep, side, _limits(state, side, 0.0, 0.0))
     gates, margin = np.empty(4), CORNER_MARGIN_MM
     for step in range(GATES_MM.size + 2):
         for f in range(4):
@@ -258,14 +263,14 @@ def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float,
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        _sums(x, z, keep, spans, side, state, _limits(state, side, margin), gates, sums)
+        _sums(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
         _refit(state, sums, step > 0)
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
-    limits = _limits(state, side, margin)
+    limits = _limits(state, side, margin, rim_mm)
     _sums(x, z, keep, spans, side, state, limits, gates, sums)
     _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
@@ -313,7 +318,7 @@ def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma:
 
 @kernel
 def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
-                    sigma: Float, names: Int, sums: Float, end: Float, seen: Bool,
+                    sigma: Float, names: Int, rim_mm: float, sums: Float, end: Float, seen: Bool,
                     labels: AnyArray) -> None:  # fmt: skip
     """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
     first = 0 if c == 0 else keys[c - 1]
@@ -329,7 +334,9 @@ def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, key
                 for k in range(4):
                     state[f, k] = (1.0 - w) * states[a, f, k] + w * states[b, f, k]
         trial = state.copy()
-        seen[frame] = _follow_frame(x[frame], z[frame], keep[frame], side, trial, sigma, sums[frame], end[frame])
+        seen[frame] = _follow_frame(
+            x[frame], z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame]
+        )
         if seen[frame]:
             _copy(trial, state)
             lost = 0
@@ -342,16 +349,21 @@ def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, key
 
 
 def follow(x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float, names: Int,
-           sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
+           rim_mm: float, sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
     """Follow the faces through the frames between the key frames, on all cores.
 
     x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
-    same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face. Filled in: sums (n, 4, 8), end
+    same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face; rim_mm: rounded end of the root
+    face that its line leaves out. Filled in: sums (n, 4, 8), end
     (n, 5) as `_root_end`, seen (n,), labels (n, M).
     """
     grid = as_input(x), as_input(z), as_input(keep)
     known = as_input(keys), as_input(states), as_input(sigma), as_input(names)
-    for _ in in_order(lambda c, _: _follow_stretch(c, *grid, side, *known, sums, end, seen, labels), keys.size + 1, 1):
+
+    def stretch(c: int, _: int) -> None:
+        _follow_stretch(c, *grid, side, *known, rim_mm, sums, end, seen, labels)
+
+    for _ in in_order(stretch, keys.size + 1, 1):
         pass
 
 

@@ -1,0 +1,185 @@
+"""What straight lines leave of the faces: bows, ghosts and patterns of the sensor, and a rounded end of the root face.
+
+A single frame does not show them under its noise. Its residuals, pooled by their place on the face over many frames,
+do (docs/method.md, section 4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.edge.faces import TrackedFaces
+from workbench.geometry.faces import FaceLines
+from workbench.units import Float, Int
+
+SAMPLE_FRAMES = 480  # evenly over the recording
+STRETCH_MM = 40.0  # of edge, whose frames are pooled
+PLACES = 9  # on a face, from its upper to its lower end
+LEAST_FRAMES = 20  # in a stretch
+# A misfit of rms e counts as three independent errors e on the face: their line turns by 2.1 e over the face's width
+# and its ends move by 1.5 e (straight line through three points).
+TURN, OFFSET = 2.1, 1.5
+# A rounded end: the last returns of the root face, how sure their depth must be, and what is taken for possible.
+LAST, OUTSIDE_MM = 6, 0.9
+PROOF, DEPTH_U_MM = 3.0, 0.0005
+MOST_RADIUS_MM = 0.8
+INCIDENCES = np.radians(np.arange(66.0, 90.0, 2.0))  # greatest angle of incidence at which a sensor still returns
+STEP_MM = 0.15  # between columns of one surface
+SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """Misfit of both faces at m places of the edge."""
+
+    root_turn_u: Float  # (m,) standard uncertainty of the root face's direction by its form, rad
+    bevel_turn_u: Float  # (m,) the same of the bevel face
+    corner_u_mm: Float  # (m,) of the place of their corner along the root face, by the form of both
+
+
+@dataclass(frozen=True, slots=True)
+class Rounding:
+    """The rounded lower end of the root face; radius 0: none is seen."""
+
+    radius_mm: float = 0.0
+    beyond_mm: float = 0.0  # of the virtual edge, from where the returns on the line end
+    u_mm: float = 0.0
+    rim_mm: float = 0.0  # of the root face before its last return on the line, that is rounded
+
+
+def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, at: Float) -> Form:
+    """Misfit along the edge; s_frames (N,): where each frame shows it, at (m,): places, beta (m,): bevel angle, rad."""
+    root = _misfit(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at)
+    bevel = _misfit(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at)
+    corner = OFFSET * np.hypot(root[0] / np.abs(np.tan(beta)), bevel[0] / np.sin(beta))
+    return Form(TURN * root[0] / root[1], TURN * bevel[0] / bevel[1], corner)
+
+
+def _sample(s_frames: Float, face: FaceLines) -> Int:
+    on = np.flatnonzero(np.isfinite(s_frames) & (face.count > 5))
+    return on[np.unique(np.linspace(0, on.size - 1, SAMPLE_FRAMES).round().astype(np.int64))] if on.size else on
+
+
+def _misfit(cloud: Cloud, labels: Float, face: FaceLines, label: int, s_frames: Float,
+            at: Float) -> tuple[Float, float]:  # fmt: skip
+    """Rms (m,) of what the line leaves beyond noise, by place on the face, mm; and the face's width, mm."""
+    frames = _sample(s_frames, face)
+    if frames.size < LEAST_FRAMES:
+        return np.zeros(at.size), 1.0
+    slope = face.sxz[frames] / face.sxx[frames]
+    lean = np.hypot(1.0, slope)
+    on = (labels[frames] == label) & cloud.keep[frames]
+    x = np.where(on, cloud.x_mm[frames], np.nan).astype(float)
+    off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope[:, None] * (x - face.x_mean[frames, None])
+    off = off / lean[:, None]
+    first, last = np.nanmin(x, axis=1), np.nanmax(x, axis=1)
+    place = np.minimum((x - first[:, None]) / np.maximum(last - first, 1e-9)[:, None] * PLACES, PLACES - 1e-9)
+    width = float(np.median((last - first) * lean))
+    s = s_frames[frames]
+    stretch = np.floor((s - s.min()) / STRETCH_MM).astype(np.int64)
+    value, middle = [], []
+    for k in np.unique(stretch):
+        mine = stretch == k
+        if mine.sum() < min(LEAST_FRAMES, frames.size):
+            continue
+        value.append(_excess(off[mine], place[mine]))
+        middle.append(float(s[mine].mean()))
+    if not value:
+        return np.zeros(at.size), width
+    return np.sqrt(np.interp(at, middle, value)), width
+
+
+def _excess(off: Float, place: Float) -> float:
+    """Mean square of the pooled residuals (f, M) by place beyond what the frames' own scatter makes of it, mm^2."""
+    seen = np.isfinite(off)
+    frame, _ = np.nonzero(seen)
+    key = frame * PLACES + place[seen].astype(np.int64)
+    count = np.bincount(key, minlength=len(off) * PLACES).reshape(len(off), PLACES)
+    with np.errstate(invalid="ignore"):
+        mean = np.bincount(key, off[seen], minlength=len(off) * PLACES).reshape(len(off), PLACES) / count
+    frames = np.maximum(np.isfinite(mean).sum(axis=0), 2)
+    pooled = np.nanmean(mean, axis=0)
+    noise = np.nanvar(mean, axis=0) / (frames - 1)
+    # Two of the places' freedom went into the line.
+    return max(float((pooled**2 - noise).sum()) / (PLACES - 2) - 2.0 * float(noise.mean()) / math.sqrt(PLACES), 0.0)
+
+
+def rounding_of(cloud: Cloud, tracked: TrackedFaces) -> Rounding:
+    """The rounding of the root face's lower end, from how deep its last returns lie under its line in many frames.
+
+    On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
+    angle of incidence that the sensor still returns: at u = R sin(incidence - inclination) along the line, R - u before
+    the virtual edge with a lower surface square to the root face. Both are averaged over what the depths allow.
+    """
+    face = tracked.faces[ROOT_FACE]
+    here = tracked.seen & ~tracked.end_is_cut & ~tracked.end_is_burred & ~tracked.end_is_corner & ~tracked.end_is_mixed
+    frames = _sample(np.where(here, 0.0, np.nan), face)
+    if frames.size < LEAST_FRAMES:
+        return Rounding()
+    found = [_last_returns(cloud, tracked, face, int(i)) for i in frames]
+    depth = np.array([d for d, _ in found if d.size == LAST])
+    if len(depth) < LEAST_FRAMES:
+        return Rounding()
+    level = np.sort(depth, axis=0)
+    cut = len(depth) // 20
+    mean = level[cut : len(depth) - cut].mean(axis=0)
+    u = np.sqrt(np.var(depth, axis=0) / len(depth)) + DEPTH_U_MM
+    if mean[0] < PROOF * u[0]:
+        return Rounding()
+    slope = np.abs(face.sxz[frames] / face.sxx[frames])
+    step = float(np.median(tracked.root_end[frames, 2]))
+    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(float(np.median(slope))))
+    further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
+    rim = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, float(np.median(slope)))
+    return Rounding(radius, further + missing, missing_u, rim)
+
+
+def _last_returns(cloud: Cloud, tracked: TrackedFaces, face: FaceLines, i: int) -> tuple[Float, int]:
+    """Depths (LAST,) of frame i's last returns under the root face's line, last first, mm; how many lie beyond it."""
+    slope = face.sxz[i] / face.sxx[i]
+    lean = math.hypot(1.0, slope)
+    x, z, keep = cloud.x_mm[i].astype(float), cloud.z_mm[i].astype(float), cloud.keep[i]
+    v = tracked.side[i] * (x - tracked.root_end[i, 0]) * lean
+    bevel = tracked.faces[BEVEL_FACE]
+    turned = tracked.side[i] * (slope - bevel.sxz[i] / bevel.sxx[i])
+    below = (z - face.z_mean[i] - slope * (x - face.x_mean[i])) / lean * (1.0 if turned > 0 else -1.0)
+    step = float(tracked.root_end[i, 2])
+    inside = np.flatnonzero(keep & (v <= 1e-6) & (v > -2.0 * LAST * step))
+    order = np.flatnonzero(keep & (v > 1e-6) & (v < OUTSIDE_MM))
+    order = order[np.argsort(v[order], kind="stable")]
+    kept: list[int] = []
+    before, level = 0.0, 0.0
+    for j in order:  # one surface: no gap of columns, no jump
+        if v[j] - before > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
+            break
+        kept.append(int(j))
+        before, level = float(v[j]), max(float(below[j]), 0.0)
+    both = np.concatenate([inside, np.array(kept, np.int64)])
+    return below[both[np.argsort(-v[both])]][:LAST], len(kept)
+
+
+def _quarter_circle(depth: Float, u: Float, step_mm: float, inclination: float) -> tuple[float, float, float]:
+    """Radius; how far the virtual edge lies beyond the last return's step; standard uncertainty of that: mm."""
+    w = (np.arange(LAST)[:, None] + (np.arange(20) + 0.5) / 20.0) * step_mm
+    spread = np.hypot(u, SHAPE * np.abs(depth))
+    shares, values, radii = [], [], []
+    for radius in np.linspace(0.01, MOST_RADIUS_MM, 80):
+        for incidence in INCIDENCES:
+            if incidence <= inclination:
+                continue
+            end = radius * math.sin(min(incidence - inclination, math.pi / 2.0))
+            on = np.clip(end - w, 0.0, radius)
+            fall = (radius - np.sqrt(radius**2 - on**2)).mean(axis=1)
+            shares.append(-0.5 * float((((depth - fall) / spread) ** 2).sum()))
+            values.append(radius - end)
+            radii.append(radius)
+    if not shares:
+        return 0.0, 0.0, 0.0
+    share = np.exp(np.array(shares) - max(shares))
+    share /= share.sum()
+    missing = float(share @ np.array(values))
+    return float(share @ np.array(radii)), missing, math.sqrt(float(share @ (np.array(values) - missing) ** 2))

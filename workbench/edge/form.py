@@ -14,7 +14,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.faces import FaceLines
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
@@ -49,6 +49,9 @@ class Rounding:
     beyond_mm: float = 0.0  # of the virtual edge, from where the returns on the line end
     u_mm: float = 0.0
     rim_mm: float = 0.0  # of the root face before its last return on the line, that is rounded
+
+
+NO_ROUNDING = Rounding()
 
 
 def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, at: Float) -> Form:
@@ -108,46 +111,66 @@ def _excess(off: Float, place: Float) -> float:
     return max(float((pooled**2 - noise).sum()) / (PLACES - 2) - 2.0 * float(noise.mean()) / math.sqrt(PLACES), 0.0)
 
 
-def rounding_of(cloud: Cloud, tracked: TrackedFaces) -> Rounding:
-    """The rounding of the root face's lower end, from how deep its last returns lie under its line in many frames.
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceRim:
+    """The free end of a face in each of N frames."""
+
+    face: FaceLines
+    side: Float  # (N,) +1 or -1: the end lies towards rising side * x
+    end_x_mm: Float  # (N,) x of the last return on the face's line
+    step_mm: Float  # (N,) between columns, along the face
+    sense: Float  # (N,) +1: z counts away from the sensor
+
+
+def root_rim(tracked: TrackedFaces) -> FaceRim:
+    """The lower end of a milled edge's root face."""
+    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
+    sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense)
+
+
+def is_free_end(tracked: TrackedFaces) -> Bool:
+    """Frames (N,) in which nothing but its own edge ends the root face."""
+    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner | tracked.end_is_mixed)
+
+
+def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
+    """The rounding of a face's free end, from how deep its last returns lie under its line in the frames `here` (N,).
 
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
     angle of incidence that the sensor still returns: at u = R sin(incidence - inclination) along the line, R - u before
-    the virtual edge with a lower surface square to the root face. Both are averaged over what the depths allow.
+    the virtual edge with a surface square to the face. Both are averaged over what the depths allow.
     """
-    face = tracked.faces[ROOT_FACE]
-    here = tracked.seen & ~tracked.end_is_cut & ~tracked.end_is_burred & ~tracked.end_is_corner & ~tracked.end_is_mixed
+    face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
     if frames.size < LEAST_FRAMES:
-        return Rounding()
-    found = [_last_returns(cloud, tracked, face, int(i)) for i in frames]
+        return NO_ROUNDING
+    found = [_last_returns(cloud, rim, int(i)) for i in frames]
     depth = np.array([d for d, _ in found if d.size == LAST])
     if len(depth) < LEAST_FRAMES:
-        return Rounding()
+        return NO_ROUNDING
     level = np.sort(depth, axis=0)
     cut = len(depth) // 20
     mean = level[cut : len(depth) - cut].mean(axis=0)
     u = np.sqrt(np.var(depth, axis=0) / len(depth)) + DEPTH_U_MM
     if mean[0] < PROOF * u[0]:
-        return Rounding()
-    slope = np.abs(face.sxz[frames] / face.sxx[frames])
-    step = float(np.median(tracked.root_end[frames, 2]))
-    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(float(np.median(slope))))
+        return NO_ROUNDING
+    slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
+    step = float(np.median(rim.step_mm[frames]))
+    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(slope))
     further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
-    rim = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, float(np.median(slope)))
-    return Rounding(radius, further + missing, missing_u, rim)
+    rounded = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, slope)
+    return Rounding(radius, further + missing, missing_u, rounded)
 
 
-def _last_returns(cloud: Cloud, tracked: TrackedFaces, face: FaceLines, i: int) -> tuple[Float, int]:
-    """Depths (LAST,) of frame i's last returns under the root face's line, last first, mm; how many lie beyond it."""
+def _last_returns(cloud: Cloud, rim: FaceRim, i: int) -> tuple[Float, int]:
+    """Depths (LAST,) of frame i's last returns under the face's line, last first, mm; how many lie beyond it."""
+    face, step = rim.face, float(rim.step_mm[i])
     slope = face.sxz[i] / face.sxx[i]
     lean = math.hypot(1.0, slope)
     x, z, keep = cloud.x_mm[i].astype(float), cloud.z_mm[i].astype(float), cloud.keep[i]
-    v = tracked.side[i] * (x - tracked.root_end[i, 0]) * lean
-    bevel = tracked.faces[BEVEL_FACE]
-    turned = tracked.side[i] * (slope - bevel.sxz[i] / bevel.sxx[i])
-    below = (z - face.z_mean[i] - slope * (x - face.x_mean[i])) / lean * (1.0 if turned > 0 else -1.0)
-    step = float(tracked.root_end[i, 2])
+    v = rim.side[i] * (x - rim.end_x_mm[i]) * lean
+    below = (z - face.z_mean[i] - slope * (x - face.x_mean[i])) / lean * rim.sense[i]
     inside = np.flatnonzero(keep & (v <= 1e-6) & (v > -2.0 * LAST * step))
     order = np.flatnonzero(keep & (v > 1e-6) & (v < OUTSIDE_MM))
     order = order[np.argsort(v[order], kind="stable")]

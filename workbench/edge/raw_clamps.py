@@ -6,6 +6,9 @@ import numpy as np
 
 from workbench.units import Bool, Float, Int
 
+NEAR_FRAMES = 10  # on each side, that say which way the edge runs
+ONE_WAY = 0.95  # length of the mean of the unit directions out of the plate: they turn by some 35 deg at most
+JUMP = 4.0  # times the usual step from frame to frame
 STEP_MM, STEEPEST = 0.4, 0.6  # from frame to frame, and per mm of the way, that one face may jump
 GAP_MM = 4.0  # frames further apart than this belong to different stretches
 REACH_MM = 6.0  # of a stretch's end that says where it goes on
@@ -24,14 +27,43 @@ def not_in_front(middle: Float, outward: Float, seen: Bool, pass_index: Int) -> 
         mine = np.flatnonzero((pass_index == p) & seen)
         if mine.size < LEAST_FRAMES:
             continue
-        axis = outward[mine].mean(axis=0)
-        travel = middle[mine[-1]] - middle[mine[0]]
-        travel /= np.linalg.norm(travel) + 1e-12
-        axis -= travel * (axis @ travel)
-        axis /= np.linalg.norm(axis) + 1e-12
-        height, way = middle[mine] @ axis, middle[mine] @ travel
+        height, way = _along(middle[mine], outward[mine])
         out[mine] = _back(height, way)
     return out
+
+
+def _along(middle: Float, outward: Float) -> tuple[Float, Float]:
+    """How far each point (n, 3) stands out of the first one, and its way along the edge (n,), mm, by the steps between.
+
+    outward (n, 3): out of the plate there. An edge may bend and close: what counts is each step's own direction.
+    """
+    axis, travelled = outward.mean(axis=0), middle[-1] - middle[0]
+    if np.linalg.norm(axis) > ONE_WAY and np.linalg.norm(travelled) > 0:  # one direction serves all frames
+        travelled /= np.linalg.norm(travelled)
+        axis -= travelled * (axis @ travelled)
+        axis /= np.linalg.norm(axis) + 1e-12
+        return middle @ axis, middle @ travelled
+    step = np.diff(middle, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    part = np.concatenate([[0], np.cumsum(size > JUMP * float(np.median(size)) + STEP_MM)])
+    normal, travel = np.empty_like(middle), np.empty_like(middle)
+    for k in np.unique(part):  # directions are those of a stretch without a jump
+        mine = np.flatnonzero(part == k)
+        at = np.arange(mine.size)
+        ahead, behind = np.minimum(at + NEAR_FRAMES, mine.size - 1), np.maximum(at - NEAR_FRAMES, 0)
+        total = np.cumsum(np.vstack([np.zeros((1, 3)), outward[mine]]), axis=0)
+        travel[mine] = middle[mine[ahead]] - middle[mine[behind]]
+        normal[mine] = total[ahead + 1] - total[behind]
+    between, along = normal[1:] + normal[:-1], travel[1:] + travel[:-1]  # by their frames: few of them say little
+    along /= _size(along)
+    between -= along * (between * along).sum(axis=1, keepdims=True)
+    between /= _size(between)
+    height, way = (np.concatenate([[0.0], np.cumsum((step * v).sum(axis=1))]) for v in (between, along))
+    return height, way
+
+
+def _size(vectors: Float) -> Float:
+    return np.linalg.norm(vectors, axis=1, keepdims=True) + 1e-12
 
 
 def _back(height: Float, way: Float) -> Bool:

@@ -15,8 +15,10 @@ from scipy.interpolate import BSpline
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.form import NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
+from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.sections import SectionLines, in_section, section_lines
@@ -29,6 +31,7 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 ROUGH_MM = 0.01  # roughness within frames from which neighbouring frames share it, and their scatter is no course
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
+LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
 
@@ -39,6 +42,7 @@ class EndAlong:
 
     course: Course
     s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
+    rounding: Rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +59,8 @@ class RawMeasured:
     s_face: Float  # (N,) where each frame shows the end face, mm
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
+    pose_u_mm: float  # of a place over POSE_MM of edge, by how single frames scatter: robots' errors hang together
+    local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
@@ -66,6 +72,12 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
     along = edge_direction(middle, np.cross(_upwards(cloud, found), outward_of(cloud, found)), cloud)
     seen = found.seen & np.isfinite(middle).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, middle[seen])
+    if (
+        not (np.isfinite(found.lower.point[:, 0]) & seen).sum() > 3
+        or not (np.isfinite(found.upper.point[:, 0]) & seen).sum() > 3
+    ):
+        raise InputError(cloud.source, "the end face is seen, but not both of its edges: is upper_side the direction "
+                         "from the lower to the upper side in the base?")  # fmt: skip
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
     curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
@@ -120,11 +132,14 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)
     placed = [_placed(cloud, found, ends, curve, s, tilt, sigma) for ends in (found.lower, found.upper)]
-    lower = _end_along(cloud, found.lower, placed[0], -1.0, vibration, rough, whole)
-    upper = _end_along(cloud, found.upper, placed[1], 1.0, vibration, rough, whole)
+    lower = _end_along(cloud, found, found.lower, placed[0], -1.0, vibration, rough, whole)
+    upper = _end_along(cloud, found, found.upper, placed[1], 1.0, vibration, rough, whole)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
-    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s,
-                       abs(float(np.nanmedian((face.place * m).sum(axis=1)))), rough)  # fmt: skip
+    lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
+    pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
+    pose_u = math.sqrt(out.frame_factor * max(pitch / LOCAL_MM, POSE_MM / LOCAL_MM)) if not rough else 0.0
+    turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
+    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, lever, rough, pose_u, turn_u)
 
 
 def _rough_course(s: Float, value: Float, pass_index: Int) -> Course:
@@ -192,8 +207,8 @@ def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
     return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
 
 
-def _end_along(cloud: Cloud, ends: FaceEnds, placed: tuple[Float, Float, Float, Float, Float], outward: float,
-               vibration: Float, rough: bool, whole: bool) -> EndAlong:  # fmt: skip
+def _end_along(cloud: Cloud, found: RawFaces, ends: FaceEnds, placed: tuple[Float, Float, Float, Float, Float],
+               outward: float, vibration: Float, rough: bool, whole: bool) -> EndAlong:  # fmt: skip
     """The course of one edge along m: by its corners where they show enough of it, else by the silhouettes too.
 
     A frame's own shift scatters its silhouette and its corner alike.
@@ -215,7 +230,20 @@ def _end_along(cloud: Cloud, ends: FaceEnds, placed: tuple[Float, Float, Float, 
         unknown = np.full(on.size, np.nan)
         known = Ends(s[on], low[on], wide[on], np.maximum(noise[on], 1e-3), missing[on], weight[on], unknown, unknown)
         course = find_end(known, course, together).course
-    return EndAlong(_scaled(course, outward), np.where(np.isfinite(placed[1]), s, np.nan))
+    rounding = NO_ROUNDING
+    if whole and not rough and not _covered(s, corner):
+        rounding = _rounding(cloud, found, ends, outward, silhouette)
+        spline = course.spline
+        course = replace(course, spline=BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
+    return EndAlong(_scaled(course, outward), np.where(np.isfinite(placed[1]), s, np.nan), rounding)
+
+
+def _rounding(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, silhouette: Bool) -> Rounding:
+    face = found.faces[ROOT_FACE]
+    lean = np.hypot(1.0, face.sxz / face.sxx)
+    here = silhouette & ~ends.alone & ~ends.burred
+    rim = FaceRim(face, -outward * found.side, ends.point[:, 0], ends.pitch * lean, np.full(here.size, found.sense))
+    return rounding_of(cloud, rim, here)
 
 
 def _at_rim(s: Float) -> Bool:

@@ -14,7 +14,7 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.form import Rounding, form_of, rounding_of
+from workbench.edge.form import Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
 from workbench.geometry.curves import doubtful_slope
@@ -71,10 +71,10 @@ def segment(
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     checks = require_bevel(cloud, tracked.labels, checked_limits(limits, "edge.segment.limits"))
-    rounding = rounding_of(cloud, tracked)
+    rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked))
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
-        rounding = rounding_of(cloud, tracked)
+        rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked))
     measured = measure_edge(cloud, tracked)
     edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))

@@ -14,11 +14,13 @@ from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import RawMeasured, axes, measure_raw_edge
+from workbench.edge.sizes import sudden_mm
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
 
 STATION_MM = 1.0
+ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
 
 
 @stage("edge.segment_raw")
@@ -83,11 +85,15 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    tilt_u = measured.tilt.u(at)
-    stand_u = np.hypot(measured.curve.u(at), measured.lever_mm * tilt_u)
+    tilt_u = np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u)
+    stand_u = np.hypot(np.hypot(measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
     if measured.rough:
         stand_u = np.hypot(stand_u, measured.stand_out.u(at))
-    low_u = np.hypot(measured.lower.course.u(at), measured.curve.u(at))
+    low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
+    low_u = np.hypot(low_u, measured.lower.rounding.u_mm)
+    low_u = np.hypot(low_u, sudden_mm(at, low, low_u))
+    both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
+    told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     return RawEdge(
         part=cloud.part, faces=found.faces, labels=found.labels, pass_index=cloud.pass_index,
@@ -95,5 +101,5 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         tangent_u=np.hypot(measured.curve.tangent_u(at), doubtful), normal=n, across=m, seen=seen,
         burr_stations=raw_burr_stations(found, measured, at), upper_position_mm=upper, upper_inward=inward,
         position_u_mm=np.stack([stand_u, low_u], axis=1), normal_u=np.hypot(tilt_u, turn),
-        hand_eye_u_mm=shared, checks=cloud.checks,
+        hand_eye_u_mm=shared, checks=cloud.checks, warnings=told,
     )  # fmt: skip

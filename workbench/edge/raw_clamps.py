@@ -63,7 +63,7 @@ def _along(middle: Float, outward: Float) -> tuple[Float, Float]:
 
 
 def _size(vectors: Float) -> Float:
-    return np.linalg.norm(vectors, axis=1, keepdims=True) + 1e-12
+    return np.asarray(np.linalg.norm(vectors, axis=1, keepdims=True) + 1e-12)
 
 
 def _back(height: Float, way: Float) -> Bool:

@@ -1,0 +1,258 @@
+"""The one estimator against courses that are known: its values, its uncertainties, what it leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from workbench.geometry.course import Course, binned, fit_course
+from workbench.units import Float
+
+Truth = Callable[[Float], Float]
+LENGTH_MM, PITCH_MM, SIGMA = 120.0, 0.3, 0.1
+AT = np.array([0.0, 7.0, 41.0, 60.0, 83.0, 115.0, 120.0])
+RISK = 1e-3  # that a sound estimator fails one of these tests
+
+
+def constant(s: Float) -> Float:
+    return np.full(np.shape(s), 1.7)
+
+
+def drift(s: Float) -> Float:
+    return 1.0 + 0.004 * s
+
+
+def long_wave(s: Float) -> Float:
+    return 1.0 + 0.15 * np.sin(2 * np.pi * s / 60.0)
+
+
+def short_wave(s: Float) -> Float:
+    return 1.0 + 0.3 * np.sin(2 * np.pi * s / 24.0)
+
+
+TRUTHS = [constant, drift, long_wave, short_wave]
+
+
+def seen(truth: Truth, seed: int, sigma: float = SIGMA, pitch_mm: float = PITCH_MM) -> tuple[Float, Float]:
+    rng = np.random.default_rng([seed, 9101])
+    s = np.arange(0.0, LENGTH_MM + 1e-9, pitch_mm)
+    return s, truth(s) + rng.normal(0.0, sigma, s.size)
+
+
+def within(sum_z2: float, count: int, most: float) -> None:
+    """Squares of errors in u: a chi-square's sum unless u is too small, or more than `most` times too large."""
+    assert sum_z2 < chi2.ppf(1.0 - RISK, count)
+    assert sum_z2 * most**2 > chi2.ppf(RISK, count)
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_without_noise_it_is_the_truth(truth: Truth) -> None:
+    s, y = seen(truth, 0, 1e-6)
+    course = fit_course(s, y)
+    inside = np.linspace(3.0, 117.0, 200)
+    sagitta = 0.0 if truth in (constant, drift) else np.abs(np.gradient(np.gradient(truth(s), s), s)).max() * 2.0**2 / 8
+    assert np.abs(course.value(inside) - truth(inside)).max() < sagitta + 1e-5
+
+
+@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_errors_are_as_large_as_u_says(truth: Truth, stated: bool) -> None:
+    """At one place a recording, anywhere along the edge and at its ends: independent, so chi-square holds."""
+    z = []
+    for seed in range(105):
+        s, y = seen(truth, seed)
+        course = fit_course(s, y, np.full(s.size, SIGMA**2) if stated else None)
+        at = AT[seed % AT.size : seed % AT.size + 1]
+        z.append(float(((course.value(at) - truth(at)) / course.u(at))[0]))
+    within(float(np.square(z).sum()), len(z), 2.0)
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_slopes_are_as_uncertain_as_they_say(truth: Truth) -> None:
+    z = []
+    for seed in range(1000, 1070):
+        course = fit_course(*seen(truth, seed))
+        at = np.array([20.0 + 0.8 * (seed % 100)])
+        true = (truth(at + 1e-3) - truth(at - 1e-3)) / 2e-3
+        z.append(float(((course.slope(at) - true) / course.slope_u(at))[0]))
+    within(float(np.square(z).sum()), len(z), 3.0)
+
+
+def test_more_values_are_known_better() -> None:
+    """By the root of their count where the course is as stiff as it can be."""
+    few = [fit_course(*seen(constant, seed, pitch_mm=0.6)).u(AT[3:4])[0] for seed in range(20)]
+    many = [fit_course(*seen(constant, seed, pitch_mm=0.15)).u(AT[3:4])[0] for seed in range(20)]
+    assert np.mean(few) / np.mean(many) == pytest.approx(2.0, rel=0.2)
+
+
+@pytest.mark.parametrize("alike", [1, 3])
+def test_understated_noise_is_found(alike: int) -> None:
+    """The bins' scatter counts, not what was said; values that share noise within a bin are no more than their groups.
+
+    Noise that is alike over more than a bin is not told from the course (docs/method.md): `together_mm` is for that.
+    """
+    z = []
+    for seed in range(100):
+        rng = np.random.default_rng([seed, 9102])
+        s = np.arange(0.0, LENGTH_MM, PITCH_MM)
+        shared = np.repeat(rng.normal(0.0, SIGMA, s.size // alike + 1), alike)[: s.size]
+        course = fit_course(s, 1.0 + shared + rng.normal(0.0, 0.02, s.size), np.full(s.size, 0.02**2))
+        z.append(float(((course.value(AT[3:4]) - 1.0) / course.u(AT[3:4]))[0]))
+        assert course.noise_factor > 5.0
+    within(float(np.square(z).sum()), len(z), 2.0)
+
+
+def test_noise_over_centimetres_is_found_where_its_length_is_said() -> None:
+    z = []
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 9108])
+        s = np.arange(0.0, 3 * LENGTH_MM, PITCH_MM)
+        course = fit_course(s, 1.0 + np.repeat(rng.normal(0.0, SIGMA, s.size // 15 + 1), 15)[: s.size],
+                            np.full(s.size, 0.02**2), together_mm=10.0)  # fmt: skip
+        z.append(float(((course.value(AT[3:4]) - 1.0) / course.u(AT[3:4]))[0]))
+    within(float(np.square(z).sum()), len(z), 2.0)
+
+
+def test_a_vector_has_one_stiffness_and_each_component_its_value() -> None:
+    s, x = seen(long_wave, 3)
+    y = seen(drift, 4)[1]
+    both = fit_course(s, np.stack([x, y], axis=1))
+    assert both.value(AT).shape == (AT.size, 2)
+    assert both.u(AT).shape == AT.shape
+    assert np.abs(both.value(AT) - np.stack([long_wave(AT), drift(AT)], axis=1)).max() < 5.0 * both.u(AT).max()
+    swapped = fit_course(s, np.stack([y, x], axis=1))
+    np.testing.assert_allclose(swapped.value(AT)[:, ::-1], both.value(AT), atol=1e-9)
+
+
+def test_units_do_not_matter() -> None:
+    s, y = seen(long_wave, 5)
+    one, thousand = fit_course(s, y), fit_course(s, 1000.0 * y)
+    np.testing.assert_allclose(thousand.value(AT), 1000.0 * one.value(AT), rtol=1e-4)
+    np.testing.assert_allclose(thousand.u(AT), 1000.0 * one.u(AT), rtol=1e-2)
+
+
+def test_the_order_of_the_values_does_not_matter() -> None:
+    s, y = seen(long_wave, 6)
+    mixed = np.random.default_rng(9103).permutation(s.size)
+    one, other = fit_course(s, y), fit_course(s[mixed], y[mixed])
+    np.testing.assert_allclose(other.value(AT), one.value(AT), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.u(AT), one.u(AT), rtol=1e-6)
+
+
+def passes(truth: Truth, seed: int, offsets: Float, sigma: float = SIGMA) -> Course:
+    rng = np.random.default_rng([seed, 9104])
+    parts = [np.arange(0.1 * k, LENGTH_MM, PITCH_MM) for k in range(offsets.size)]
+    y = [truth(s) + off + rng.normal(0.0, sigma, s.size) for s, off in zip(parts, offsets, strict=True)]
+    group = np.repeat(np.arange(offsets.size), [s.size for s in parts])
+    return fit_course(np.concatenate(parts), np.concatenate(y), None, group)
+
+
+def test_offsets_of_passes_are_no_waves() -> None:
+    offsets = np.array([0.5, -0.3, -0.2])
+    course = passes(drift, 1, offsets)
+    inside = np.linspace(5.0, 115.0, 50)
+    assert np.abs(course.value(inside) - drift(inside)).max() < 0.05
+    assert np.std(offsets) / np.sqrt(2.0) / 2 < course.u(AT[3:4])[0] < np.std(offsets) * 2
+
+
+def test_the_mean_of_passes_is_as_uncertain_as_their_offsets_say() -> None:
+    """Five passes: the mean's errors over u follow Student's t with 4 degrees of freedom, variance 2."""
+    z2 = []
+    for seed in range(100):
+        offsets = np.random.default_rng([seed, 9105]).normal(0.0, 0.3, 5)
+        course = passes(constant, seed, offsets)
+        z2.append(float(((course.value(AT[3:4]) - constant(AT[3:4])) / course.u(AT[3:4]))[0]) ** 2)
+    assert 1.0 / 3.0 < np.median(z2) / 0.549 < 3.0  # 0.741^2: median of |t| with 4 degrees of freedom
+
+
+def test_passes_over_other_stretches_keep_the_course() -> None:
+    """Two passes that meet only in a short stretch are joined there."""
+    rng = np.random.default_rng(9106)
+    s = np.concatenate([np.arange(0.0, 70.0, PITCH_MM), np.arange(50.0, 120.0, PITCH_MM)])
+    group = np.repeat([0, 1], s.size // 2)
+    y = drift(s) + rng.normal(0.0, 0.02, s.size)
+    course = fit_course(s, y, None, group)
+    inside = np.linspace(3.0, 117.0, 60)
+    assert np.abs((course.value(inside) - drift(inside)) / course.u(inside)).max() < 4.0
+
+
+def test_outliers_are_left_out() -> None:
+    rng = np.random.default_rng(9107)
+    s, y = seen(long_wave, 7, 0.02)
+    wild = rng.random(s.size) < 0.05
+    y[wild] += rng.choice([-1.0, 1.0], wild.sum()) * rng.uniform(0.5, 50.0, wild.sum())
+    y[5], s_nan = np.nan, s.copy()
+    s_nan[9] = np.nan
+    course = fit_course(s_nan, y)
+    assert not course.kept[wild].any()
+    assert not course.kept[[5, 9]].any()
+    assert course.kept.mean() > 0.9
+    assert np.abs(course.value(AT) - long_wave(AT)).max() < 0.05
+
+
+def test_no_value_at_all_is_an_error() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        fit_course(np.arange(5.0), np.full(5, np.nan))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_few_values(count: int) -> None:
+    s = np.linspace(0.0, 10.0, count)
+    course = fit_course(s, np.full(count, 2.0), np.full(count, 0.01))
+    np.testing.assert_allclose(course.value(s), 2.0, atol=1e-6)
+    assert (course.u(s) > 0.02).all()
+
+
+def test_a_gap_is_bridged_and_known_less() -> None:
+    z = []
+    for seed in range(60):
+        s, y = seen(long_wave, 2000 + seed)
+        on = (s < 40.0) | (s > 70.0)
+        course = fit_course(s[on], y[on])
+        at = np.array([20.0, 55.0])
+        z.append(float(((course.value(at) - long_wave(at)) / course.u(at))[1]))
+        assert course.u(at)[1] > 1.5 * course.u(at)[0]
+    assert float(np.square(z).sum()) < chi2.ppf(1.0 - RISK, len(z)) * 1.5  # a wave's crest may lie in the gap
+
+
+def test_the_evidence_prefers_the_truth() -> None:
+    """Values that run smoothly against the same ones with what another face's waves add."""
+    better = 0
+    for seed in range(20):
+        s, y = seen(constant, 3000 + seed)
+        better += fit_course(s, y).log_evidence > fit_course(s, y + short_wave(s)).log_evidence
+    assert better == 20
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_the_shares_are_a_posterior_and_stiffer_where_the_truth_is(truth: Truth) -> None:
+    strengths = []
+    for seed in range(4000, 4010):
+        found = fit_course(*seen(truth, seed)).stiffness
+        assert found[:, 2].sum() == pytest.approx(1.0)
+        strengths.append(np.exp(found[:, 2] @ np.log(found[:, 1])))
+    soft = [fit_course(*seen(short_wave, seed)).stiffness for seed in range(4000, 4010)]
+    softest = [np.exp(f[:, 2] @ np.log(f[:, 1])) for f in soft]
+    assert np.median(strengths) <= np.median(softest)
+
+
+def test_a_stiffness_of_before_saves_the_search() -> None:
+    s, y = seen(long_wave, 9)
+    first = fit_course(s, y)
+    again = fit_course(s, y, stiffness=first.stiffness)
+    np.testing.assert_allclose(again.value(AT), first.value(AT), rtol=0, atol=1e-6)
+
+
+def test_bins_hold_the_weighted_means_of_each_pass() -> None:
+    s, y = seen(constant, 10)
+    variance, group = np.where(np.arange(s.size) % 2, 0.5, 1.0), (s > 61.0).astype(int)
+    bins = binned(s, y, variance, group)
+    assert bins.kept.all()
+    for one in range(len(bins.s)):
+        mine = (group == bins.group[one]) & (np.abs(s - bins.s[one]) < 1.2)
+        near = mine & (np.floor(s / 2.0) == np.floor(bins.s[one] / 2.0))
+        assert bins.y[one, 0] == pytest.approx(np.average(y[near], weights=1.0 / variance[near]))
+        assert bins.variance[one] == pytest.approx(1.0 / (1.0 / variance[near]).sum())

@@ -1,0 +1,175 @@
+"""Where a face ends, from columns that only bracket it: against ends that are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from workbench.geometry.course import fit_course
+from workbench.geometry.settling import settled
+from workbench.geometry.silhouette import EndCourse, Ends, find_end
+from workbench.units import Float
+
+Truth = Callable[[Float], Float]
+LENGTH_MM, PITCH_MM, STEP_MM, SIGMA_MM = 120.0, 0.3, 0.05, 0.005
+INSIDE = np.linspace(5.0, 115.0, 111)
+RISK = 1e-3  # that a sound estimator fails one of these tests
+
+
+def constant(s: Float) -> Float:
+    return np.full(np.shape(s), 1.5)
+
+
+def drift(s: Float) -> Float:
+    return 1.4 + 0.0015 * s
+
+
+def wave(s: Float) -> Float:
+    return 1.5 + 0.05 * np.sin(2 * np.pi * s / 50.0)
+
+
+def frames(
+    truth: Truth, seed: int, skew_columns: float, sigma: float = SIGMA_MM, missing: float = 0.0, step: float = STEP_MM
+) -> Ends:
+    """Frames whose columns creep by `skew_columns` steps along the edge: how many phases they show.
+
+    Noise of each frame's own is taken off as it is in use, by `settled`: frames at one phase scatter about one place.
+    """
+    rng = np.random.default_rng([seed, 9201])
+    s = np.arange(0.0, LENGTH_MM, PITCH_MM)
+    phase = rng.uniform(0.0, 1.0) + skew_columns * s / LENGTH_MM
+    column = np.floor(truth(s) / step - phase) - (rng.geometric(1.0 - missing, s.size) - 1.0)
+    low = (column + phase) * step + rng.normal(0.0, sigma, s.size)
+    low, steps, noise, weight = settled(low, np.full(s.size, step), np.full(s.size, max(sigma, 1e-3)),
+                                        column.astype(np.int64), np.zeros(s.size, np.int64))  # fmt: skip
+    nan = np.full(s.size, np.nan)
+    return Ends(s, low, steps, np.maximum(noise, 1e-3), np.full(s.size, max(missing, 0.02)), weight, nan, nan)
+
+
+def found(ends: Ends) -> EndCourse:
+    spread = ends.sigma**2 + ends.step**2 / 12.0
+    return find_end(ends, fit_course(ends.s, ends.low + 0.5 * ends.step, spread))
+
+
+@pytest.mark.parametrize("truth", [constant, drift, wave])
+def test_many_phases_know_the_end_better_than_a_column(truth: Truth) -> None:
+    end = found(frames(truth, 1, 9.3)).course
+    off = end.value(INSIDE) - truth(INSIDE)
+    assert np.abs(off).max() < 0.5 * STEP_MM
+    assert np.sqrt((off**2).mean()) < 0.25 * STEP_MM
+    assert end.u(INSIDE).max() < 0.6 * STEP_MM / np.sqrt(12.0) * 2.0
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002, 0.005])
+def test_one_phase_knows_no_more_than_the_column(sigma: float) -> None:
+    """However many frames say it: the truth may lie anywhere within the step."""
+    for seed in range(10):
+        end = found(frames(constant, seed, 0.0, sigma)).course
+        assert end.u(INSIDE).min() > 0.5 * STEP_MM / np.sqrt(12.0)
+        assert (np.abs(end.value(INSIDE) - 1.5) < 0.5 * STEP_MM + 3.0 * sigma + 1e-3).all()
+
+
+def test_one_phase_is_as_uncertain_as_it_says() -> None:
+    """The phase differs by chance from recording to recording; a rectangle's errors, so no chi-square's tails."""
+    z = []
+    for seed in range(60):
+        end = found(frames(constant, 100 + seed, 0.0)).course
+        z.append(float(((end.value(INSIDE[50:51]) - 1.5) / end.u(INSIDE[50:51]))[0]))
+    assert np.mean(np.square(z)) < chi2.ppf(1.0 - RISK, len(z)) / len(z)
+    assert np.abs(z).max() < 3.0
+
+
+@pytest.mark.parametrize("skew_columns", [0.5, 3.3, 9.3, 40.0])
+@pytest.mark.parametrize("truth", [constant, drift, wave])
+def test_errors_are_as_large_as_u_says(truth: Truth, skew_columns: float) -> None:
+    z = []
+    for seed in range(36):
+        end = found(frames(truth, 200 + seed, skew_columns * (1.0 + 0.01 * seed))).course
+        at = np.array([4.0 + 3.0 * seed])
+        z.append(float(((end.value(at) - truth(at)) / end.u(at))[0]))
+    total = float(np.square(z).sum())
+    assert total < chi2.ppf(1.0 - RISK, len(z))
+    assert total * 4.0**2 > chi2.ppf(RISK, len(z))  # u no more than 4 times too large
+
+
+def test_noise_larger_than_a_column_averages_out() -> None:
+    """Then the steps do not matter: the end is known as a mean is."""
+    z = []
+    for seed in range(30):
+        ends = frames(drift, 300 + seed, 9.3, sigma=0.08)
+        end = found(ends).course
+        z.append(float(((end.value(INSIDE[50:51]) - drift(INSIDE[50:51])) / end.u(INSIDE[50:51]))[0]))
+        assert end.u(INSIDE[50:51])[0] < 0.08 / 4.0
+    assert float(np.square(z).sum()) < chi2.ppf(1.0 - RISK, len(z))
+
+
+@pytest.mark.parametrize("missing", [0.1, 0.4])
+def test_missing_returns_do_not_shorten_the_face(missing: float) -> None:
+    z = []
+    for seed in range(30):
+        end = found(frames(drift, 400 + seed, 9.3, missing=missing)).course
+        z.append(float(((end.value(INSIDE[50:51]) - drift(INSIDE[50:51])) / end.u(INSIDE[50:51]))[0]))
+    assert float(np.square(z).sum()) < chi2.ppf(1.0 - RISK, len(z))
+    assert abs(np.mean(z)) < 4.0 / np.sqrt(len(z))
+
+
+def test_stray_ends_do_not_matter() -> None:
+    ends = frames(drift, 2, 9.3)
+    rng = np.random.default_rng(9202)
+    wild = rng.random(ends.s.size) < 0.05
+    ends = replace(ends, low=ends.low + np.where(wild, rng.uniform(-1.0, 1.0, wild.size), 0.0))
+    end = found(ends).course
+    assert np.abs(end.value(INSIDE) - drift(INSIDE)).max() < 0.5 * STEP_MM
+    assert (np.abs(end.value(INSIDE) - drift(INSIDE)) < 4.0 * end.u(INSIDE)).all()
+
+
+def test_corners_are_values() -> None:
+    """Where a frame shows the corner itself, its step is 0, and the end is a weighted mean."""
+    rng = np.random.default_rng(9203)
+    ends = frames(drift, 3, 9.3)
+    corners = replace(ends, low=drift(ends.s) + rng.normal(0.0, 0.01, ends.s.size), step=np.zeros(ends.s.size),
+                      sigma=np.full(ends.s.size, 0.01))  # fmt: skip
+    end = found(corners).course
+    plain = fit_course(corners.s, corners.low, corners.sigma**2)
+    np.testing.assert_allclose(end.value(INSIDE), plain.value(INSIDE), rtol=0, atol=2.0 * plain.u(INSIDE).max())
+    assert (np.abs(end.value(INSIDE) - drift(INSIDE)) < 5.0 * end.u(INSIDE)).all()
+
+
+def test_frames_that_count_less_say_less() -> None:
+    ends = frames(drift, 4, 9.3)
+    less = replace(ends, weight=np.full(ends.s.size, 0.1))
+    assert found(less).course.u(INSIDE).mean() > 1.2 * found(ends).course.u(INSIDE).mean()
+
+
+def test_a_gouge_contradicts_the_course() -> None:
+    """An edge broken off over 3 mm is no wave: the course there is said to be contradicted."""
+    ends = frames(constant, 5, 9.3)
+    broken = np.abs(ends.s - 60.0) < 1.5
+    end = found(replace(ends, low=ends.low - np.where(broken, 0.8, 0.0)))
+    near = np.abs(end.s - 60.0) < 0.9
+    assert end.contradicted[near].all()
+    assert not end.contradicted[np.abs(end.s - 60.0) > 6.0].any()
+
+
+def test_the_place_of_the_count_does_not_matter() -> None:
+    ends = frames(wave, 6, 9.3)
+    moved = found(replace(ends, low=ends.low + 100.0)).course
+    one = found(ends).course
+    np.testing.assert_allclose(moved.value(INSIDE) - 100.0, one.value(INSIDE), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(moved.u(INSIDE), one.u(INSIDE), rtol=1e-3)
+
+
+@pytest.mark.parametrize("count", [3, 8, 40])
+def test_few_frames(count: int) -> None:
+    ends = frames(constant, 7, 9.3)
+    on = np.arange(count)
+    few = Ends(*(v[on] for v in (ends.s, ends.low, ends.step, ends.sigma, ends.missing, ends.weight, ends.fill,
+                                 ends.fill_sigma)))  # fmt: skip
+    end = found(few).course
+    at = few.s
+    assert np.isfinite(end.value(at)).all()
+    assert (np.abs(end.value(at) - 1.5) < 4.0 * end.u(at)).all()

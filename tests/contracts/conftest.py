@@ -88,7 +88,8 @@ class Chains:
 
     def sources(self, stage: Stage) -> dict[str, Any]:
         """The artefacts that a stage takes: those of its step, else the last of each type that one chain offers."""
-        home = next((chain for chain in self.chains if chain.step(stage)), None) or self.whole(stage)
+        own = [chain for chain in self.chains if chain.step(stage) and self.has_all(chain, stage)]
+        home = own[0] if own else self.whole(stage)
         taken = {}
         for source in stage.sources:
             chains = [home] if home else self.chains
@@ -109,12 +110,13 @@ class Chains:
 
     def whole(self, stage: Stage) -> Chain | None:
         """The last chain that has all that a stage must be given: what belongs together stays together."""
+        return next((chain for chain in self.chains[::-1] if self.has_all(chain, stage)), None)
+
+    @staticmethod
+    def has_all(chain: Chain, stage: Stage) -> bool:
+        """Whether a chain made all that a stage must be given; the planning without a cell, say, has none to give."""
         wanted = [source.type for source in stage.sources if source.required and source.type is not Provenance]
-
-        def has_all(chain: Chain) -> bool:
-            return all(any(isinstance(one, kind) for one in chain.results) for kind in wanted)
-
-        return next(filter(has_all, self.chains[::-1]), None)
+        return all(any(isinstance(one, kind) for one in chain.results) for kind in wanted)
 
 
 @pytest.fixture(scope="session")

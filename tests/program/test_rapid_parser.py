@@ -58,6 +58,7 @@ def test_all_that_it_knows() -> None:
     assert program.poses[0].shape == (3, 3)
 
 
+STATEMENTS = "a move, a setting, a signal, a wait, a stop, a label, a call or ENDPROC"
 REFUSED = [
     ("module Hand", "module 1", "line 2: expected a name: a letter"),
     ("module Hand", "module v100", "line 2: expected a name that is not taken, found 'v100'"),
@@ -92,7 +93,11 @@ REFUSED = [
     ("PROC main()", "PROC main(num n)", "line 10: expected ')', found 'num'"),
     ("PROC nothing()", "PROC MAIN()", "line 17: expected a name that is not taken, found 'MAIN'"),
     ("ConfL\\Off", "ConfL\\Of", "line 11: expected 'on' or 'off', found 'Of'"),
-    ("ConfL\\Off", "STOP", "line 11: expected a move, ConfL, ConfJ, CirPathMode or ENDPROC, found 'STOP'"),
+    (
+        "ConfL\\Off",
+        "EXIT",
+        f"line 11: expected {STATEMENTS}, found 'EXIT'",
+    ),
     ("MoveAbsJ home", "MoveAbsJ b", "line 12: expected a jointtarget, not a robtarget, found 'b'"),
     ("movej a_1", "movej home", "line 13: expected a robtarget, not a jointtarget, found 'home'"),
     ("movej a_1", "movej c", "line 13: expected the name of a robtarget that is declared, found 'c'"),
@@ -105,7 +110,11 @@ REFUSED = [
     ("[[5,6,0]", "[[1.55,-2,.5]", "line 14: expected a circle"),
     ("[[5,6,0]", "[[5.75,1.5,.25]", "line 14: expected a circle"),
     ("movej a_1, v100, z10, T\\WObj:=W;", "", "line 14: expected a circle"),
-    ("  ENDPROC\n  PROC", "  PROC", "expected a move, ConfL, ConfJ, CirPathMode or ENDPROC, found 'PROC'"),
+    (
+        "  ENDPROC\n  PROC",
+        "  PROC",
+        f"expected {STATEMENTS}, found 'PROC'",
+    ),
     ("MoveL A_1,slow,fine,t;", "MoveL A_1,slow,fine,t", "line 16: expected ';', found 'ENDPROC'"),
 ]
 

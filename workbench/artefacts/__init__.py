@@ -41,6 +41,7 @@ from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, S
 from workbench.artefacts.parts import NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
 from workbench.artefacts.programs import (
+    EventKind,
     Judgement,
     ProgramEvent,
     ProgramMove,
@@ -77,6 +78,7 @@ __all__ = [
     "Edge",
     "EdgeProfile",
     "Engagement",
+    "EventKind",
     "Gate",
     "HandEye",
     "Inspection",

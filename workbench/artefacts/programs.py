@@ -47,6 +47,7 @@ class ProgramMove:
     turntable: float | None = None  # rad, at the target; None: it is not commanded
     track_mm: float | None = None  # likewise, of a linear axis under the robot
     configuration: tuple[int, ...] | None = None  # as the dialect counts it; None: the program does not say
+    place: str = ""  # the joint target on the controller that J goes to, where the program has its name alone
     time_s: float | None = None  # of a trajectory: when the target is reached, from the start of the program
 
 
@@ -79,7 +80,8 @@ class Violation:
 
     line: int  # of the program's file
     arc_length_mm: float  # of the tool's way, from the first target
-    kind: str  # collision, limit, singular, speed, acceleration, deviation, configuration, unreachable, unsteady
+    # collision, limit, singular, speed, acceleration, deviation, configuration, unreachable, unsteady, process
+    kind: str
     finding: str  # in words, with the pair, the joint and the numbers
 
 

@@ -20,11 +20,11 @@ import numpy as np
 from workbench.artefacts import ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.program.rapid_reader import read_rapid
+from workbench.program.rapid_skeleton import MODES, UNUSED, Skeleton, joint_target
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Int
 
-UNUSED = "9E+09"  # an external axis that is not there
 TURN_DEG_S = 50  # where the orientation alone moves
 
 
@@ -39,6 +39,11 @@ class Rapid:
     work_object_name: str
 
     @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling."""
+        return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
+
+    @functools.cached_property
     def feeds(self) -> tuple[Float, Int]:
         """The distinct feeds in mm/s, and which of them each move has."""
         distinct, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
@@ -48,7 +53,8 @@ class Rapid:
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
-        zones = ["zonePath" if blends else "fine" for blends in self.job.blends]
+        switched = {i - 1 for i in self.skeleton.layer_starts} if self.skeleton else set()  # statements follow it
+        zones = ["zonePath" if blends and i not in switched else "fine" for i, blends in enumerate(self.job.blends)]
         tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
         tail = f"{tool}\\WObj:={place};"
         return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
@@ -75,30 +81,42 @@ class Rapid:
                             job.turntable_deg, said)  # fmt: skip
         arcs = np.flatnonzero(job.moves.circular)
         yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
-        yield from self._start_posture()
+        if self.skeleton:
+            yield from self.skeleton.data()
+            place, turn = self.skeleton.retracted
+            last = None if job.turntable_deg is None else job.turntable_deg[-1:]
+            yield from _targets("retract", np.array([0]), place, turn, last,
+                                configurations(self.cell, self.skeleton.retract_joints[None]))  # fmt: skip
+        else:
+            yield from self._start_posture()
         yield f"  PROC {self.procedure}()"
-        yield from ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
+        yield from self.skeleton.first() if self.skeleton else ()
+        yield from MODES
 
     def start(self) -> Iterable[str]:
         """By the axes to the first posture, and exactly to the first target."""
-        return [f"    MoveAbsJ jStart\\NoEOffs,{self.ends[0]}", f"    MoveL p1,{self.ends[0]}"]
+        end = self.ends[0]
+        begin = self.skeleton.start(end) if self.skeleton else []
+        return [*begin, f"    MoveAbsJ jStart\\NoEOffs,{end}", *(self.skeleton.on() if self.skeleton else []),
+                f"    MoveL p1,{end}"]  # fmt: skip
+
+    def _layer(self, i: int) -> list[str]:
+        """What stands before move i where a layer begins with it."""
+        return self.skeleton.layer(i) if self.skeleton else []
 
     def _start_posture(self) -> Iterator[str]:
         """Joint angles of the first target."""
         joints, turntable = self.job.moves.joints_deg, self.job.turntable_deg
         if joints is not None:
-            axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints[0], 4) + 0.0).tolist())
-            first = UNUSED if turntable is None else f"{_tidy(turntable[:1], 4)[0]:.4f}"
-            others = ",".join([UNUSED] * 5)
-            yield f"  CONST jointtarget jStart:=[[{axes}],[{first},{others}]];"
+            yield joint_target("jStart", joints[0], None if turntable is None else float(turntable[0]))
 
     def straight(self, i: int) -> Iterable[str]:
         """MoveL."""
-        return [f"    MoveL p{i + 1},{self.ends[i]}"]
+        return [*self._layer(i), f"    MoveL p{i + 1},{self.ends[i]}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """MoveC."""
-        return [f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
+        return [*self._layer(i), f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
@@ -106,12 +124,13 @@ class Rapid:
 
     def foot(self) -> Iterable[str]:
         """Settings as the controller starts with them."""
-        return ["    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+        end = self.skeleton.end(self.ends[-1]) if self.skeleton else []
+        return [*end, "    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
         ((name, text),) = files.items()
-        return read_rapid(text, name)
+        return read_rapid(text, name, self.cell.process)
 
     def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
         """cf1, cf4, cf6, cfx of a posture (6,), rad."""

@@ -1,7 +1,7 @@
 """`parse_rapid`: a strict reader for the part of RAPID that milling programs need.
 
-One module with data and procedures without parameters; in them MoveL, MoveC, MoveJ, MoveAbsJ, ConfL, ConfJ and
-CirPathMode. Everything else is refused with its line, as a controller would on loading, or earlier: names that are
+One module with data and procedures without parameters; in them moves, their settings, signals, waits, stops, labels
+and calls. Everything else is refused with its line, as a controller would on loading, or earlier: names that are
 not declared, declared twice, of the wrong type or RAPID's own; quaternions not of unit length; circles that no
 controller can make.
 
@@ -9,10 +9,13 @@ controller can make.
     data        = [LOCAL | TASK] (CONST | PERS | VAR) type name := value ;
     procedure   = [LOCAL] PROC name ( ) {statement} ENDPROC
     statement   = move | (ConfL | ConfJ) \\ (On | Off) ; | CirPathMode \\ (PathFrame | ObjectFrame | CirPointOri) ;
+                | SetDO name , (0 | 1) ; | WaitDI name , 1 \\ MaxTime := number ; | WaitTime number ; | ActUnit name ;
+                | VelSet number , number ; | Stop ; | name : | name ;
     move        = (MoveL | MoveJ) target , end | MoveC via , target , end | MoveAbsJ target [\\ NoEOffs] , end
     end         = speed , zone , tool [\\ WObj := work object] ;
 
-A tool or work object that the module does not declare is taken for one that is measured on the controller.
+A tool, work object or joint target that the module does not declare is taken for one that the controller has, and so
+are signals, units and procedures.
 
 (ABB, RAPID Overview; RAPID Instructions, Functions and Data types.)
 """
@@ -24,15 +27,19 @@ from typing import Any
 
 import numpy as np
 
-from workbench.program.rapid_program import JointTarget, Move, RapidProgram, RobTarget
+from workbench.program.rapid_program import Event, JointTarget, Move, OnController, RapidProgram, RobTarget
 from workbench.program.rapid_tokens import Tokens
 from workbench.program.rapid_values import SHAPES, TOOL0, WOBJ0, read_value
 from workbench.program.rapid_words import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES
 from workbench.units import DEG
 
-ON_CONTROLLER = ("tooldata", "wobjdata")  # what a move may name without the module declaring it
+ON_CONTROLLER = ("tooldata", "wobjdata", "jointtarget")  # what a move may name without the module declaring it
 LEAST_DISTANCE_MM, LEAST_ANGLE_DEG = 0.1, 1.0  # of MoveC: start to via and target; between these, seen from the start
 MOVES = {"movel": "MoveL", "movec": "MoveC", "movej": "MoveJ", "moveabsj": "MoveAbsJ"}
+EVENTS = {  # what follows each: names and numbers, signs, one of several words
+    "setdo": ("name", ",", "0|1"), "waitdi": ("name", ",", "1", "\\", "maxtime", ":=", "number"),
+    "waittime": ("number",), "actunit": ("name",), "velset": ("number", ",", "number"), "stop": (),
+}  # fmt: skip
 SWITCHES = {"confl": ("on", "off"), "confj": ("on", "off"), "cirpathmode": ("pathframe", "objectframe", "cirpointori")}
 
 
@@ -66,15 +73,14 @@ class _Parser:
         while self.tokens.word() in ("local", "task", "const", "pers", "var") and self.tokens.word(1) != "proc":
             name, kind, value = self.declaration()
             declared[name] = self.data[name.lower()] = (kind, value)
-        procedures = {}
+        procedures, events = {}, {}
         while self.tokens.word() in ("local", "proc"):
-            name, moves = self.procedure()
-            procedures[name] = moves
+            name, procedures[name], events[name] = self.procedure()
         self.tokens.take("endmodule")
         self.tokens.take("")
         tools = {name: value for name, (kind, value) in declared.items() if kind == "tooldata"}
         objects = {name: value for name, (kind, value) in declared.items() if kind == "wobjdata"}
-        return RapidProgram(module, tools, objects, procedures)
+        return RapidProgram(module, tools, objects, procedures, events)
 
     def declaration(self) -> tuple[str, str, Any]:
         scope = self.tokens.take("local", "task") if self.tokens.word() in ("local", "task") else ""
@@ -88,7 +94,7 @@ class _Parser:
         self.tokens.take(";")
         return name, kind, value
 
-    def procedure(self) -> tuple[str, tuple[Move, ...]]:
+    def procedure(self) -> tuple[str, tuple[Move, ...], tuple[Event, ...]]:
         if self.tokens.word() == "local":
             self.tokens.take("local")
         self.tokens.take("proc")
@@ -96,15 +102,47 @@ class _Parser:
         self.tokens.take("(")
         self.tokens.take(")")
         moves: list[Move] = []
+        events: list[Event] = []
         while (word := self.tokens.word()) != "endproc":
             if word in MOVES:
                 moves.append(self.move(moves[-1].target if moves else None))
             elif word in SWITCHES:
                 self.switch()
+            elif word in EVENTS or (sign := self.tokens.word(1)) == ":" or (sign == ";" and word not in self.taken):
+                line = self.tokens.line(self.tokens.at)
+                events.append(Event(*self.event(), len(moves), line))
             else:
-                self.tokens.refuse("a move, ConfL, ConfJ, CirPathMode or ENDPROC")
+                self.tokens.refuse("a move, a setting, a signal, a wait, a stop, a label, a call or ENDPROC")
         self.tokens.take("endproc")
-        return name, tuple(moves)
+        return name, tuple(moves), tuple(events)
+
+    def event(self) -> tuple[str, tuple[str | float, ...]]:
+        """A statement between moves: its instruction and arguments."""
+        tokens = self.tokens
+        if tokens.word() not in EVENTS:
+            kind, name = ("label", self.name()) if tokens.word(1) == ":" else ("call", self.known())
+            tokens.take(":" if kind == "label" else ";")
+            return kind, (name,)
+        word = tokens.take(*EVENTS)
+        arguments: list[str | float] = [self.known() if part == "name" else self.amount() if part == "number" else
+                                        tokens.take(*part.split("|")) for part in EVENTS[word]]  # fmt: skip
+        tokens.take(";")
+        return word, tuple(one for one in arguments if one not in (",", "\\", ":=", "maxtime"))
+
+    def known(self) -> str:
+        """The name of something that the controller has."""
+        name, key = self.tokens.peek(), self.tokens.word()
+        if not IDENTIFIER.fullmatch(name) or key in self.taken:
+            self.tokens.refuse("a name that the controller knows and this module has not taken")
+        self.tokens.take(key)
+        return name
+
+    def amount(self) -> float:
+        """A number above 0."""
+        begin, value = self.tokens.at, self.tokens.number()
+        if value <= 0:
+            self.tokens.refuse("a number above 0", begin)
+        return value
 
     def switch(self) -> None:
         word = self.tokens.take(*SWITCHES)
@@ -112,7 +150,7 @@ class _Parser:
         self.tokens.take(*SWITCHES[word])
         self.tokens.take(";")
 
-    def move(self, start: RobTarget | JointTarget | None) -> Move:
+    def move(self, start: RobTarget | JointTarget | OnController | None) -> Move:
         begin, word = self.tokens.at, self.tokens.take(*MOVES)
         via = self.target("robtarget") if word == "movec" else None
         if via:
@@ -133,7 +171,10 @@ class _Parser:
 
     def target(self, kind: str) -> Any:
         """Written out, or by name."""
-        return read_value(self.tokens, kind) if self.tokens.word() == "[" else self.named(kind)[0]
+        if self.tokens.word() == "[":
+            return read_value(self.tokens, kind)
+        value, name = self.named(kind)
+        return OnController(name) if value is None else value
 
     def argument(self, kind: str) -> tuple[Any, str]:
         """A comma and the name of declared data: its value and the name as written."""
@@ -171,7 +212,7 @@ class _Parser:
         return name
 
 
-def _is_circle(start: RobTarget | JointTarget | None, via: RobTarget, target: RobTarget) -> bool:
+def _is_circle(start: RobTarget | JointTarget | OnController | None, via: RobTarget, target: RobTarget) -> bool:
     """Whether a controller can make the circle: its points lie apart, and not on a line seen from the start."""
     if not isinstance(start, RobTarget):
         return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -52,11 +52,26 @@ class WorkObject(NamedTuple):
     object_frame: Pose
 
 
-class Move(NamedTuple):
-    """One move: MoveL, MoveC, MoveJ (to a RobTarget) or MoveAbsJ (to a JointTarget)."""
+class OnController(NamedTuple):
+    """A joint target that the module does not declare: the controller has it."""
+
+    name: str
+
+
+class Event(NamedTuple):
+    """A statement between moves: SetDO, WaitDI, WaitTime, ActUnit, VelSet, Stop, label, or call."""
 
     instruction: str
-    target: RobTarget | JointTarget
+    arguments: tuple[str | float, ...]
+    before: int  # index of the move of the procedure that comes next
+    line: int  # of the file, from 1
+
+
+class Move(NamedTuple):
+    """One move: MoveL, MoveC, MoveJ (to a RobTarget) or MoveAbsJ (to joint angles)."""
+
+    instruction: str
+    target: RobTarget | JointTarget | OnController
     via: RobTarget | None  # of MoveC
     feed_mm_s: float
     zone_mm: float  # 0: fine
@@ -73,6 +88,7 @@ class RapidProgram:
     tools: dict[str, ToolData]
     work_objects: dict[str, WorkObject]
     procedures: dict[str, tuple[Move, ...]]
+    events: dict[str, tuple[Event, ...]] = field(default_factory=dict)  # by procedure
 
     @property
     def moves(self) -> tuple[Move, ...]:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
+from workbench.artefacts import EventKind, ProgramEvent, ProgramMove, ProgramMoves, ProgramTool
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.program.rapid_parser import parse_rapid
-from workbench.program.rapid_program import JointTarget, Move, Pose, RobTarget
+from workbench.program.rapid_program import Event, JointTarget, Move, OnController, Pose, RobTarget
 from workbench.program.rapid_values import TOOL0, WOBJ0
+from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float
 
 KINDS = {"MoveAbsJ": "J", "MoveJ": "J", "MoveL": "L", "MoveC": "C"}
 ABSENT = 9e8  # an external axis beyond this is not there (9E+09 in single precision)
 
 
-def read_rapid(text: str, name: str = "program") -> ProgramMoves:
+def read_rapid(text: str, name: str = "program", process: ProcessPart | None = None) -> ProgramMoves:
     """Read a RAPID module with one procedure that moves.
 
     The turntable is the external axis eax_a; it turns what stands in the cell, the work object stays in the base.
@@ -24,13 +27,17 @@ def read_rapid(text: str, name: str = "program") -> ProgramMoves:
     Args:
         text: the module.
         name: of its file, for messages.
+        process: whose signals switch what; None: a program that switches any is refused.
 
     Raises:
         InputError: what `parse_rapid` refuses; several procedures that move, or none; an external axis other than
-            eax_a; a stationary tool or a work object that the robot holds.
+            eax_a; a signal or unit of no known use; a statement that a blending move would run ahead of; a stationary
+            tool or a work object that the robot holds.
     """
     program = parse_rapid(text, name)
     moving = [moves for moves in program.procedures.values() if moves]
+    if [one for key, found in program.events.items() if not program.procedures[key] for one in found]:
+        raise InputError(name, "expected statements in the procedure that moves, and in no other")
     if len(moving) != 1:
         raise InputError(name, f"expected one procedure that moves, found {len(moving)}")
     tools = {"tool0": TOOL0, **program.tools}
@@ -47,10 +54,13 @@ def read_rapid(text: str, name: str = "program") -> ProgramMoves:
         move.work_object: None for move in moving[0] if move.work_object.lower() not in declared
     }
     spelt = {key.lower(): key for key in (*named, *places, *tools, *objects)}
+    events = tuple(one for found in program.events.values() for one in found)
+    _stops(moving[0], events, name)
     return ProgramMoves(
         dialect="abb",
         name=name,
-        moves=tuple(_move(move, spelt, name) for move in moving[0]),
+        events=tuple(_events(events, process, name)),
+        moves=tuple(_move(move, spelt, name, *_limits(events, i)) for i, move in enumerate(moving[0])),
         tools=named
         | {
             key: ProgramTool(_matrix(data.frame), data.mass_kg, np.array(data.centre_of_gravity_mm))
@@ -61,7 +71,47 @@ def read_rapid(text: str, name: str = "program") -> ProgramMoves:
     )
 
 
-def _move(move: Move, spelt: dict[str, str], name: str) -> ProgramMove:
+def _stops(moves: tuple[Move, ...], events: tuple[Event, ...], name: str) -> None:
+    """The controller runs ahead of a move that blends: what is switched there is switched too early."""
+    for event in events:
+        if event.before and moves[event.before - 1].zone_mm > 0:
+            raise InputError(name, f"line {event.line}: expected a move to 'fine' before this statement")
+
+
+def _limits(events: tuple[Event, ...], i: int) -> tuple[float, float]:
+    """Share of the programmed feeds and largest feed, mm/s, at a move: VelSet's last words before it."""
+    said = [event.arguments for event in events if event.instruction == "velset" and event.before <= i]
+    percent, most = said[-1] if said else (100.0, np.inf)
+    return float(percent) / 100, float(most)
+
+
+def _events(events: tuple[Event, ...], process: ProcessPart | None, name: str) -> Iterator[ProgramEvent]:
+    """What each statement between moves does, by the cell file's names."""
+    spindle = None if process is None else process.spindle
+    known: dict[tuple[str, str, str], EventKind] = {}
+    if process is not None and process.coolant_signal:
+        key = process.coolant_signal.lower()
+        known |= {("setdo", key, "1"): "coolant_on", ("setdo", key, "0"): "coolant_off"}
+    if spindle is not None:
+        key = spindle.on_signal.lower()
+        known |= {("setdo", key, "1"): "spindle_on", ("setdo", key, "0"): "spindle_off"}
+        known[("waitdi", (spindle.at_speed_signal or "").lower(), "1")] = "wait_speed"
+    if process is not None and process.mechanical_unit:
+        known[("actunit", process.mechanical_unit.lower(), "")] = "activate_axis"
+    if process is not None:
+        known |= {("call", hook.lower(), ""): "hook" for hook in (*process.before, *process.after)}
+    plain: dict[str, EventKind] = {"waittime": "wait_time", "velset": "feed_limits", "stop": "stop", "label": "restart"}
+    for event in events:
+        first, second = (*(str(one).lower() for one in event.arguments[:2]), "", "")[:2]
+        kind = plain.get(event.instruction) or known.get((event.instruction, first, second))
+        if kind is None:
+            raise InputError(name, f"line {event.line}: expected a name and a use of the cell file's process section, "
+                             f"found {event.instruction} {event.arguments[0]}")  # fmt: skip
+        value = ",".join(f"{one:g}" if isinstance(one, float) else one for one in event.arguments)
+        yield ProgramEvent(event.line, event.before, kind, value)
+
+
+def _move(move: Move, spelt: dict[str, str], name: str, share: float, most_mm_s: float) -> ProgramMove:
     target = move.target
     joints = np.array(target.joints_deg) * DEG if isinstance(target, JointTarget) else None
     return ProgramMove(
@@ -72,9 +122,12 @@ def _move(move: Move, spelt: dict[str, str], name: str) -> ProgramMove:
         joints=joints,
         pose=_of_target(target) if isinstance(target, RobTarget) else None,
         via=None if move.via is None else _of_target(move.via),
-        feed_mm_s=move.feed_mm_s,
+        feed_mm_s=min(share * move.feed_mm_s, most_mm_s),
         zone_mm=move.zone_mm,
-        turntable=_turntable(target.external_axes, f"{name}: line {move.line}"),
+        turntable=None
+        if isinstance(target, OnController)
+        else _turntable(target.external_axes, f"{name}: line {move.line}"),
+        place=target.name if isinstance(target, OnController) else "",
         configuration=tuple(int(part) for part in target.configuration) if isinstance(target, RobTarget) else None,
     )
 

@@ -9,7 +9,7 @@ _WORDS = """alias and backward case connect const default div do else elseif end
 endrecord endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or
 pers proc raise readonly record retry return step sysmodule task test then to trap true trynext undo var viewonly while
 with xor"""
-_INSTRUCTIONS = "movel movec movej moveabsj confl confj cirpathmode"
+_INSTRUCTIONS = "movel movec movej moveabsj confl confj cirpathmode setdo waitdi waittime actunit velset stop"
 _TYPES = "num bool string pos orient pose robtarget jointtarget tooldata wobjdata loaddata speeddata zonedata"
 TAKEN = frozenset(f"{_WORDS} {_INSTRUCTIONS} {_TYPES}".split())
 # Data that every controller has; speeds in mm/s, zones in mm.
@@ -17,7 +17,7 @@ SPEEDS = {f"v{v}": float(v) for v in (5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 2
                                       2000, 2500, 3000, 4000, 5000, 6000, 7000)}  # fmt: skip
 ZONES = {"fine": 0.0, "z0": 0.3} | {f"z{z}": float(z) for z in (1, 5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 150, 200)}
 PREDEFINED = frozenset([*SPEEDS, *ZONES, "vmax", "tool0", "wobj0", "load0"])
-GENERATED = re.compile(r"(?:p|via|feed)\d+|zonepath", re.IGNORECASE)  # by `program.rapid`
+GENERATED = re.compile(r"(?:p|via|feed|layer|retract)\d+|zonepath", re.IGNORECASE)  # by `program.rapid`
 
 
 def free_name(name: str) -> str:

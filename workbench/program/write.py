@@ -21,6 +21,7 @@ from workbench.program.rapid_words import free_name
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
 from workbench.robot.cell import Cell
+from workbench.robot.process import NO_PROCESS, not_seen
 from workbench.stage import stage
 
 Controller = Literal["abb", "kuka", "fanuc", "ur", "trajectory"]
@@ -92,6 +93,10 @@ def write(
     if known not in (None, chosen):
         said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
         gate = dataclasses.replace(gate, unchecked=(*gate.unchecked, said))
+    if cell.process is not None:
+        ours = chosen == "abb"
+        open_ = not_seen(cell.process) if ours else (f"{NO_PROCESS} ($.process is written for abb)",)
+        cell = dataclasses.replace(cell, process=cell.process if ours else None, unseen=(*cell.unseen, *open_))
     job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
     dialect = (
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)

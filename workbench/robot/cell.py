@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import Judgement, Moves, ProgramMoves, RobotCell
 from workbench.errors import InputError
+from workbench.robot.cell_file import ProcessPart
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
 from workbench.robot.shapes import Shape
@@ -81,6 +82,7 @@ class Cell(RobotCell):
     joint_stiffness_nm_per_rad: Float | None = None  # (6,) of this robot; None: not stated
     material: str | None = None  # of the workpiece: whose cutting coefficients hold; None: not stated
     unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
+    process: ProcessPart | None = None  # what a program does around the milling; None: not stated
     unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
 
     @property

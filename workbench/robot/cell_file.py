@@ -221,6 +221,55 @@ class ControllerPart(_Part):
     corner_region: bool = Field(default=False, description="FANUC: the termination CR in mm is installed")
 
 
+Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]  # a name that a controller knows
+Clear = Annotated[float, Field(gt=0, le=2000)]
+
+
+class HomePart(_Part):
+    """Where programs begin and end."""
+
+    joints_deg: tuple[Length, Length, Length, Length, Length, Length] = Field(description="of the robot, at home")
+    turntable_deg: Length = Field(default=0.0, description="likewise, where the cell has one")
+    controller_name: Word | None = Field(
+        default=None, description="of the joint target on the controller; null: the program declares it"
+    )
+
+
+class SpindlePart(_Part):
+    """The spindle's signals."""
+
+    on_signal: Word = Field(description="digital output: 1 turns it")
+    at_speed_signal: Word | None = Field(
+        default=None, description="digital input: 1 at speed; null: the program waits `wait_s`, and says NOT CHECKED"
+    )
+    wait_s: float = Field(default=20.0, gt=0, le=600, description="longest wait for speed; beyond it the robot stops")
+
+
+class FeedPart(_Part):
+    """Limits of the feed."""
+
+    override_percent: float = Field(default=100.0, ge=1, le=100, description="of the programmed feeds")
+    most_mm_s: float = Field(gt=0, le=5000, description="largest feed of the tool centre point")
+
+
+class ProcessPart(_Part):
+    """What a program does around the milling. Written for ABB; other programs say NOT CHECKED."""
+
+    home: HomePart
+    approach_mm: Clear = Field(default=50.0, description="along the cutter's axis, straight to the first target")
+    retract_mm: Clear = Field(default=50.0, description="likewise, from the last target")
+    spindle: SpindlePart | None = Field(default=None, description="null: not switched, and programs say so")
+    coolant_signal: Word | None = Field(default=None, description="digital output; null: none")
+    mechanical_unit: Word | None = Field(default=None, description="turntable that is activated (ActUnit); null: none")
+    before: list[Word] = Field(default=[], description="routines on the controller that are called first")
+    after: list[Word] = Field(default=[], description="likewise, at home in the end")
+    restart: bool = Field(default=True, description="a label at the start of every layer, with all that milling needs")
+    stop_between_layers: bool = Field(
+        default=False, description="spindle and coolant off and a stop before every layer but the first"
+    )
+    feed: FeedPart | None = Field(default=None, description="null: as programmed")
+
+
 class CellPart(_Part):
     """The whole file."""
 
@@ -242,6 +291,7 @@ class CellPart(_Part):
     uncertainty: UncertaintyPart | None = Field(default=None, description="null: not stated, and programs say so")
     envelope: EnvelopePart | None = Field(default=None, description="null: not stated, and programs say so")
     work_object: WorkObjectPart | None = Field(default=None, description="null: not stated: targets are in the base")
+    process: ProcessPart | None = Field(default=None, description="null: a program mills only, and says so")
 
 
 def matrix_of(pose: Pose) -> Float | None:

@@ -7,6 +7,7 @@ A stretch is proven where limits, wrist and every pair of bodies keep their marg
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -20,6 +21,7 @@ from workbench.robot.drive import Places, between, first_look, joined
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.margins import dexterity
 from workbench.robot.pairs import Pairs
+from workbench.robot.process import disorders, placed
 from workbench.robot.surface import Planned, deviations
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
@@ -47,6 +49,7 @@ def judge(
         planned: the path that it is to follow; None: its deviation is not judged, and the judgement says so.
         configuration: of a posture, as the program's dialect counts it.
     """
+    program = placed(program, cell.process)
     try:
         tools, frames = _frames(cell, program)
         way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), _rated(cell))
@@ -54,6 +57,7 @@ def judge(
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
     way, places = first_look(cell, way)
     found = _proven(cell, way, places, _Findings())
+    found.faults += _off_the_path(cell, way, places)
     return _judgement(cell, program, way, found, planned, configuration)
 
 
@@ -106,6 +110,19 @@ def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings
         some = middle.at(open_)
         before, after = joined([before.at(open_), some]), joined([some, after.at(open_)])
     return found
+
+
+def _off_the_path(cell: Cell, way: Way, places: Places) -> list[tuple[int, float, str, str]]:
+    """Collisions on joint moves with nothing allowed to touch the plate: the cutter mills on its path alone."""
+    touch = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)
+    joint_moves = way.kind[places.segment] == JOINTS
+    if touch == cell.may_touch or not joint_moves.any():
+        return []
+    strict, found = dataclasses.replace(cell, may_touch=touch), _Findings()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], joint_moves, [False]])))
+    for low, high in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        _proven(strict, way, places.at(np.arange(low, high)), found)
+    return [fault for fault in found.faults if fault[2] == "collision"]
 
 
 def _stretches(cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Places, after: Places, found: _Findings, *,
@@ -242,6 +259,9 @@ def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, pl
     at = _Lookup(places, arc)
     faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
     faults += _configurations(cell, program, way, places, at, configuration)
+    if cell.process is not None:
+        faults += [Violation(program.moves[i].line, at.arc(int(np.searchsorted(way.move, i)), 0.0), "process", text)
+                   for i, text in disorders(program, cell.process)]  # fmt: skip
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
     unchecked = [*cell.unchecked, *cell.unseen]

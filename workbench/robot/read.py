@@ -29,6 +29,7 @@ from workbench.robot.cell_file import (
 )
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
+from workbench.robot.process import NO_PROCESS
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.workpiece import read_workpiece, scanned
@@ -38,7 +39,6 @@ from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
-NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
@@ -81,7 +81,8 @@ def read_cell(path: Path) -> Cell:
         may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
         margins=_margins(part), accelerations=_accelerations(part.robot), controller_tools=tools,
         controller_frames=frames, unchecked=tuple(_not_said(part, shapes)),
-        unseen=(*(() if part.workpiece.mesh else (NO_WORKPIECE,)), NO_PROCESS), tool_mass_kg=part.tool.mass_kg,
+        unseen=(*(() if part.workpiece.mesh else (NO_WORKPIECE,)), *(() if part.process else (NO_PROCESS,))),
+        process=part.process, tool_mass_kg=part.tool.mass_kg,
         tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
         base_from_workobject=_pose((part.work_object or WorkObjectPart()).pose, f"{path}: $.work_object.pose"),
         material=part.workpiece.material, joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),

@@ -1,0 +1,196 @@
+"""The process around the milling: written as the cell file says, read back, judged."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Judgement, Moves, PathGate, ProgramMoves
+from workbench.dialect import program_files
+from workbench.errors import InputError
+from workbench.program import write
+from workbench.program.parameters import program_job
+from workbench.program.rapid import Rapid
+from workbench.robot import Cell, forward_kinematics, read_cell
+from workbench.robot.judge import judge
+from workbench.robot.process import disorders
+
+from .conftest import passed
+from .paths import Shape
+from .postured import CUTTER, cell_of, postured
+
+OFF = ",tMill\\WObj:=woEdge;\n    SetDO doCoolant,0;"  # behind a move
+HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
+FULL: dict[str, Any] = {
+    "home": {"joints_deg": HOME, "turntable_deg": 5.0}, "approach_mm": 60.0, "retract_mm": 40.0,
+    "spindle": {"on_signal": "doSpindle", "at_speed_signal": "diAtSpeed", "wait_s": 15.0},
+    "coolant_signal": "doCoolant", "mechanical_unit": "STN1", "before": ["CheckTool"], "after": ["BlowOff"],
+    "stop_between_layers": True, "feed": {"override_percent": 50.0, "most_mm_s": 8.0},
+}  # fmt: skip
+
+
+def cell_with(folder: Path, process: dict[str, Any], **more: Any) -> Cell:
+    cell_of("irb6700", folder, dialect="abb")
+    file = folder / "irb6700.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "process": process, **more}))
+    return read_cell(file)
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Cell:
+    return cell_with(tmp_path_factory.mktemp("cell"), FULL)
+
+
+@pytest.fixture(scope="module")
+def layers(cell: Cell) -> Moves:
+    """Two layers on an arc, and the travel between them."""
+    return postured(cell, "irb6700", Shape(bend=1 / 300, length_mm=60, layers=2))
+
+
+def text(moves: Moves, cell: Cell) -> str:
+    job = program_job("BevelPath", moves, cell, 0.3, 0.05)
+    (content,) = program_files(Rapid(job, cell, "MillBevel", "tMill", "woEdge"), passed(moves.toolpath)).values()
+    return content
+
+
+def back(written: str, moves: Moves, cell: Cell) -> ProgramMoves:
+    job = program_job("BevelPath", moves, cell, 0.3, 0.05)
+    return Rapid(job, cell, "MillBevel", "tMill", "woEdge").read({"BevelPath.mod": written})
+
+
+def refused(moves: Moves, cell: Cell) -> str:
+    gate, *_ = (one for one in write(moves, passed(moves.toolpath), cell) if isinstance(one, PathGate))
+    assert not gate.passed
+    return gate.reason
+
+
+def test_all_that_the_process_says_comes_back(layers: Moves, cell: Cell) -> None:
+    program = back(text(layers, cell), layers, cell)
+    kinds = [event.kind for event in program.events]
+    assert kinds[:7] == ["hook", "activate_axis", "feed_limits", "spindle_on", "wait_speed", "coolant_on", "restart"]
+    assert kinds[-4:] == ["coolant_off", "spindle_off", "hook", "feed_limits"]
+    assert [event.value for event in program.events if event.kind == "restart"] == ["layer1", "layer2"]
+    (stop,) = [event for event in program.events if event.kind == "stop"]
+    around = [event.kind for event in program.events if event.before == stop.before]
+    assert around == ["coolant_off", "spindle_off", "stop", "restart", "activate_axis", "feed_limits", "spindle_on",
+                      "wait_speed", "coolant_on"]  # fmt: skip
+    home, start, *path, retract, last = program.moves
+    assert [move.kind for move in (home, start, last)] == ["J", "J", "J"]
+    for move in (home, last):
+        assert np.degrees(move.joints) == pytest.approx(HOME)
+        assert np.degrees(move.turntable) == pytest.approx(5.0)
+    assert len(path) == len(layers.layer)
+    assert max(move.feed_mm_s for move in path) == 8
+    assert min(move.feed_mm_s for move in path) == pytest.approx(layers.feed_mm_s.min() / 2, rel=0.01)
+    tool = program.tools["tMill"].flange_from_tool
+    first = forward_kinematics(cell.chain, start.joints) @ tool
+    assert first[:3, 3] == pytest.approx(path[0].pose[:3, 3] - 60 * path[0].pose[:3, 2], abs=0.01)
+    assert retract.pose[:3, 3] == pytest.approx(path[-1].pose[:3, 3] - 40 * path[-1].pose[:3, 2], abs=0.01)
+    for event in program.events:
+        assert event.before == 0 or program.moves[event.before - 1].zone_mm == 0
+
+
+def test_it_is_judged_with_home_and_retract(layers: Moves, cell: Cell) -> None:
+    document, *_, gate, judgement, _ = write(layers, passed(layers.toolpath), cell)
+    assert isinstance(judgement, Judgement)
+    assert judgement.passed, judgement.violations
+    assert gate.passed
+    remarks = " ".join(document.content.decode().replace("!", " ").split())
+    assert "NOT CHECKED: what these routines do: CheckTool, BlowOff" in remarks
+    assert "the program does none of it" not in remarks
+    far = np.linalg.norm((forward_kinematics(cell.chain, np.radians(HOME)) @ cell.flange_from_cutter)[:3, 3]
+                         - layers.position_mm[0])  # fmt: skip
+    bare = judge(replace(cell, process=None), back(text(layers, cell), layers, cell))
+    assert bare.length_mm > 1.5 * far  # out and back
+
+
+def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) -> None:
+    """A clamp half-way, and the plate itself although the cutter may touch it."""
+    joints = judge(cell, back(text(layers, cell), layers, cell)).program.moves
+    half = (joints[0].joints + joints[1].joints) / 2
+    tip = (forward_kinematics(cell.chain, half) @ cell.flange_from_cutter)[:3, 3]
+    shape = {"pose": {"position_mm": [215, 0, 140], "quaternion_wxyz": [0.7071067811865476, 0, 0.7071067811865476, 0]},
+             "cylinder_mm": [5, 90], "body": "cutter"}  # fmt: skip
+    tree = {
+        "tool": {"flange_from_cutter": CUTTER, "shapes": [shape]},
+        "fixtures": [{"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [30, 30, 30]}],
+        "may_touch": [["cutter", "workpiece"]],
+    }  # fmt: skip
+    assert "cutter" in refused(layers, cell_with(tmp_path, FULL, **tree))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "finding"),
+    [
+        ("SetDO doSpindle,1;", "", "before the spindle is on and at speed"),
+        ("WaitDI diAtSpeed,1\\MaxTime:=15;", "WaitTime 15;", "before the spindle is on and at speed"),
+        ("SetDO doSpindle,0;", "", "the spindle still turns on the way home"),
+        ("MoveAbsJ jHome", "MoveAbsJ jStart", "elsewhere than at the cell file's home"),
+    ],
+)
+def test_a_program_without_it_may_not_run(layers: Moves, cell: Cell, old: str, new: str, finding: str) -> None:
+    written = text(layers, cell)
+    assert old in written
+    program = back(written.replace(old, new), layers, cell)
+    assert finding in " ".join(words for _, words in disorders(program, cell.process))
+    assert any(one.kind == "process" for one in judge(cell, program).violations)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "finding"),
+    [
+        ("SetDO doCoolant,1", "SetDO doClamp,1", "a use of the cell file's process section, found setdo doClamp"),
+        ("SetDO doCoolant,1", "SetDO doCoolant,2", "expected '0' or '1'"),
+        ("CheckTool;", "p1;", "expected a move"),
+        ("CheckTool;", "Other;", "found call Other"),
+        ("layer2:", "layer1:", "a name that is not taken"),
+        ("MaxTime:=15", "MaxTime:=-1", "a number above 0"),
+        (f"fine{OFF}", f"zonePath{OFF}", "expected a move to 'fine'"),
+    ],
+)
+def test_what_is_changed_is_refused(layers: Moves, cell: Cell, old: str, new: str, finding: str) -> None:
+    written = text(layers, cell)
+    assert old in written
+    with pytest.raises(InputError, match=finding):
+        back(written.replace(old, new), layers, cell)
+
+
+def test_home_by_the_controllers_name(tmp_path: Path, layers: Moves) -> None:
+    cell = cell_with(tmp_path, {"home": {"joints_deg": HOME, "controller_name": "jSafe"}})
+    written = text(layers, cell)
+    assert "jointtarget jSafe" not in written
+    program = back(written, layers, cell)
+    assert (program.moves[0].joints, program.moves[0].place) == (None, "jSafe")
+    assert judge(cell, program).passed
+    (found, *_) = judge(cell, back(written.replace("jSafe", "jOther"), layers, cell)).violations
+    assert "no joint angles" in found.finding
+
+
+def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:
+    cell = cell_with(tmp_path, {"home": {"joints_deg": HOME}, "spindle": {"on_signal": "doSpindle"}, "restart": False})
+    document, *_ = write(layers, passed(layers.toolpath), cell)
+    words = " ".join(document.content.decode().replace("!", " ").split())
+    assert "NOT CHECKED: that the spindle is at speed" in words
+    assert "WaitTime 20;" in words
+    assert "layer1:" not in words
+    document, *_ = write(layers, passed(layers.toolpath), cell, controller="kuka")
+    words = " ".join(document.content.decode().replace(";", " ").split())
+    assert "spindle and coolant: the program does none of it" in words
+
+
+@pytest.mark.parametrize(
+    ("change", "finding"),
+    [
+        ({"coolant_signal": "DOSPINDLE"}, "different signals of spindle and coolant"),
+        ({"before": ["stop"]}, "a name that has no meaning in RAPID yet, found 'stop'"),
+        ({"approach_mm": 2000.0}, r"process.approach_mm: expected a point that the robot reaches"),
+    ],
+)
+def test_a_process_that_cannot_be_written_is_refused(tmp_path: Path, layers: Moves, change: Any, finding: str) -> None:
+    with pytest.raises(InputError, match=finding):
+        text(layers, cell_with(tmp_path, {**FULL, **change}))

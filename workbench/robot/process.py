@@ -1,0 +1,68 @@
+"""What a program does around the milling, held against the cell file's `process` section."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from workbench.artefacts import ProgramMove, ProgramMoves
+from workbench.robot.cell_file import ProcessPart
+from workbench.units import DEG
+
+NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
+SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a program may turn them by
+
+
+def not_seen(process: ProcessPart) -> Iterator[str]:
+    """What nobody can look at although the process is stated: stands in the program's head."""
+    yield "the way from where the robot stands to home"
+    yield "the cutter against the plate between the path's ends and the points of approach and retract"
+    if process.home.controller_name:
+        yield f"that {process.home.controller_name} on the controller is the cell file's home"
+    if process.spindle is None:
+        yield "the spindle: the cell file names no signals ($.process.spindle)"
+    elif process.spindle.at_speed_signal is None:
+        yield "that the spindle is at speed: no signal says so, the program waits for some time"
+    if hooks := (*process.before, *process.after):
+        yield f"what these routines do: {', '.join(hooks)}"
+    if process.restart:
+        yield "the way to a restart point: lead the robot by hand to the target before its label"
+
+
+def placed(program: ProgramMoves, process: ProcessPart | None) -> ProgramMoves:
+    """The program with home filled in where it names the controller's."""
+    if process is None or not process.home.controller_name:
+        return program
+    home, name = process.home, process.home.controller_name.lower()
+
+    def filled(move: ProgramMove) -> ProgramMove:
+        if move.place.lower() != name:
+            return move
+        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=home.turntable_deg * DEG)
+
+    return dataclasses.replace(program, moves=tuple(filled(move) for move in program.moves))
+
+
+def disorders(program: ProgramMoves, process: ProcessPart) -> Iterator[tuple[int, str]]:
+    """Index of the move and what is wrong: it must begin and end at home, and mill with the spindle at speed."""
+    home = np.array(process.home.joints_deg) * DEG
+    for i in (0, len(program.moves) - 1):
+        joints = program.moves[i].joints
+        if joints is None or np.abs(joints - home).max() > SAME_PLACE:
+            yield i, f"the program {'ends' if i else 'begins'} elsewhere than at the cell file's home"
+    turns, ready = False, process.spindle is None
+    events = sorted(program.events, key=lambda event: event.line)
+    for i, move in enumerate(program.moves):
+        for event in (one for one in events if one.before == i):
+            turns = event.kind == "spindle_on" or (turns and event.kind != "spindle_off")
+            if process.spindle is not None and event.kind in ("spindle_on", "spindle_off"):
+                ready = False
+            awaited = "wait_speed" if process.spindle and process.spindle.at_speed_signal else "wait_time"
+            ready = ready or (turns and event.kind == awaited)
+        if move.kind != "J" and not ready:
+            yield i, "the tool moves along a path before the spindle is on and at speed"
+            break
+    if process.spindle and turns:
+        yield len(program.moves) - 1, "the spindle still turns on the way home"

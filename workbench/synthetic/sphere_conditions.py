@@ -147,6 +147,18 @@ def weaved(rng: Generator, document: Document) -> None:
     document["robot"] |= {"pose_rate_hz": 50.0, "frame_rate_hz": 25.0}
 
 
+def scans_common(rng: Generator, document: Document) -> None:
+    """Six scans, where most of the poses' error is common to all frames of a scan."""
+    scans(rng, document)
+    document["robot"] |= {"pose_noise_common": rng.uniform(0.8, 1.0)}
+
+
+def weaved_common(rng: Generator, document: Document) -> None:
+    """Six weaved scans, likewise."""
+    weaved(rng, document)
+    document["robot"] |= {"pose_noise_common": rng.uniform(0.8, 1.0)}
+
+
 def _scan(rng: Generator, way: float, share: float = 1.0) -> Document:
     """Once across the sphere, begun within a share of the view."""
     start, end = [share * v for v in place(rng)], [rng.uniform(-2, 2), -11.0 * way, rng.uniform(-2, 2)]
@@ -213,6 +225,7 @@ def repeats(rng: Generator, document: Document) -> None:
 SOUND: dict[str, Condition] = {
     "sphere_nine": nine, "sphere_six": six, "sphere_equator": equator, "sphere_stray": stray, "sphere_gross": gross,
     "sphere_systematic": systematic, "sphere_smooth": smooth, "sphere_scans": scans, "sphere_weaved": weaved,
+    "sphere_scans_common": scans_common, "sphere_weaved_common": weaved_common,
     "sphere_grid": grid,
 }  # fmt: skip
 DEGENERATE: dict[str, Condition] = {

@@ -63,11 +63,16 @@ def _move(recipe: SphereRecipe, one: SpherePass, index: int, start_s: float) -> 
     else:
         time = np.arange(int(one.seconds * robot.frame_rate_hz) + 1) / robot.frame_rate_hz
         pose_time = np.arange(-robot.pose_margin_s, one.seconds + robot.pose_margin_s + 1e-9, 1 / robot.pose_rate_hz)
+
+    def noise(count: int) -> Float:
+        own, common = rng.normal(0, 1, (count, 3)), 0.0
+        if robot.pose_noise_common:
+            common = rng.normal(0, 1, 3) * np.sqrt(robot.pose_noise_common)
+        return np.asarray(own * np.sqrt(1 - robot.pose_noise_common) + common)
+
     said = flange_poses(recipe, one, pose_time)
-    said[:, :3, 3] += (
-        systematic_error(recipe, said) + one.gross_mm + rng.normal(0, 1, (len(said), 3)) * robot.pose_noise_mm
-    )
-    said[:, :3, :3] @= rotation_from_vector(rng.normal(0, 1, (len(said), 3)) * robot.pose_noise_deg * DEG)
+    said[:, :3, 3] += systematic_error(recipe, said) + one.gross_mm + noise(len(said)) * robot.pose_noise_mm
+    said[:, :3, :3] @= rotation_from_vector(noise(len(said)) * robot.pose_noise_deg * DEG)
     held = flange_poses(recipe, one, time if one.to_mm is not None else np.zeros(len(time)))
     return SphereMotion(start_s + time + robot.clock_offset_s, held, start_s + pose_time, said[:, :3, 3],
                         quaternion_from_rotation(said[:, :3, :3]))  # fmt: skip

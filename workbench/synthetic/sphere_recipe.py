@@ -52,6 +52,7 @@ class SphereRobot(Strict):
     pose_margin_s: NonNegative = 0.3  # of recorded poses, before and after a scan
     pose_noise_mm: NonNegative = 0.07
     pose_noise_deg: NonNegative = 0.01
+    pose_noise_common: Annotated[float, Field(ge=0, le=1)] = 0.0  # share of its variance that a scan's poses share
     systematic_mm: NonNegative = 0.0  # of each axis, RMS: an error that is smooth in the posture
     systematic_reach_deg: Annotated[float, Field(ge=5, le=720)] = 90.0  # its wavelength; a metre counts as a radian
     clock: Literal["robot", "own"] = "robot"

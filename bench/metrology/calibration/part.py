@@ -13,7 +13,6 @@ from bench.metrology.part import Clock
 from workbench.errors import WorkbenchError
 from workbench.plugins.calibration import circles as find_circles
 from workbench.plugins.calibration import hand_eye
-from workbench.plugins.calibration.bundle import misfits
 from workbench.plugins.calibration.correlated import correlated
 from workbench.plugins.calibration.hand_eye import pose_from
 from workbench.plugins.calibration.model import Estimate, Noise, information, linearise
@@ -23,10 +22,12 @@ from workbench.synthetic import SphereRecipe, random_sphere_recipe, simulate_sph
 from workbench.synthetic.sphere_motion import design_hand_eye, sphere_motion
 from workbench.units import Float
 
-PROFILES = ("sphere_stray", "sphere_scans", "sphere_weaved", "scans_alike")  # these are measured from the points on
+SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")
+PROFILES = ("sphere_stray", *SCANS, "scans_alike")  # these are measured from the points on
 UNKNOWN_RADIUS_MM = 5.0
 RADIUS_U_MM = 0.05
 CLEAR_MM = 0.5  # six sigma of a recorded pose: a centre nearer to the laser plane has no side
+WITHIN = 1.96  # standard uncertainties: 95 % of a normal error
 WRONG = 10.0  # standard deviations over the field of view
 
 
@@ -89,7 +90,7 @@ def _compare(result: CalibrationResult, cell: Cell, answer: Answer, seen: Observ
     if not kept.all():
         result.gross_found = not answer.fit.used[~kept].any()
     result.sound_rejected = int((~answer.fit.used[kept]).sum())
-    result.flagged = misfits(answer.stated)
+    result.flagged = answer.misfit
     result.warned = result.flagged or not answer.alone or not answer.fit.used.all()
 
 
@@ -130,11 +131,13 @@ def _from_points(result: CalibrationResult, recipe: SphereRecipe) -> None:
         return
     robot = recipe.robot
     assert found.time_offset_s is not None
+    assert found.time_offset_u_s is not None
     result.offset_ms = 1e3 * (found.time_offset_s - robot.clock_offset_s)
+    result.offset_covered = abs(result.offset_ms) < WITHIN * 1e3 * found.time_offset_u_s
     at_truth = Estimate(cell.hand_eye[:3, :3], cell.hand_eye[:3, 3], np.array(recipe.sphere.center_mm), cell.radius_mm,
                         robot.clock_offset_s)  # fmt: skip
     seen = by_pass(profiles, recording).place(robot.clock_offset_s)
-    noise = Noise(cell.pose_mm, cell.pose_deg, cell.radius_mm, RADIUS_U_MM)
+    noise = Noise(cell.pose_mm, cell.pose_deg, cell.radius_mm, RADIUS_U_MM, robot.pose_noise_common)
     least = np.linalg.inv(information(at_truth, seen, noise, with_offset=True))
     result.offset_bound_ms = 1e3 * float(np.sqrt(least[10, 10]))
     result.bound_mm = here.vol_u_mm(least[:6, :6])

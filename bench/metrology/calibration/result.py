@@ -20,6 +20,7 @@ class CalibrationResult:
     rotation_deg: float | None = None  # error
     offset_ms: float | None = None  # error of the clock's offset
     offset_bound_ms: float | None = None
+    offset_covered: bool | None = None  # within 1.96 times its stated uncertainty
     signs_wrong: int = 0  # postures put on the wrong side of the laser plane
     wrong: bool = False  # the error is beyond all uncertainty, whatever is said
     warned: bool = False

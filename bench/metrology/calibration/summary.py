@@ -19,6 +19,8 @@ NEVER_REFUSED = ("sphere_nine", "sphere_six")  # the sound sets of the goal
 VOL_GOAL = {"sphere_nine": 1.05, "sphere_stray": 1.10}  # over the bound
 COVER_GOAL = {"sphere_nine": (0.93, 0.97), "sphere_six": (0.93, 0.97), "sphere_stray": (0.93, 0.97),
               "sphere_equator": (0.90, 1.0), "sphere_gross": (0.90, 1.0)}  # fmt: skip
+SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")
+COVER_GOAL |= dict.fromkeys(SCANS, (0.93, 0.97))
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
 
@@ -71,6 +73,7 @@ class CalibrationSummary:
     sound_rejected: int  # postures, in all trials
     offset_ratio: float  # RMS error of the clock's offset over the RMS of its bound
     offset_ms: float
+    offset_covered: Share
     rotation_deg: float  # RMS
     plan_ratio: tuple[float, float]  # planned over the median of random sets: median and 95th percentile
     others: dict[str, float] = field(default_factory=dict)  # method -> RMS vol error
@@ -101,6 +104,7 @@ class CalibrationSummary:
         yield c == "sphere_gross" and self.gross_found.value < 1, "gross poses that were not rejected"
         yield c == "sphere_systematic" and self.flagged.value < FLAGGED_GOAL, "flagged"
         yield c == "sphere_systematic" and self.correlated.outside(*CORRELATED_GOAL), "coverage, correlated"
+        yield c in SCANS and self.offset_covered.outside(*COVER_GOAL[c]), "coverage of the clock offset"
         yield c in ("sphere_scans", "sphere_weaved") and self.offset_ratio > OFFSET_GOAL, "clock offset over its bound"
         yield c == "sphere_weaved" and self.rotation_deg > ROTATION_GOAL_DEG, "rotation"
         yield c == "sphere_planned" and self.plan_ratio[0] > PLAN_GOAL, "planned over random"
@@ -124,6 +128,8 @@ def summarise_calibrations(condition: str, results: list[CalibrationResult]) -> 
         gross_found=Share(sum(bool(r.gross_found) for r in good), sum(r.gross_found is not None for r in good)),
         sound_rejected=sum(r.sound_rejected for r in good),
         offset_ratio=_rms(r.offset_ms for r in good) / _rms(r.offset_bound_ms for r in good),
+        offset_covered=Share(sum(r.offset_covered is True for r in good),
+                             sum(r.offset_covered is not None for r in good)),
         offset_ms=_rms(r.offset_ms for r in good), rotation_deg=_rms(r.rotation_deg for r in good),
         plan_ratio=(percentile(ratios, 50), percentile(ratios, 95)),
         others={name: _rms(r.others.get(name) for r in good) for name in names},

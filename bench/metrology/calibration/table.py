@@ -77,10 +77,16 @@ def robot(summaries: list[CalibrationSummary]) -> Iterable[str]:
 
 
 def clock(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["condition", "offset RMSE, ms", f"over its bound (goal {OFFSET_GOAL:g})",
-            f"rotation RMSE, deg (goal, weaved: {ROTATION_GOAL_DEG:g})"]  # fmt: skip
+    head = ["condition", "offset RMSE, ms", f"over its bound (goal {OFFSET_GOAL:g})", "covers, %", "95 % interval",
+            "goal", f"rotation RMSE, deg (goal, weaved: {ROTATION_GOAL_DEG:g})"]  # fmt: skip
     rows = [
-        [s.condition, f"{s.offset_ms:.3f}", _marked(s.offset_ratio, OFFSET_GOAL), f"{s.rotation_deg:.4f}"]
+        [
+            s.condition,
+            f"{s.offset_ms:.3f}",
+            _marked(s.offset_ratio, OFFSET_GOAL),
+            *_share(s.offset_covered, COVER_GOAL.get(s.condition)),
+            f"{s.rotation_deg:.4f}",
+        ]
         for s in summaries
         if isfinite(s.offset_ms)
     ]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.plugins.calibration.conftest import CENTER, RADIUS, TRUE, cell, off_design, postures, recording
-from workbench.api import Recording, vector_from_rotation
+from workbench.api import InputError, Recording, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye
 from workbench.plugins.calibration.values import Calibration
 from workbench.scan import fuse, read_hand_eye
@@ -78,7 +78,8 @@ def test_background_outliers_and_a_wrong_diameter() -> None:
     turns, centre = postures(rng, 9)
     sphere = dataclasses.replace(cell(rng, turns, centre), radius=RADIUS + 0.4)
     rec = recording(rng, sphere, off_design(rng), background=True, outliers=0.03)
-    found = hand_eye(circles(rec), rec)[1]
+    found = hand_eye(circles(rec), rec, max_u_mm=2)[1]
+    assert found.view.half_mm[0] > 25  # the table fills the field of view
     assert distance(found) < 22.5
     assert found.sphere_radius_mm == pytest.approx(RADIUS + 0.4, abs=0.15)
     assert any(
@@ -114,10 +115,34 @@ def test_errors_that_near_postures_share_need_the_correlated_mode() -> None:
         shift = turn @ np.random.default_rng(seed + 500).normal(0, 1.2, (3, 3))
         bad = moved(rec, slice(None), shift)
         profiles = circles(bad)
-        plain.append(distance(hand_eye(profiles, bad)[1]))
-        shared.append(distance(hand_eye(profiles, bad, robot_error="correlated")[1]))
+        plain.append(distance(hand_eye(profiles, bad, max_u_mm=10)[1]))
+        shared.append(distance(hand_eye(profiles, bad, robot_error="correlated", max_u_mm=10)[1]))
     assert np.mean(np.array(plain) < 12.6) < 0.7  # of 95 %
     assert np.mean(np.array(shared) < 12.6) >= 0.75
+
+
+def test_correlated_does_not_invent_errors() -> None:
+    """Independent errors of 0.07 mm an axis: no systematic error much larger than what the residuals show."""
+    amplitudes, wider = [], []
+    for seed in range(6):
+        rec, _ = made(seed + 40, k=9)
+        profiles = circles(rec)
+        plain, shared = (hand_eye(profiles, rec, robot_error=e, max_u_mm=10)[1] for e in ("independent", "correlated"))
+        amplitudes.append(shared.systematic_mm)
+        wider.append(shared.volume_u_mm / plain.volume_u_mm)
+    assert np.median(amplitudes) < 0.2
+    assert np.median(wider) < 2.0
+
+
+def test_the_limit_holds_for_the_uncertainty_that_is_stated() -> None:
+    """Postures that determine the pose by the stated noise, but not by what their residuals ask."""
+    rec, _ = made(1, k=12)
+    bad = moved(rec, slice(None), np.random.default_rng(3).normal(0, 0.35, (12, 3)))
+    assert hand_eye(circles(bad), bad, max_u_mm=10)[1].volume_u_mm > 0.6
+    with pytest.raises(
+        InputError, match=r"the postures do not determine .* residuals ask for pose errors of 0\.\d\d mm"
+    ):
+        hand_eye(circles(bad), bad, max_u_mm=0.5)
 
 
 def _rotations(rec: Recording) -> Any:
@@ -130,7 +155,7 @@ def test_a_wrong_scale_of_z_is_named() -> None:
     rec, _ = made(8, k=12)
     bad = dataclasses.replace(rec, z_mm=rec.z_mm * np.float32(1.08))
     assert any("the profiler's z looks 8" in t or "the profiler's z looks 7" in t
-               for t in hand_eye(circles(bad), bad)[1].warnings)  # fmt: skip
+               for t in hand_eye(circles(bad), bad, max_u_mm=2)[1].warnings)  # fmt: skip
 
 
 def test_repeats_are_averaged_not_counted() -> None:

@@ -12,7 +12,7 @@ from tests.plugins.calibration.conftest import NOMINAL, TRUE, cell, circles, off
 from workbench.api import InputError, pose_from, vector_from_rotation
 from workbench.plugins import calibration
 from workbench.plugins.calibration import bundle, methods
-from workbench.plugins.calibration.model import Estimate, Noise, field_of_view, linearise, volume_u
+from workbench.plugins.calibration.model import Estimate, Noise, View, linearise, volume_u
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
 
@@ -34,7 +34,7 @@ def exact(rng: np.random.Generator) -> methods.Centres:
 def off(pose: Any) -> float:
     """RMS error over the field of view, mm."""
     error = np.append(TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))
-    return volume_u(np.outer(error, error), *field_of_view(TRUTH, np.zeros((1, 3))))
+    return volume_u(np.outer(error, error), TRUTH.rotation, View((0.0, 0.0), (16.0, 20.0)))
 
 
 def test_exact_on_exact_centres(rng: np.random.Generator) -> None:

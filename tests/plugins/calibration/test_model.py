@@ -12,10 +12,9 @@ from tests.plugins.calibration.conftest import CENTER, RADIUS, TRUE, cell, circl
 from workbench.api import rotation_from_vector
 from workbench.plugins import calibration
 from workbench.plugins.calibration.model import (
-    FIELD_MM,
     Estimate,
     Noise,
-    field_of_view,
+    View,
     information,
     linearise,
     normal_equations,
@@ -66,32 +65,32 @@ def test_covariance_is_that_of_noisy_poses(rng: np.random.Generator) -> None:
 def test_volume_u_is_the_rms_over_the_field(rng: np.random.Generator) -> None:
     A = rng.normal(size=(6, 6)) * np.repeat([0.1, 0.005], 3)[:, None]
     covariance = A @ A.T
-    centre = np.array([[2.0, 3.0, -8.0], [6.0, -1.0, 4.0]])
-    points = np.column_stack([rng.uniform(-1, 1, 4000) * FIELD_MM[0] + 4, np.zeros(4000),
-                              rng.uniform(-1, 1, 4000) * FIELD_MM[1] - 2])  # fmt: skip
+    points = np.column_stack([rng.uniform(-1, 1, 4000) * 16 + 4, np.zeros(4000),
+                              rng.uniform(-1, 1, 4000) * 20 - 2])  # fmt: skip
     draws = rng.multivariate_normal(np.zeros(6), covariance * 1e-6, 4000)  # small: the figure is of first order
     moved = (rotation_from_vector(draws[:, 3:]) @ (points @ TRUE[:3, :3].T)[..., None])[..., 0] + draws[:, :3]
     error = np.sqrt(np.mean(np.sum((moved - points @ TRUE[:3, :3].T) ** 2, axis=1))) * 1e3
-    assert volume_u(covariance, *field_of_view(TRUTH, centre)) == pytest.approx(error, rel=0.03)
+    assert volume_u(covariance, TRUTH.rotation, View((4.0, -2.0), (16.0, 20.0))) == pytest.approx(error, rel=0.03)
 
 
 def test_volume_u_does_not_depend_on_where_z_is_zero(rng: np.random.Generator) -> None:
-    seen, centre = exact(rng)
+    seen, _ = exact(rng)
     here = np.linalg.inv(information(TRUTH, seen, Noise()))[:6, :6]
     shift = np.array([0.0, 0.0, 300.0])
     there = dataclasses.replace(TRUTH, translation_mm=TRUTH.translation_mm - TRUE[:3, :3] @ shift)
     moved = dataclasses.replace(seen, circle=seen.circle + np.array([0.0, 300.0, 0.0]))
     other = np.linalg.inv(information(there, moved, Noise()))[:6, :6]
-    assert volume_u(other, *field_of_view(there, centre + shift)) == pytest.approx(
-        volume_u(here, *field_of_view(TRUTH, centre)), rel=1e-6
+    assert volume_u(other, there.rotation, View((0.0, 300.0), (16.0, 20.0))) == pytest.approx(
+        volume_u(here, TRUTH.rotation, View((0.0, 0.0), (16.0, 20.0))), rel=1e-6
     )
 
 
-def test_frames_between_the_same_poses_share_their_errors(rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("common", [0.0, 0.6, 1.0])
+def test_frames_of_a_scan_share_errors(rng: np.random.Generator, common: float) -> None:
     """The banded elimination against the plain formula with the whole covariance matrix."""
     made = scan_recording(rng, scans_over(rng, 2), own=False, rate_hz=5.0, frames=12)
     seen = by_pass(calibration.circles(made), made).place()
-    noise = Noise()
+    noise = Noise(common=common)
     linear = linearise(TRUTH, seen, noise, with_offset=True)
     spread = linear.by_pose * np.repeat([noise.pose_mm, np.radians(noise.pose_deg)], 3)
     k = len(seen)
@@ -100,8 +99,12 @@ def test_frames_between_the_same_poses_share_their_errors(rng: np.random.Generat
         W = np.zeros((len(scan.rows), scan.nodes))
         W[np.arange(len(scan.rows)), scan.node] = 1 - scan.fraction
         W[np.arange(len(scan.rows)), scan.node + 1] += scan.fraction
-        shared = np.einsum("ab,aip,bjp->aibj", W @ W.T, spread[scan.rows], spread[scan.rows])
+        alike = (1 - common) * W @ W.T + common
+        shared = np.einsum("ab,aip,bjp->aibj", alike, spread[scan.rows], spread[scan.rows])
         whole[np.ix_(scan.rows, range(3), scan.rows, range(3))] = shared
+        bent = linear.bent[scan.rows] * common / (common + (1 - common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
+        whole[np.ix_(scan.rows, [2], scan.rows, [2])] += np.outer(bent, bent)[:, None, :, None]
+        whole[scan.rows, 2, scan.rows, 2] -= bent**2
     own = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
     for i in range(k):
         whole[i, :, i, :] += own[i]
@@ -113,3 +116,4 @@ def test_frames_between_the_same_poses_share_their_errors(rng: np.random.Generat
     np.testing.assert_allclose(found.matrix, expected, rtol=1e-6, atol=1e-6 * expected.max())
     np.testing.assert_allclose(found.side, J.T @ inverse @ r, rtol=1e-5, atol=1e-6 * np.abs(found.side).max())
     assert found.chi2 == pytest.approx(float(r @ inverse @ r), rel=1e-6)
+    assert found.log_size == pytest.approx(-np.linalg.slogdet(inverse)[1], rel=1e-9)

@@ -11,7 +11,7 @@ import pytest
 
 from workbench.api import DEG, InputError, inverse, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye, plan, planning
-from workbench.plugins.calibration.model import Estimate, Noise
+from workbench.plugins.calibration.model import Estimate, Noise, View, volume_weight
 from workbench.synthetic import parse_sphere_recipe, simulate_sphere
 
 CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
@@ -70,7 +70,7 @@ def test_nine_planned_are_better_than_random_nines():
     estimate = Estimate(np.eye(3), np.array([100.0, 20.0, 50.0]), np.array([1500.0, 0.0, 800.0]), 5.0)
     limits = planning.Limits(np.diag([1.0, -1.0, -1.0]), 25 * DEG, 25 * DEG, (0.0, 150.0), (10.0, 15.0))
     noise, optics = Noise(), planning.Optics(0.015, 0.05)
-    weight = planning.volume_weight(estimate, limits.middle_mm)
+    weight = volume_weight(estimate.rotation, View((0.0, 150.0), (16.0, 20.0)))
     start = planning.before(estimate, noise)
 
     def volume(flange, centre):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import InputError
 from workbench.plugins.calibration import circles, hand_eye
 from workbench.scan import read
 
@@ -19,7 +20,9 @@ def test_sphere_of_25_mm() -> None:
     profiles = circles(rec)
     assert (len(profiles.frame), profiles.rejected, profiles.sense) == (10, (), 1)
     assert 0.08 < profiles.noise_mm < 0.2
-    found = hand_eye(profiles, rec)[1]
+    with pytest.raises(InputError, match=r"109 by 49 mm, allowed 0.75 mm .* pose errors of 0.50 mm an axis"):
+        hand_eye(profiles, rec)
+    found = hand_eye(profiles, rec, max_u_mm=2)[1]
     assert found.frames_used == tuple(range(10))
     assert found.residual_rms_mm < 0.6
     assert 0.5 < found.volume_u_mm < 2.0

@@ -12,6 +12,7 @@ from workbench.api import InputError, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye
 from workbench.plugins.calibration.observations import _slope
 from workbench.plugins.calibration.values import Calibration
+from workbench.synthetic import random_sphere_recipe, simulate_sphere
 
 
 def distance(found: Calibration) -> float:
@@ -44,6 +45,26 @@ def test_clock_offset(offset_s: float) -> None:
     assert found.time_offset_u_s < 2e-3
     assert abs(found.time_offset_s - offset_s) < 4 * found.time_offset_u_s + 1e-6
     assert distance(found) < 22.5
+
+
+@pytest.mark.parametrize("condition", ["sphere_scans_common", "sphere_weaved_common"])
+def test_errors_that_a_scan_has_in_common(condition: str) -> None:
+    """Told by the data, and the uncertainty is that of six scans, not of hundreds of frames."""
+    for seed in (3, 4):
+        rec, truth = simulate_sphere(random_sphere_recipe(condition, seed))
+        found = calibrated(rec)
+        pose, true = found.hand_eye.flange_from_profiler, truth.flange_from_profiler
+        off = np.append(true[:3, 3] - pose[:3, 3], vector_from_rotation(true[:3, :3] @ pose[:3, :3].T))
+        assert off @ np.linalg.solve(found.covariance, off) < 22.5
+        assert found.noise.common > 0.4
+        assert found.volume_u_mm > 0.05
+
+
+def test_errors_new_in_every_pose_are_not_taken_for_common() -> None:
+    rec, _ = simulate_sphere(random_sphere_recipe("sphere_weaved", 3))
+    found = calibrated(rec)
+    assert found.noise.common < 0.05
+    assert found.volume_u_mm < 0.03
 
 
 def test_weaved_scans() -> None:

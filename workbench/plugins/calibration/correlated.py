@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.api import Float, inverse, vector_from_rotation
-from workbench.plugins.calibration.bundle import Fit, without_gross
+from workbench.plugins.calibration.bundle import Fit, matched, without_gross
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations
 
@@ -30,8 +30,9 @@ def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, floa
     result = without_gross(result.estimate, seen, lenient)
     here = seen.subset(result.used)
     estimate = result.estimate
+    seen_mm = matched(result, seen, noise)[1].pose_mm
     for _ in range(ROUNDS):
-        weights, steps, covariances, amplitudes = _over_grid(estimate, here, noise)
+        weights, steps, covariances, amplitudes = _over_grid(estimate, here, noise, seen_mm)
         mean = weights @ steps
         estimate = estimate.moved(mean)
     spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
@@ -39,7 +40,9 @@ def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, floa
     return replace(result, estimate=estimate, covariance=covariance), float(np.sqrt(weights @ amplitudes**2))
 
 
-def _over_grid(estimate: Estimate, here: Observations, noise: Noise) -> tuple[Float, Float, Float, Float]:
+def _over_grid(
+    estimate: Estimate, here: Observations, noise: Noise, seen_mm: float
+) -> tuple[Float, Float, Float, Float]:
     """Weights (g,) of the grid's points, Gauss-Newton steps (g, P), their covariances (g, P, P), amplitudes (g,)."""
     linear = linearise(estimate, here, noise)
     apart = _distances(here)
@@ -48,11 +51,20 @@ def _over_grid(estimate: Estimate, here: Observations, noise: Noise) -> tuple[Fl
         _restricted(linear, here, noise, a**2 * np.exp(-0.5 * (apart / length) ** 2), estimate) for a, length in grid
     ]
     log = np.array([one[0] for one in found])
-    log += 0.5 * np.log([max(a, AMPLITUDES_MM[1]) for a, _ in grid])  # between Jeffreys' prior and a flat one
+    log += _prior(np.array([max(a, AMPLITUDES_MM[1]) for a, _ in grid]), seen_mm)
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
     weights = np.exp(log - log.max())
     return (weights / weights.sum(), np.array([one[1] for one in found]), np.array([one[2] for one in found]),
             np.array([a for a, _ in grid]))  # fmt: skip
+
+
+def _prior(amplitude: Float, seen_mm: float) -> Float:
+    """Logarithm of a half-Cauchy prior (Gelman 2006) on a grid of equal ratios; its scale is what the residuals ask.
+
+    An error so smooth that the hand-eye pose takes it up leaves the likelihood flat: without a scale, the largest
+    amplitude of the grid would be as likely as that which the residuals show.
+    """
+    return np.asarray(np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2))
 
 
 def _restricted(linear: Linear, here: Observations, noise: Noise, kernel: Float,

@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
-from workbench.plugins.calibration.model import FIELD_MM, Estimate, cross_matrix
+from workbench.plugins.calibration.model import Estimate, View, cross_matrix, volume_u
 from workbench.plugins.calibration.observations import Observations, distinct_postures
 
 MIN_POSTURES = 4
-LEVER_MM = float(np.hypot(*FIELD_MM) / np.sqrt(3))  # RMS distance of the field's points from its middle
 ALIKE_RAD = 3 * DEG  # orientations that differ by less hardly count
 OFFSET_MM = 0.2  # largest uncertainty of the clock's offset, as motion of the scans
 MOVE_DIFFERENTLY = (
@@ -24,17 +23,17 @@ MOVE_DIFFERENTLY = (
 ALIKE_MM = 1.5  # sphere centres likewise
 
 
-def directions(covariance: Float, estimate: Estimate, centre: Float) -> tuple[tuple[str, float], ...]:
+def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple[str, float], ...]:
     """The six principal directions of the uncertainty, worst first: in words, and the uncertainty in mm.
 
-    From the hand-eye covariance (6, 6) and the sphere centres (k, 3) in the profiler frame. Rotations are
-    about the middle of the sphere centres and count by what they move at the RMS distance of the field of view.
+    From the hand-eye covariance (6, 6). Rotations are about the middle of the field of view and count by what they
+    move at the RMS distance of its points.
     """
     R = estimate.rotation
     change = np.zeros((6, 6))  # to the profiler's axes: translation of the middle, rotation times lever
     change[:3, :3] = R.T
-    change[:3, 3:] = -R.T @ cross_matrix(R @ centre.mean(axis=0))
-    change[3:, 3:] = LEVER_MM * R.T
+    change[:3, 3:] = -R.T @ cross_matrix(view.axes(R)[0])
+    change[3:, 3:] = view.lever_mm * R.T
     values, vectors = np.linalg.eigh(change @ covariance @ change.T)
     return tuple((_words(vectors[:, i]), float(np.sqrt(max(values[i], 0.0)))) for i in range(5, -1, -1))
 
@@ -53,19 +52,33 @@ def check_postures(seen: Observations, where: str) -> None:
         )
 
 
-def check_determined(found: tuple[tuple[str, float], ...], estimate: Estimate, seen: Observations, centre: Float,
-                     limit_mm: float, where: str, with_offset: bool = False) -> None:  # fmt: skip
-    """Refuse a set whose worst direction is more uncertain than the limit; the direction and its cause are named."""
-    words, u = found[0]
-    if u <= limit_mm:
+def check_determined(covariance: Float, estimate: Estimate, seen: Observations, centre: Float, view: View,
+                     limit_mm: float, where: str, *, with_offset: bool = False, raised: str = "") -> None:  # fmt: skip
+    """Refuse a set that leaves a point of the field more uncertain than the limit: which direction, and why.
+
+    Args:
+        covariance: of the hand-eye pose, (6, 6).
+        estimate: the answer.
+        seen: the observations that it rests on.
+        centre: of the sphere, in the profiler frame, (k, 3).
+        view: the field of view.
+        limit_mm: largest uncertainty of a point, RMS over the field.
+        where: the recording.
+        with_offset: whether the clock's offset is unknown too.
+        raised: that the noise is larger than stated, in words.
+    """
+    total = volume_u(covariance, estimate.rotation, view)
+    if total <= limit_mm:
         return
+    found = directions(covariance, estimate, view)
     also = sum(u > limit_mm for _, u in found[1:])
     more = f" and {also} more direction{'s' * (also > 1)}" if also else ""
-    size = f"{u:.3g} mm" if u < 1000 else "more than a metre"
+    size = f"{total:.3g} mm" if total < 1000 else "more than a metre"
     raise InputError(
         where,
-        f"the postures do not determine {words}{more}: predicted uncertainty {size} over the field of view, "
-        f"allowed {limit_mm:g} mm; {_cause(estimate, seen, centre, with_offset)}",
+        f"the postures do not determine {found[0][0]}{more} well enough: predicted uncertainty {size} over the field "
+        f"of view of {2 * view.half_mm[0]:.0f} by {2 * view.half_mm[1]:.0f} mm, allowed {limit_mm:g} mm (max_u_mm); "
+        f"{raised or _cause(estimate, seen, centre, with_offset)}",
     )
 
 

@@ -12,11 +12,11 @@ from workbench.api import Document, Float, HandEye, InputError, Recording, Seed,
 from workbench.plugins.calibration import bundle, methods
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.correlated import correlated
-from workbench.plugins.calibration.determinacy import directions
+from workbench.plugins.calibration.determinacy import check_determined, directions
 from workbench.plugins.calibration.document import hand_eye_document
-from workbench.plugins.calibration.model import Estimate, Linear, Noise, field_of_view, linearise, volume_u
+from workbench.plugins.calibration.model import Estimate, Linear, Noise, View, linearise, view_of_points, volume_u
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
-from workbench.plugins.calibration.solve import Answer, solve, solve_with_offset
+from workbench.plugins.calibration.solve import Answer, asked, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import rejections, warnings
 
@@ -73,7 +73,9 @@ def hand_eye(
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     passes = by_pass(profiles, recording)
     where = f"{recording.source}: /robot"
-    answer = _solve(passes, recording, noise, where, max_u_mm)
+    shown = profiles.frame
+    view = view_of_points(recording.x_mm[shown].astype(float), recording.z_mm[shown].astype(float), passes.circle)
+    answer = _solve(passes, recording, noise, where, max_u_mm, view)
     result, systematic_mm = answer.fit, None
     if robot_error == "correlated" and answer.seen.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
@@ -81,16 +83,20 @@ def hand_eye(
         result, systematic_mm = correlated(answer.fit, answer.seen, noise)
     if method != "bundle":
         result = _by_method(method, answer, recording.flange_from_profiler, seed, where)
-    found = _calibration(method, result, answer, profiles, recording, passes, noise, systematic_mm)
+    centre = linearise(result.estimate, answer.seen, answer.noise).centre[result.used]
+    check_determined(result.covariance[:6, :6], result.estimate, answer.seen.subset(result.used), centre, view,
+                     max_u_mm, where, with_offset=answer.with_offset, raised=asked(noise, answer.noise))  # fmt: skip
+    found = _calibration(method, result, answer, profiles, recording, passes, noise, systematic_mm, view)
     return found.hand_eye, found, hand_eye_document(found)
 
 
-def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float) -> Answer:
+def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float,
+           view: View) -> Answer:  # fmt: skip
     """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
     design = recording.flange_from_profiler
     if recording.clock == "own" and len(passes.scans):
-        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm)
-    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm)
+        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view)
+    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm, view=view)
 
 
 def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Fit:
@@ -131,7 +137,7 @@ def _centre_covariance(linear: Linear) -> Float:
 
 
 def _calibration(method: Method, result: Fit, answer: Answer, profiles: SphereProfiles, recording: Recording,
-                 passes: Passes, stated: Noise, systematic_mm: float | None) -> Calibration:  # fmt: skip
+                 passes: Passes, stated: Noise, systematic_mm: float | None, view: View) -> Calibration:  # fmt: skip
     estimate, seen, noise = result.estimate, answer.seen, answer.noise
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
@@ -139,13 +145,13 @@ def _calibration(method: Method, result: Fit, answer: Answer, profiles: SpherePr
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = bundle.left_out(result, seen, noise)
     offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
-    volume = volume_u(covariance, *field_of_view(estimate, linear.centre[result.used]))
+    volume = volume_u(covariance, estimate.rotation, view)
     return Calibration(
         part=recording.part, method=method,
         hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume),
         sphere_center_mm=estimate.center_mm, sphere_radius_mm=estimate.radius_mm, covariance=frozen(covariance),
         volume_u_mm=volume,
-        directions=directions(covariance, estimate, linear.centre[result.used]),
+        directions=directions(covariance, estimate, view), noise=noise, view=view,
         time_offset_s=estimate.offset_s if answer.with_offset else None, time_offset_u_s=offset_u,
         frames=seen.frames, centre_mm=bundle.signed_centres(estimate, linear, seen),
         center_base_before_mm=_before(recording.flange_from_profiler, estimate, linear, seen),

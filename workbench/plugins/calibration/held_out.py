@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError, Int
+from workbench.api import Float, InputError, Int
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
@@ -70,7 +70,7 @@ def _passes(seen: Observations) -> list[Int]:
 
 
 def _noise(linear: Linear, seen: Observations, noise: Noise) -> Float:
-    """Covariance (3k, 3k) of the measured circles; frames between the same recorded poses share these poses' errors."""
+    """Covariance (3k, 3k) of the measured circles; those of a scan share errors of its poses."""
     k = len(seen)
     out, index = np.zeros((k, 3, k, 3)), np.arange(k)
     out[index, :, index] = linear.covariance
@@ -78,8 +78,9 @@ def _noise(linear: Linear, seen: Observations, noise: Noise) -> Float:
         m = np.arange(len(scan.rows))
         weight = np.zeros((len(m), scan.nodes))
         weight[m, scan.node], weight[m, scan.node + 1] = 1 - scan.fraction, scan.fraction
-        spread = linear.by_pose[scan.rows] * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
-        shared = np.einsum("ab,aip,bjp->aibj", weight @ weight.T, spread, spread)
+        spread = linear.by_pose[scan.rows] * noise.spread
+        alike = (1 - noise.common) * weight @ weight.T + noise.common
+        shared = np.einsum("ab,aip,bjp->aibj", alike, spread, spread)
         shared[m, :, m] += linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2)
         out[np.ix_(scan.rows, np.arange(3), scan.rows, np.arange(3))] = shared
     return out.reshape(3 * k, 3 * k)

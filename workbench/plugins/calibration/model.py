@@ -11,13 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from workbench.api import DEG, Float, rotation_from_vector
 from workbench.plugins.calibration.observations import Group, Observations
 
+LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
+OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
-FIELD_MM = (16.0, 20.0)  # half width and half height of the field of view that errors are judged over
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,12 @@ class Noise:
     pose_deg: float = 0.01  # of its orientation, each axis
     radius_mm: float = 5.0
     radius_u_mm: float = 0.05
+    common: float = 0.0  # share of the poses' variance that all frames of a scan have in common
+
+    @property
+    def spread(self) -> Float:
+        """Standard deviations (6,) of a pose: position mm, orientation rad."""
+        return np.repeat([self.pose_mm, self.pose_deg * DEG], 3)
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,7 @@ class Linear:
     jacobian: Float  # (k, 3, P) of the prediction
     covariance: Float  # (k, 3, 3) C_fit + H S H^T of each observation by itself
     by_pose: Float  # (k, 3, 6) H: derivative by the errors of position (base) and orientation (flange)
+    bent: Float  # (k,) standard deviation of w by the square of the error of c_y
 
 
 def cross_matrix(v: Float) -> Float:
@@ -78,8 +86,8 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     centre = lever @ estimate.rotation
     by_center = R_t @ A_t
     by_pose = np.concatenate([-by_center, R_t @ cross_matrix(in_flange)], axis=-1)  # of the centre, (k, 3, 6)
-    scatter = by_pose * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
-    y_variance = np.sum(scatter[:, 1] ** 2, axis=-1)
+    scatter = by_pose * noise.spread
+    y_variance = np.sum(scatter[:, 1] ** 2, axis=-1) * (noise.common + (1 - noise.common) * seen.evened)
     predicted = np.stack([centre[:, 0], centre[:, 2], estimate.radius_mm**2 - centre[:, 1] ** 2 - y_variance], axis=1)
     to_circle = np.zeros((len(centre), 3, 3))  # from the centre to (x_c, z_c, w)
     to_circle[:, 0, 0] = to_circle[:, 1, 2] = 1.0
@@ -94,46 +102,61 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     jacobian = np.concatenate([jacobian[..., :9], by_radius, jacobian[..., 9:]], axis=-1)
     spread = to_circle @ scatter
     covariance = seen.covariance + spread @ np.swapaxes(spread, -1, -2)
-    covariance[:, 2, 2] += 2 * y_variance**2
-    return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose)
+    bent = np.sqrt(2) * y_variance
+    covariance[:, 2, 2] += bent**2
+    return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose, bent)
 
 
 @dataclass(frozen=True)
 class Normal:
-    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares."""
+    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares.
+
+    `log_size` is the logarithm of the determinant of the observations' covariance: what a likelihood adds.
+    """
 
     matrix: Float
     side: Float
     chi2: float
+    log_size: float
 
 
 def normal_equations(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> Normal:
     """Normal equations of a Gauss-Newton step, pose errors that frames share and the prior of the radius included."""
     both = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=-1)
-    own = both[seen.still]
-    joined = np.tensordot(own, np.linalg.solve(linear.covariance[seen.still], own), axes=([0, 1], [0, 1]))
+    own, at_rest = both[seen.still], linear.covariance[seen.still]
+    joined = np.tensordot(own, np.linalg.solve(at_rest, own), axes=([0, 1], [0, 1]))
+    log_size = float(np.linalg.slogdet(at_rest)[1].sum())
     for scan in seen.scans:
-        joined = joined + _scan_equations(linear, both, scan, noise)
+        more, log = _scan_equations(linear, both, scan, noise)
+        joined, log_size = joined + more, log_size + log
     pull, off = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
     joined[SIZE - 1, SIZE - 1] += pull
     joined[SIZE - 1, -1] += pull * off
-    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2))
+    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2), log_size)
 
 
-def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> Float:
-    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames, S = D + U U^T by Woodbury's identity.
+def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> tuple[Float, float]:
+    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames and log det S, S = D + U U^T + V V^T (Woodbury, twice).
 
-    D are the circles' covariances; U carries the errors of the recorded poses, in standard deviations, to the frames.
-    A frame rests on two poses, so I + U^T D^-1 U is block-tridiagonal: the cost grows with the frames, not their cube.
+    D are the circles' covariances; U carries the errors that each recorded pose has of its own, in standard deviations,
+    to the frames, V the errors that all of them share. A frame rests on two poses, so I + U^T D^-1 U is
+    block-tridiagonal: the cost grows with the frames, not their cube.
     """
-    spread = linear.by_pose[scan.rows] * np.repeat([noise.pose_mm, noise.pose_deg * DEG], 3)
-    inverse = np.linalg.inv(linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2))
-    weighted = inverse @ both[scan.rows]
-    joined = np.tensordot(both[scan.rows], weighted, axes=([0, 1], [0, 1]))
-    square = np.swapaxes(spread, 1, 2) @ inverse @ spread  # (m, 6, 6)
-    side = np.swapaxes(spread, 1, 2) @ weighted  # (m, 6, P + 1)
+    spread = linear.by_pose[scan.rows] * noise.spread
+    bent = np.zeros((len(spread), 3, 1))
+    scale = noise.common / (noise.common + (1 - noise.common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
+    bent[:, 2, 0] = scale * linear.bent[scan.rows]  # an error in common is so squared too
+    alone = linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
+    inverse = np.linalg.inv(alone)
+    own, shared = spread * np.sqrt(1 - noise.common), spread * np.sqrt(noise.common)
+    columns = np.concatenate([both[scan.rows], shared, bent], axis=-1)
+    more = shared.shape[2] + 1
+    weighted = inverse @ columns
+    joined = np.tensordot(columns, weighted, axes=([0, 1], [0, 1]))
+    square = np.swapaxes(own, 1, 2) @ inverse @ own  # (m, 6, 6)
+    side = np.swapaxes(own, 1, 2) @ weighted  # (m, 6, P + 8)
     diagonal, below = np.zeros((scan.nodes, 6, 6)), np.zeros((scan.nodes, 6, 6))
-    at_nodes = np.zeros((scan.nodes, 6, both.shape[2]))
+    at_nodes = np.zeros((scan.nodes, 6, columns.shape[2]))
     after, before = scan.fraction[:, None, None], 1 - scan.fraction[:, None, None]
     np.add.at(diagonal, scan.node, before**2 * square)
     np.add.at(diagonal, scan.node + 1, after**2 * square)
@@ -147,8 +170,13 @@ def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> F
             if row >= column:
                 band[row - column, :, column] += diagonal[:, row, column]
             band[6 + row - column, :-1, column] += below[:-1, row, column]
-    flat = at_nodes.reshape(-1, both.shape[2])
-    return np.asarray(joined - flat.T @ solveh_banded(band.reshape(12, -1), flat, lower=True))
+    flat = at_nodes.reshape(-1, columns.shape[2])
+    factor = cholesky_banded(band.reshape(12, -1), lower=True)
+    joined = joined - flat.T @ cho_solve_banded((factor, True), flat)
+    in_common = np.eye(more) + joined[-more:, -more:]
+    log = 2 * np.log(factor[0]).sum() - np.linalg.slogdet(inverse)[1].sum() + np.linalg.slogdet(in_common)[1]
+    rest = joined[:-more, :-more] - joined[:-more, -more:] @ np.linalg.solve(in_common, joined[-more:, :-more])
+    return np.asarray(rest), float(log)
 
 
 def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:
@@ -157,20 +185,58 @@ def information(estimate: Estimate, seen: Observations, noise: Noise, with_offse
     return normal_equations(linear, seen, noise, estimate.radius_mm).matrix
 
 
-def field_of_view(estimate: Estimate, centre: Float) -> tuple[Float, Float]:
-    """Middle of the field, in the flange's axes from the profiler's origin, and its half sides (2, 3) likewise.
+@dataclass(frozen=True)
+class View:
+    """The field of view that errors are judged over: a rectangle in the laser plane, in the profiler frame."""
 
-    The field lies in the laser plane, about the mean of the sphere centres (k, 3) in the profiler frame.
-    """
-    middle = estimate.rotation @ (centre.mean(axis=0) * (1.0, 0.0, 1.0))
-    return middle, np.stack([FIELD_MM[0] * estimate.rotation[:, 0], FIELD_MM[1] * estimate.rotation[:, 2]])
+    middle_mm: tuple[float, float]  # x, z
+    half_mm: tuple[float, float]  # half width, half height
+
+    @property
+    def lever_mm(self) -> float:
+        """RMS distance of the field's points from its middle."""
+        return float(np.hypot(*self.half_mm) / np.sqrt(3))
+
+    def axes(self, rotation: Float) -> tuple[Float, Float]:
+        """Middle (3,), in the flange's axes from the profiler's origin, and half sides (2, 3) likewise."""
+        x, z = rotation[:, 0], rotation[:, 2]
+        return self.middle_mm[0] * x + self.middle_mm[1] * z, np.stack([self.half_mm[0] * x, self.half_mm[1] * z])
 
 
-def volume_u(covariance: Float, middle: Float, sides: Float) -> float:
+def view_of(circle: Float) -> View:
+    """The field in which circles (k, 3) of x_c, z_c, w lie."""
+    return _box(*_span(circle))
+
+
+def view_of_points(x_mm: Float, z_mm: Float, circle: Float) -> View:
+    """The field in which a recording's points lie, all but the outermost of each side, and its circles."""
+    good = np.isfinite(x_mm) & np.isfinite(z_mm)
+    low, high = np.quantile(np.stack([x_mm[good], z_mm[good]]), [OUTERMOST, 1 - OUTERMOST], axis=1)
+    first, last = _span(circle)
+    return _box(np.minimum(low, first), np.maximum(high, last))
+
+
+def _span(circle: Float) -> tuple[Float, Float]:
+    r = np.sqrt(np.maximum(circle[:, 2:], 0.0))
+    return (circle[:, :2] - r).min(axis=0), (circle[:, :2] + r).max(axis=0)
+
+
+def _box(low: Float, high: Float) -> View:
+    """Never less than `LEAST_MM`: where the sphere was shown at one place, the answer must still hold elsewhere."""
+    (x, z), (a, b) = (low + high) / 2, np.maximum((high - low) / 2, LEAST_MM)
+    return View((float(x), float(z)), (float(a), float(b)))
+
+
+def volume_weight(rotation: Float, view: View) -> Float:
+    """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error of a point over the field."""
+    middle, sides = view.axes(rotation)
+    at_middle = np.concatenate([np.eye(3), -cross_matrix(middle)], axis=1)
+    weight = at_middle.T @ at_middle
+    for side in sides:
+        weight[3:, 3:] += cross_matrix(side).T @ cross_matrix(side) / 3
+    return np.asarray(weight)
+
+
+def volume_u(covariance: Float, rotation: Float, view: View) -> float:
     """Predicted RMS error (mm) of a point over the field, from the hand-eye covariance (6, 6)."""
-
-    def mean_square(lever: Float, with_translation: bool) -> float:
-        by = np.concatenate([np.eye(3) * with_translation, -cross_matrix(lever)], axis=1)
-        return float(np.trace(by @ covariance @ by.T))
-
-    return float(np.sqrt(mean_square(middle, True) + sum(mean_square(s, False) for s in sides) / 3))
+    return float(np.sqrt(np.trace(volume_weight(rotation, view) @ covariance)))

@@ -50,6 +50,7 @@ class Observations:
     covariance: Float  # (k, 3, 3)
     base_from_flange: Float  # (k, 4, 4)
     velocity: Float  # (k, 6) of the flange, in the flange frame: mm/s, rad/s; 0 at rest
+    evened: Float  # (k,) variance of an interpolated pose's own error over a recorded one's: 1/2 to 1
     still: Int  # (s,) rows with a pose error of their own
     scans: tuple[Group, ...]
     frames: tuple[tuple[int, ...], ...]  # (k) of the recording
@@ -67,13 +68,13 @@ class Observations:
         )
         frames = tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept)
         return Observations(self.circle[keep], self.covariance[keep], self.base_from_flange[keep], self.velocity[keep],
-                            number[self.still[keep[self.still]]], scans, frames)  # fmt: skip
+                            self.evened[keep], number[self.still[keep[self.still]]], scans, frames)  # fmt: skip
 
 
 def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
     """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
     k = len(circle)
-    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), np.arange(k), (),
+    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), np.ones(k), np.arange(k), (),
                         tuple((i,) for i in range(k)))  # fmt: skip
 
 
@@ -112,7 +113,7 @@ class Passes:
     def place(self, offset_s: float = 0.0) -> Observations:
         """Observations with the flange's poses at the frames' times minus `offset_s`."""
         k = len(self.circle)
-        base_from_flange, velocity = np.empty((k, 4, 4)), np.zeros((k, 6))
+        base_from_flange, velocity, evened = np.empty((k, 4, 4)), np.zeros((k, 6)), np.ones(k)
         still, scans = [], []
         for number in np.unique(self.number):
             rows = np.flatnonzero(self.number == number)
@@ -125,10 +126,12 @@ class Passes:
             base_from_flange[rows] = interpolate_poses(at, time, *poses)
             velocity[rows] = _velocity(at, time, *poses)
             node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-            scans.append(Group(rows, node, (at - time[node]) / (time[node + 1] - time[node]), len(time)))
+            fraction = (at - time[node]) / (time[node + 1] - time[node])
+            evened[rows] = fraction**2 + (1 - fraction) ** 2
+            scans.append(Group(rows, node, fraction, len(time)))
         at_rest = np.concatenate([*still, np.zeros(0, int)]).astype(int)
         return Observations(
-            self.circle, self.covariance, base_from_flange, velocity, at_rest, tuple(scans), self.frames
+            self.circle, self.covariance, base_from_flange, velocity, evened, at_rest, tuple(scans), self.frames
         )
 
     def _poses(self, number: int) -> tuple[Float, Float, Float]:

@@ -24,7 +24,8 @@ from workbench.api import (
 )
 from workbench.plugins.calibration import bundle, planning
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import Estimate, Noise, information
+from workbench.plugins.calibration.common import settled
+from workbench.plugins.calibration.model import Estimate, Noise, information, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.planning import Limits, Optics
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
@@ -95,7 +96,7 @@ def plan(
         flange, centre = flange[reached], centre[reached]
     gain = planning.gains(flange, centre, estimate, noise, optics)
     chosen = planning.choose(gain, known, postures)
-    weight = planning.volume_weight(estimate, limits.middle_mm)
+    weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
     tilt, after = _map(limits, estimate, known, noise, optics, weight)
     found = PosturePlan(
@@ -141,6 +142,9 @@ def _known(calibration: Calibration, profiles: SphereProfiles, recording: Record
 def as_noisy_as_found(estimate: Estimate, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
     """The fit from an estimate, and the noise: the robot's as large as the residuals say where they exceed it."""
     whole = bundle.fit(estimate, seen, noise)
+    if seen.scans:
+        found = settled(whole, seen, noise)
+        return found.fit, found.noise
     return bundle.matched(whole, seen, noise) if bundle.misfits(whole) else (whole, noise)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.api import DEG, Float, Int, pose_from, rotation_from_vector
 from workbench.plugins.calibration.arcs import LATERAL, STEEP
-from workbench.plugins.calibration.model import FIELD_MM, Estimate, Noise, cross_matrix, linearise
+from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import from_arrays
 
 HAND_EYE = 6  # of the ten unknowns
@@ -137,17 +137,6 @@ def _in_order(gain: Float, start: Float) -> Int:
     for _ in range(len(gain)):
         order.append(_best(gain, start + gain[order].sum(axis=0), order))
     return np.array(order)
-
-
-def volume_weight(estimate: Estimate, middle_mm: tuple[float, float]) -> Float:
-    """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error over the field about (x, z)."""
-    R = estimate.rotation
-    sides = [FIELD_MM[0] * R[:, 0], FIELD_MM[1] * R[:, 2]]
-    at_middle = np.concatenate([np.eye(3), -cross_matrix(R @ np.array([middle_mm[0], 0.0, middle_mm[1]]))], axis=1)
-    weight = at_middle.T @ at_middle
-    for side in sides:
-        weight[3:, 3:] += cross_matrix(side).T @ cross_matrix(side) / 3
-    return np.asarray(weight)
 
 
 def volume_after(information: Float, weight: Float) -> Float:

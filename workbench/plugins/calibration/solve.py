@@ -10,8 +10,9 @@ import numpy as np
 from workbench.api import Float, InputError
 from workbench.plugins.calibration import bundle, signs
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.determinacy import check_determined, check_offset, check_postures, directions
-from workbench.plugins.calibration.model import Estimate, Noise, linearise
+from workbench.plugins.calibration.common import settled
+from workbench.plugins.calibration.determinacy import check_determined, check_offset, check_postures
+from workbench.plugins.calibration.model import Estimate, Noise, View, linearise, view_of
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.rivals import only_answer
 
@@ -21,6 +22,7 @@ TRIED = 6  # answers of the search that are refined
 HOPELESS = 0.5  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
 CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
+NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 OFFSET_GRID_MM, MAX_OFFSETS = 1.0, 200  # how finely clock offsets are searched
 
 
@@ -33,12 +35,13 @@ class Answer:
     noise: Noise  # that the fit rests on: the robot's as large as the residuals say, the sphere's radius set free
     stated: Fit  # with the noise as stated: its chi-square tells a misfit
     alone: bool  # False: the design had to exclude a rival
+    misfit: bool  # the residuals are larger than the stated noise explains
     with_offset: bool = False
     radius_free: bool = False  # the data contradict the sphere's stated radius
 
 
 def solve(seen: Observations, noise: Noise, design: Float | None = None, *, where: str = "postures",
-          limit_mm: float = 0.75) -> Answer:  # fmt: skip
+          limit_mm: float = 0.75, view: View | None = None) -> Answer:  # fmt: skip
     """The hand-eye pose from circles and poses (`observations.from_arrays`).
 
     Args:
@@ -46,27 +49,46 @@ def solve(seen: Observations, noise: Noise, design: Float | None = None, *, wher
         noise: the robot's repeatability and what is known of the sphere's radius.
         design: flange_from_profiler (4, 4) to begin with, off by up to 20 deg and 50 mm; None: unknown.
         where: the recording, for messages.
-        limit_mm: largest predicted uncertainty, in the worst direction over the field of view, that is accepted.
+        limit_mm: largest predicted uncertainty of a point, RMS over the field of view, that is accepted.
+        view: the field of view; None: where the circles lie.
 
     Raises:
         InputError: too few postures, an undetermined direction, two answers that fit equally, or none that fits.
     """
     check_postures(seen, where)
+    view = view or view_of(seen.circle)
     refined = _refine(_search(seen, noise, design), seen, noise)
     best = refined[0]
     _check_explains(best, seen, noise, where)
-    _check_determined(best, seen, noise, limit_mm, where)  # before rivals: where nothing is determined there are many
+    _check_determined(best, seen, noise, limit_mm, view, where)  # before rivals: with nothing determined there are many
     best, alone = only_answer(refined, design, seen, noise, where)
-    stated, raised = best, noise
-    if bundle.misfits(best):
+    stated, misfit, raised = best, bundle.misfits(best), noise
+    if seen.scans:
+        found = settled(best, seen, noise)
+        best, raised, misfit = found.fit, found.noise, found.misfit
+    elif misfit:
         best, raised = bundle.matched(best, seen, noise)
-    best, final = _with_free_radius(best, seen, raised)
-    return Answer(best, seen, final, stated, alone, radius_free=final is not raised)
+    free, final = _with_free_radius(best, seen, raised)
+    if final is not raised:
+        best = free
+        if seen.scans:
+            found = settled(best, seen, dataclasses.replace(noise, radius_u_mm=final.radius_u_mm))
+            best, final = found.fit, found.noise
+    _check_determined(best, seen, final, limit_mm, view, where, raised=asked(noise, final))
+    return Answer(best, seen, final, stated, alone, misfit, radius_free=final.radius_u_mm > noise.radius_u_mm)
+
+
+def asked(stated: Noise, final: Noise) -> str:
+    """What the residuals ask of the robot's noise, in words; empty where it is as stated."""
+    if final.pose_mm < NOTED * stated.pose_mm:
+        return ""
+    return f"the residuals ask for pose errors of {final.pose_mm:.2f} mm an axis, stated are {stated.pose_mm:g} mm"
 
 
 def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None, *, where: str = "postures",
-                      limit_mm: float = 0.75) -> Answer:  # fmt: skip
+                      limit_mm: float = 0.75, view: View | None = None) -> Answer:  # fmt: skip
     """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
+    view = view or view_of(passes.circle)
     low, high = passes.offset_range()
     speed = _speed(passes.place((low + high) / 2))
     count = int(np.clip((high - low) * speed / OFFSET_GRID_MM, 0, MAX_OFFSETS - 1)) + 1
@@ -80,9 +102,8 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
     for _, start in sorted(starts, key=lambda pair: pair[0])[:TRIED]:
         coarse = bundle.fit(start, passes, blurred, with_offset=True, steps=COARSE_STEPS)
         if not fits:  # what is not determined here is not determined anywhere near
-            _check_scans(
-                bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1), passes, noise, limit_mm, where
-            )
+            first = bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1)
+            _check_scans(first, passes, noise, limit_mm, view, where)
         if not any(signs.same(coarse.estimate, other.estimate) for other in fits):
             fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
@@ -92,14 +113,17 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
     _check_explains(best, seen, noise, where)
-    _check_scans(best, passes, noise, limit_mm, where)
-    return Answer(best, seen, noise, best, True, with_offset=True)
+    found = settled(best, passes, noise, with_offset=True)
+    seen = passes.place(found.fit.estimate.offset_s)
+    _check_scans(found.fit, passes, found.noise, limit_mm, view, where, raised=asked(noise, found.noise))
+    return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
 
 
-def _check_scans(best: Fit, passes: Passes, noise: Noise, limit_mm: float, where: str) -> None:
+def _check_scans(best: Fit, passes: Passes, noise: Noise, limit_mm: float, view: View, where: str,
+                 raised: str = "") -> None:  # fmt: skip
     """Refuse scans that tell neither the pose nor the clock's offset well enough."""
     seen = passes.place(best.estimate.offset_s)
-    _check_determined(best, seen, noise, limit_mm, where, with_offset=True)
+    _check_determined(best, seen, noise, limit_mm, view, where, with_offset=True, raised=raised)
     check_offset(float(np.sqrt(best.covariance[10, 10])), _speed(seen), where)
 
 
@@ -145,11 +169,11 @@ def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit,
     return (other, free) if fits else (best, noise)
 
 
-def _check_determined(best: Fit, seen: Observations, noise: Noise, limit_mm: float, where: str,
-                      with_offset: bool = False) -> None:  # fmt: skip
+def _check_determined(best: Fit, seen: Observations, noise: Noise, limit_mm: float, view: View, where: str, *,
+                      with_offset: bool = False, raised: str = "") -> None:  # fmt: skip
     centre = linearise(best.estimate, seen, noise).centre[best.used]
-    found = directions(best.covariance[:6, :6], best.estimate, centre)
-    check_determined(found, best.estimate, seen.subset(best.used), centre, limit_mm, where, with_offset)
+    check_determined(best.covariance[:6, :6], best.estimate, seen.subset(best.used), centre, view, limit_mm, where,
+                     with_offset=with_offset, raised=raised)  # fmt: skip
 
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from workbench.api import UNKNOWN_PART, Bool, Float, HandEye, Int, Part
+
+if TYPE_CHECKING:
+    from workbench.plugins.calibration.model import Noise, View
 
 Method = Literal["bundle", "joint", "analytic", "genetic"]
 
@@ -59,6 +62,8 @@ class Calibration:
     used: Bool  # (k,) False: rejected as gross
     residual_rms_mm: float  # RMS distance of the measured points from the sphere
     misfit: float  # chi-square over degrees of freedom, the stated noise taken for true
+    noise: Noise  # that the answer rests on: of the poses as large as the residuals say
+    view: View  # the field of view
     systematic_mm: float | None  # amplitude of the robot's systematic error; None: not estimated
     frames_used: tuple[int, ...]
     frames_rejected: tuple[Rejected, ...]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.api import Float
-from workbench.plugins.calibration.bundle import Fit, misfits
+from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Linear, Noise
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.scales import wrong_scales
@@ -38,7 +38,7 @@ def warnings(result: Fit, answer: Answer, profiles: SphereProfiles, stated: Nois
         which = [str(frame) for frames, good in zip(answer.seen.frames, result.used, strict=True) if not good
                  for frame in frames]  # fmt: skip
         said.append(f"{gross} of {count + gross} postures rejected as gross (frames {', '.join(which[:12])})")
-    if misfits(answer.stated):
+    if answer.misfit:
         said.append(_misfit(answer, stated, systematic_mm))
     for axis, error, u in wrong_scales(answer.fit, answer.seen, answer.noise):
         size = f"{abs(100 * error):.1f} +- {100 * u:.1f} % too {'long' if error > 0 else 'short'}"

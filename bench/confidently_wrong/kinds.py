@@ -232,7 +232,7 @@ KINDS: dict[str, Kind] = {
     "every 20th frame 20 times": Kind(_frames(lambda n: np.arange(n) // 20 * 20), ("repeating", "frozen")),
     "last frames ten late": Kind(_frames(lambda n: np.maximum(np.arange(n) - 10, 0)), ("repeating", "frozen")),
     "frames shuffled": Kind(_frames(_shuffled), ("order",)),
-    "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), AXES),
+    "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES)),
     "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
     "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),
     "mean over 3 columns": Kind(_mean(3), ("averaged", "filter")),

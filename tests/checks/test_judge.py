@@ -18,6 +18,8 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.table import limits_table
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
+from workbench.synthetic.swept import simulate_swept
+from workbench.synthetic.swept.conditions import random_swept_recipe
 
 GOOD = ["paper", "arc", "wavy", "oblique", "two_pass", "reversed", "partial_view", "outliers_5", "missing_20",
         "coarse", "noisy", "correlated", "robot_error", "clamps", "raw_straight", "raw_arc", "raw_rough", "raw_below",
@@ -37,6 +39,22 @@ def test_a_good_recording_passes_every_check(condition: str) -> None:
     checks = judge_recording(good(condition))
     assert [check.name for check in checks if not check.passed] == []
     assert all(check.reason for check in checks)
+
+
+HONEST = ["swept_there_and_back", "swept_reversal", "swept_twist", "swept_helix", "swept_saddle", "swept_ring"]
+
+
+@pytest.mark.parametrize("condition", HONEST)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_edges_that_turn_and_passes_that_turn_back_are_honest(condition: str, seed: int) -> None:
+    recording, _ = simulate_swept(random_swept_recipe(condition, seed))
+    assert failed(recording) == {}
+
+
+def test_frames_in_reverse_order_are_named() -> None:
+    recording = swaying(0.0)
+    told = failed(spoilt(recording, x_mm=recording.x_mm[::-1].copy(), z_mm=recording.z_mm[::-1].copy()))
+    assert any("the frames are in reverse order" in one for one in told.values())
 
 
 def repeated(r: Recording) -> Recording:

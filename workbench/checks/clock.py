@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.checks.motion import section_turns
+from workbench.checks.motion import section_turns, twisted
 from workbench.checks.profiles import Chain
 from workbench.units import DEG, Float
 
 STEP_S = 0.005  # for the derivative of the poses
-DEGREE = 3  # of what the plate itself may do along the edge: a slow twist
+DEGREE = 5  # of what the plate itself may do along the edge: a slow twist
 LEAST_RATE = 0.5 * DEG  # per second, of the turning that is not slow: with less nothing tells
 
 
@@ -33,12 +33,12 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
     above, below, square, count = 0.0, 0.0, 0.0, 0
     for number, chain in chains.items():
         now, later = (section_turns(chain, poses_at(number, shift)) for shift in (-STEP_S / 2, STEP_S / 2))
-        if now is None or later is None or len(now) < 12:
+        if now is None or later is None or len(now[1]) < 12:
             continue
-        rate = np.diff((later - now) / STEP_S)
-        left = np.diff((now + later) / 2.0)
-        slow = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(left)), DEGREE - 1)
-        basis = np.linalg.qr(slow)[0]
+        rate, left = (later[1] - now[1]) / STEP_S, (now[1] + later[1]) / 2.0
+        plate = np.diff(twisted((now[0] + later[0]) / 2.0, DEGREE), axis=0)
+        basis = np.linalg.qr(plate[:, 1:])[0]
+        rate, left = np.diff(rate), np.diff(left)
         rate, left = rate - basis @ (basis.T @ rate), left - basis @ (basis.T @ left)
         usual = np.median(np.abs(left)) / 0.6745 + 1e-9
         inside = np.abs(left) < 6.0 * usual

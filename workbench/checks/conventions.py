@@ -25,6 +25,7 @@ class Convention:
     quaternion: Quaternions | None = None  # (k, 4) w x y z
     position: Positions | None = None  # (k, 3) mm
     hand_eye: HandEyes | None = None  # (4, 4)
+    frames_reversed: bool = False  # the first frame of a pass was seen last
 
     def read(
         self, quaternion_wxyz: Float, position_mm: Float, flange_from_profiler: Float
@@ -59,6 +60,11 @@ def _known() -> Iterator[Convention]:
     yield Convention("the hand-eye rotation is transposed", hand_eye=_transposed)
     yield Convention("the hand-eye pose is missing from the poses: they are the profiler's own", hand_eye=_identity)
     yield Convention("the poses are inverted: they map the base to the flange", quaternion=_conjugate, position=None)
+    for axis, name in enumerate("xyz", start=1):
+        yield Convention(f"the sign of {name} of the quaternions is wrong", quaternion=_negated(axis))
+    yield Convention("quaternions are stored w z y x, not w x y z", quaternion=lambda q: q[:, [0, 3, 2, 1]])
+    yield Convention("quaternions are stored z y x w, not w x y z", quaternion=lambda q: q[:, [3, 2, 1, 0]])
+    yield Convention("the frames are in reverse order", frames_reversed=True)
     for written, read in permutations(EULER, 2):
         yield Convention(
             f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
@@ -78,6 +84,10 @@ def _known() -> Iterator[Convention]:
 
 def _conjugate(q: Float) -> Float:
     return np.asarray(q * (1.0, -1.0, -1.0, -1.0))
+
+
+def _negated(axis: int) -> Quaternions:
+    return lambda q: np.asarray(q * np.where(np.arange(4) == axis, -1.0, 1.0))
 
 
 def _transposed(pose: Float) -> Float:

@@ -20,9 +20,11 @@ from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Float
 
+STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
-EXPLAINED = 0.2  # share of the twist that a better reading may leave
+EXPLAINED = 0.1  # share of the twist that a better reading may leave
+VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -80,7 +82,7 @@ def consistent_conventions(
     """The readings of poses and hand-eye under which neighbouring profiles agree, the likeliest first.
 
     The recording as it is read is among those tried, as `AS_READ`. A reading counts if the laser plane is then within
-    `most_deg` of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a fifth of
+    `most_deg` of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a tenth of
     what they leave as read. A single straight pass in one orientation can agree with several.
 
     Args:
@@ -122,7 +124,10 @@ def _poses(
     for number, chain in found.items():
         at = recording.robot_pass == number
         time = recording.robot_time_s[at]
-        frames = np.clip(recording.time_s[chain.frames] + shift_s, time[0], time[-1])
+        seen = recording.time_s[chain.frames]
+        if reading.frames_reversed:
+            seen = recording.time_s[recording.pass_index == number][[0, -1]].sum() - seen
+        frames = np.clip(seen + shift_s, time[0], time[-1])
         made[number] = interpolate_poses(frames, time, position[at], quaternion[at]) @ hand_eye
     return made
 
@@ -230,12 +235,14 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         "a median filter, or a held value? switch the sensor's filters off", given=given,
     )  # fmt: skip
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
-    for name, what, step in (
-        ("range_step_mm", "ranges", traces.step_z_mm), ("lateral_step_mm", "lateral places", traces.step_x_mm),
-    ):  # fmt: skip
+    pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
+    for name, what, step, blurred in (  # noise of the ranges blurs their own steps alone
+        ("range_step_mm", "ranges", traces.step_z_mm, 2.0 * noise),
+        ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
+    ):
         yield check(
             name, step, f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution",
-            given=given, default=max(most(name), 2.0 * noise),
+            given=given, default=max(most(name), blurred),
         )  # fmt: skip
 
 
@@ -249,15 +256,21 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
     now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     oblique = check("obliquity_deg", now.obliquity_deg, given=given)
+    varies = check("obliquity_varies_deg", now.varies_deg, given=given)
     twist = check("twist_deg", now.twist_deg, given=given)
+    unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected: list[str] = []
     unexplained = now.twist_deg > most("convention_twist_deg")
-    if unexplained or not (oblique.passed and twist.passed):
+    if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
         readings = _consistent(recording, found, hand_eye, SMALL_DEG)
         suspected = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
     hint = f"; suspicion: {_listed(suspected)}" if suspected else ": are orientations, axes or the hand-eye pose wrong?"
     told = f"the laser plane would stand {now.obliquity_deg:.0f} deg off square to the edge"
     yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
+    told = f"the angle between laser plane and edge would vary by {now.varies_deg:.1f} deg to each side"
+    yield dataclasses.replace(varies, finding=told if varies.passed else told + hint)
+    told = f"the section would turn by {now.unsteady_deg:.2f} deg about the edge and back, unlike any plate"
+    yield dataclasses.replace(unsteady, finding=told if unsteady.passed else told + hint)
     told = f"the section would turn by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
@@ -277,7 +290,10 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
 
 def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool:
     """Whether a reading makes better what is bad as read."""
-    better = there.obliquity_deg < 0.5 * now.obliquity_deg if now.obliquity_deg > SMALL_DEG else True
+    if now.obliquity_deg > most("obliquity_deg"):
+        better = there.obliquity_deg < 0.5 * now.obliquity_deg
+    else:  # orientations that turn about another axis take the turn from about the edge to across it
+        better = there.varies_deg < now.varies_deg + VARIES_DEG
     return better and there.twist_deg < max(EXPLAINED * now.twist_deg, 0.25)
 
 

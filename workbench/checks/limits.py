@@ -66,12 +66,20 @@ LIMITS: dict[str, Limit] = {
         20.0, "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
         "scans are made at 0 to 15 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
     ),
+    "obliquity_varies_deg": Limit(
+        8.0, "how much that angle varies within a pass, to each side of its middle",
+        "scans of rings, saddles and swaying robots vary by 1 to 3; wrong orientations along a curved edge by 10 to 40",
+    ),
     "twist_deg": Limit(
-        6.0, "turn of the section about the edge that the orientations do not explain",
-        "plates are not twisted by more; wrong orientations turn the section with the wrist",
+        35.0, "turn of the section about the edge over 150 mm of it that the orientations do not explain",
+        "edges of helices and saddles turn by up to 30; the poses must explain the rest",
+    ),
+    "unsteady_twist_deg": Limit(
+        3.0, "the same, less what is a slow function of the place on the edge",
+        "plates turn slowly, good recordings have up to 0.5; wrong orientations turn the section with the wrist",
     ),
     "convention_twist_deg": Limit(
-        1.2, "the same, where another reading of the orientations explains four fifths of it",
+        1.2, "the same, where another reading of the orientations explains nine tenths of it",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
     "wiggle_mm": Limit(

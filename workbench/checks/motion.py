@@ -16,6 +16,9 @@ LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
 SURE = 3.0  # standard uncertainties by which a turn of the section is one
 LEAST_SINE = 0.1  # of the angle between a section's line and the way
 LEAST_MM = 1e-6  # of way between them
+LEAST_REACH_MM = 1.0  # on each side of a place, for its tangent
+DEGREE = 5  # in arc length, of how a plate may be twisted: a turn, there and back again
+TWISTED_MM = 150.0  # of edge, over which a twist is told
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +27,20 @@ class Consistency:
 
     obliquity_deg: float  # between the laser plane's normal and the edge, the worst pass's median
     varies_deg: float  # of that angle within a pass: half of its middle nine tenths
-    twist_deg: float  # greatest turn of the section about the edge that the poses do not explain
+    twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
+    unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     wiggle_mm: float  # robust standard deviation of a place from the straight line through the two beside it
     way_mm: float  # of the edge, all passes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The way of the edge through the base, at each profile; NaN where too few profiles go together."""
+
+    length_mm: float  # all stretches
+    arc_mm: Float  # (k,) along the edge, against the motion where the scanner goes back
+    tangent: Float  # (k, 3) towards greater arc length
+    oblique_deg: Float  # (k,) between the tangent and the laser plane's normal
 
 
 def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Float]) -> Consistency:
@@ -39,29 +53,34 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 5)
-    angle, spread, twist, wiggle, way = (np.array(column) for column in zip(*found, strict=True))
-    return Consistency(
-        float(angle.max()), float(spread.max()), float(twist.max()), float(wiggle.max()), float(way.sum())
-    )
+        return Consistency(*[float("nan")] * 6)
+    table = np.array(found)
+    oblique, varies, twist, unsteady, wiggle = table[:, :-1].max(axis=0).tolist()
+    return Consistency(oblique, varies, twist, unsteady, wiggle, float(table[:, -1].sum()))
 
 
-def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float, float] | None:
-    point, turn, stretch = chain.track()
-    place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
-    length, tangent, oblique = way_of(place, stretch, pose)
-    here = np.isfinite(oblique)
+def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float, float, float] | None:
+    place, across, stretch = _carried_by(chain, pose)
+    way = way_of(place, stretch, pose)
+    here = np.isfinite(way.oblique_deg)
     if here.sum() < 2:
         return None
-    low, high = np.percentile(oblique[here], [5, 95])
-    across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
+    low, high = np.percentile(way.oblique_deg[here], [5, 95])
     return (
-        float(np.median(oblique[here])),
+        float(np.median(way.oblique_deg[here])),
         float(high - low) / 2.0,
-        _twist(across, tangent, stretch, chain.turn_u),
+        *_twist(across, way, stretch, chain.turn_u),
         _wiggle(place, stretch),
-        length,
+        way.length_mm,
     )
+
+
+def _carried_by(chain: Chain, pose: Float) -> tuple[Float, Float, Int]:
+    """Places (k, 3) and directions (k, 3) of the section in the base, and the stretch (k,) that each is in."""
+    point, turn, stretch = chain.track()
+    place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
+    across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
+    return place, across, stretch
 
 
 def _wiggle(place: Float, stretch: Int) -> float:
@@ -76,14 +95,16 @@ def _wiggle(place: Float, stretch: Int) -> float:
     return float(np.median(aside)) / 1.1774 / math.sqrt(1.5)  # of two normal numbers, of a place less the mean of two
 
 
-def section_turns(chain: Chain, pose: Float) -> Float | None:
-    """Turn (k,) rad of the section about its way by poses (k, 4, 4), over the longest stretch; None: too short."""
-    point, turn, stretch = chain.track()
-    place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
-    _, tangent, _ = way_of(place, stretch, pose)
-    across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
-    longest = np.bincount(stretch).argmax()
-    return _turns(across, tangent, np.flatnonzero((stretch == longest) & np.isfinite(tangent[:, 0])))
+def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float] | None:
+    """Arc length mm and turn rad (k,) of the section about its way by poses (k, 4, 4), over the longest stretch.
+
+    None: it is too short.
+    """
+    place, across, stretch = _carried_by(chain, pose)
+    way = way_of(place, stretch, pose)
+    longest = np.flatnonzero((stretch == np.bincount(stretch).argmax()) & np.isfinite(way.tangent[:, 0]))
+    turn = _turns(across, way.tangent, longest)
+    return None if turn is None else (way.arc_mm[longest], turn)
 
 
 def _spatial(point: Float) -> Float:
@@ -91,38 +112,68 @@ def _spatial(point: Float) -> Float:
     return np.stack([point[:, 0], np.zeros(len(point)), point[:, 1]], axis=1)
 
 
-def way_of(place: Float, stretch: Int, pose: Float) -> tuple[float, Float, Float]:
-    """Length, tangents (k, 3) and angles (k,) to the laser plane's normal in degrees, of a way through the base."""
-    count = len(place)
-    tangent, length = np.full((count, 3), np.nan), 0.0
+def way_of(place: Float, stretch: Int, pose: Float) -> Way:
+    """The edge's way through the base: places (k, 3) of stretches (k,) of profiles at poses (k, 4, 4).
+
+    Arc length is counted along the laser plane's normal, with its sign, so a part of the edge that is seen on the way
+    there and on the way back is the same part; a place's tangent is the line through all places near it along the edge.
+    """
+    normal = pose[:, :3, 1]
+    arc, tangent, length = np.full(len(place), np.nan), np.full((len(place), 3), np.nan), 0.0
     for number in np.unique(stretch):
         at = np.flatnonzero(stretch == number)
-        if len(at) < min(LEAST_STRETCH, count):
+        if len(at) < min(LEAST_STRETCH, len(place)):
             continue
-        ahead, behind = (
-            at[np.minimum(np.arange(len(at)) + REACH, len(at) - 1)],
-            at[np.maximum(np.arange(len(at)) - REACH, 0)],
-        )
-        chord = place[ahead] - place[behind]
-        size = np.linalg.norm(chord, axis=1)
-        tangent[at] = np.where(size[:, None] > LEAST_MM, chord / np.maximum(size, LEAST_MM)[:, None], np.nan)
-        length += float(np.linalg.norm(place[at[-1]] - place[at[0]]))
-    cosine = np.abs(np.einsum("ki,ki->k", tangent, pose[:, :3, 1]))
-    return length, tangent, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
+        arc[at], tangent[at] = _line_of(place[at], normal[at])
+        length += float(np.ptp(arc[at]))
+    cosine = np.abs(np.einsum("ki,ki->k", tangent, normal))
+    return Way(length, arc, tangent, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))))
 
 
-def _twist(across: Float, tangent: Float, stretch: Int, turn_u: Float) -> float:
-    """Greatest turn (deg) of directions `across` about the way, against directions carried along without twist."""
-    greatest = 0.0
+def _line_of(place: Float, normal: Float) -> tuple[Float, Float]:
+    """Arc length (n,) and tangents (n, 3) of one stretch."""
+    step = np.diff(place, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    ahead = np.einsum("ki,ki->k", step, (normal[1:] + normal[:-1]) / 2.0)
+    arc = np.concatenate([[0.0], np.cumsum(ahead)])
+    if np.ptp(arc) < LEAST_SINE * np.linalg.norm(place.max(axis=0) - place.min(axis=0)):
+        arc = np.concatenate([[0.0], np.cumsum(size)])  # the way lies in the laser plane: orientations are wrong
+    near = np.abs(arc[:, None] - arc) <= max(REACH * float(np.median(size)), LEAST_REACH_MM)
+    count = near.sum(axis=1)
+    mean = near @ arc / count
+    square = np.einsum("ij,ij->i", near, (arc - mean[:, None]) ** 2)
+    middle = near @ place / count[:, None]
+    slope = np.einsum("ij,ijk->ik", near * (arc - mean[:, None]), place - middle[:, None])
+    slope = slope / np.maximum(square, LEAST_MM)[:, None]
+    size = np.linalg.norm(slope, axis=1)
+    return arc, np.where((size > LEAST_MM)[:, None], slope / np.maximum(size, LEAST_MM)[:, None], np.nan)
+
+
+def _twist(across: Float, way: Way, stretch: Int, turn_u: Float) -> tuple[float, float]:
+    """Turn (deg) of directions `across` about the way, against directions carried along without twist.
+
+    The greatest over 150 mm of edge or less, and the greatest that is no slow function of the place on the edge.
+    """
+    greatest, unsteady = 0.0, 0.0
     for number in np.unique(stretch):
-        at = np.flatnonzero((stretch == number) & np.isfinite(tangent[:, 0]))
-        if len(at) < LEAST_STRETCH:
+        at = np.flatnonzero((stretch == number) & np.isfinite(way.tangent[:, 0]))
+        angle = _turns(across, way.tangent, at)
+        if angle is None:
             continue
-        angle = _turns(across, tangent, at)
-        if angle is not None:
-            u = math.sqrt(float((turn_u[at[:-1]] ** 2).sum()))
-            greatest = max(greatest, (float(np.ptp(angle)) - SURE * u) / DEG)
-    return greatest
+        u = SURE * math.sqrt(float((turn_u[at[:-1]] ** 2).sum()))
+        arc = way.arc_mm[at]
+        turn = max(float(np.ptp(angle)) - u, 0.0) / max(float(np.ptp(arc)) / TWISTED_MM, 1.0)
+        rest = angle - twisted(arc) @ (twisted(arc).T @ angle)
+        greatest, unsteady = max(greatest, turn / DEG), max(unsteady, (float(np.ptp(rest)) - u) / DEG)
+    return greatest, unsteady
+
+
+def twisted(arc: Float, degree: int = DEGREE) -> Float:
+    """Orthonormal columns (k, <= degree + 1): how a plate may be twisted over its arc length (k,)."""
+    low, high = float(arc.min()), float(arc.max())
+    share = (2.0 * arc - low - high) / max(high - low, LEAST_MM)
+    degree = min(degree, len(arc) // 4)
+    return np.asarray(np.linalg.qr(np.polynomial.legendre.legvander(share, degree))[0])
 
 
 def _turns(across: Float, tangent: Float, at: Int) -> Float | None:

@@ -70,6 +70,7 @@ def test_errors_are_as_large_as_u_says(truth: Truth, stated: bool) -> None:
     within(float(np.square(z).sum()), len(z), 2.0)
 
 
+@pytest.mark.metrology
 @pytest.mark.xfail(strict=True, reason="2u holds 60 %: a wave of a bin's noise is taken for noise (docs/method.md)")
 def test_waves_as_high_as_the_noise_are_in_u() -> None:
     """0.04: the noise of a bin."""
@@ -83,6 +84,7 @@ def test_waves_as_high_as_the_noise_are_in_u() -> None:
     assert float(np.square(z).sum()) < chi2.ppf(1.0 - RISK, len(z))
 
 
+@pytest.mark.metrology
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_slopes_are_as_uncertain_as_they_say(truth: Truth) -> None:
     z = []

@@ -73,6 +73,7 @@ def test_one_phase_knows_no_more_than_the_column(sigma: float) -> None:
         assert (np.abs(end.value(INSIDE) - 1.5) < 0.5 * STEP_MM + 3.0 * sigma + 1e-3).all()
 
 
+@pytest.mark.metrology
 @pytest.mark.xfail(strict=True, reason="u 1.3 (1 um of noise) and 1.5 times (5 um) too small at one phase")
 @pytest.mark.parametrize("sigma", [0.001, SIGMA_MM])
 def test_one_phase_is_as_uncertain_as_it_says(sigma: float) -> None:
@@ -88,6 +89,7 @@ def test_one_phase_is_as_uncertain_as_it_says(sigma: float) -> None:
 ONE_PHASE = pytest.mark.xfail(strict=True, reason="between phases that hardly change u is up to 1.6 times too small")
 
 
+@pytest.mark.metrology
 @pytest.mark.parametrize(
     ("truth", "skew_columns"),
     [

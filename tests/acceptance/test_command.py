@@ -30,6 +30,10 @@ SECTION = {
     "bevel_u_deg",
     "verdict",
 }
+PART_KEYS = (
+    *("part_id", "drawing", "operator", "recorded_at"),
+    *("sensor", "sensor_serial", "sensor_calibrated_at", "robot", "robot_serial"),
+)
 PROFILE = {"arc_length_mm", "position_mm", "root_mm", "root_u_mm", "bevel_deg"}
 Run = Callable[..., Ended]
 
@@ -52,6 +56,7 @@ def test_status_streams_and_files(full: Ended) -> None:
     assert {one.name for one in full.directory.iterdir()} == {
         "notes.txt",
         "inspection.json",
+        "inspection.qif",
         "report.html",
         "run.json",
     }
@@ -131,6 +136,7 @@ def test_every_input_of_the_contract_is_there(installed: Run) -> None:
         "bevel_nominal_deg": 40,
         "bevel_tolerance_deg": [-1, 1],
         "sections": 9,
+        **dict.fromkeys(PART_KEYS),
     }
     assert installed("none", "validate", SHIPPED).status == 0
     schema = json.loads(installed("none", "schema").out)

@@ -47,6 +47,7 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     cloud, edge = segment_cloud(PointSet(points, "a.ply"))
     assert any("shows no scan lines" in words for words in edge.warnings)
     assert cloud.keep.shape == edge.labels.shape
+    assert edge.checks[0].finding.startswith("not judged")
     assert edge.root.u_by_source[PASSES].max() < 0.01
     found = sections(edge)
     origins = np.array([s.origin_mm for s in found.sections])
@@ -109,6 +110,7 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     points = PointSet(points_of(raw.cloud), "raw.ply")
     _, edge = segment_cloud(points, upper_side=up)
     np.testing.assert_allclose(edge.position_mm, gridded.position_mm, atol=2e-3)
+    assert [check.name for check in edge.checks] == ["recording_judged"]
     with pytest.raises(InputError, match="order of scan lines"):
         segment_cloud(points, upper_side=up, use_order=False)
 

@@ -1,13 +1,21 @@
 """What a recording can disprove of itself, before anything is measured: docs/checks.md."""
 
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
-from workbench.checks.judge import consistent_conventions, judge_recording, loosened, refuse_failed, without_copies
+from workbench.checks.judge import (
+    NOT_JUDGED,
+    consistent_conventions,
+    judge_recording,
+    loosened,
+    refuse_failed,
+    without_copies,
+)
 from workbench.checks.limits import LIMITS, Limit, checked_limits
 from workbench.checks.motion import Consistency
 
 __all__ = [
     "AS_READ",
     "LIMITS",
+    "NOT_JUDGED",
     "Consistency",
     "Convention",
     "Limit",

@@ -21,6 +21,10 @@ from workbench.geometry.poses import interpolate_poses
 from workbench.units import Float
 
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
+NOT_JUDGED = Check(
+    "recording_judged", None, None, True, "scan.fuse judges poses and profiles by each other",
+    "not judged: a cloud holds neither poses nor profiles; whoever made it answers for both",
+)  # fmt: skip
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 EXPLAINED = 0.1  # share of the twist that a better reading may leave

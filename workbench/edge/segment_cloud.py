@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, RawEdge
+from workbench.checks import NOT_JUDGED
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_grid import recovered_grid
 from workbench.edge.segment_cloud_slices import Nominal, slice_cloud
@@ -83,9 +84,11 @@ def segment_cloud(
     if upper_side is not None:
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
+        recovered = replace(recovered, checks=(NOT_JUDGED,))
         return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
+    cloud = replace(cloud, checks=(NOT_JUDGED,))
     if passes == "several passes" and robot_noise_mm > MOST_PASS_NOISE_MM:
         raise InputError(points.source, "points stand on lines of several scanning passes, which may differ by the "
                          f"robot's noise: give points in scan order or each pass alone (or robot_noise_mm of at most "

@@ -7,7 +7,7 @@ import pytest
 
 from workbench.api import Cutter, Dialect, Layer, MillingTool, Moves, PathGate, ProgramJob, Toolpath, write_program
 from workbench.artefacts import Part
-from workbench.dialect import LONGEST_REMARK, plain, rounded_feeds
+from workbench.dialect import LONGEST_REMARK, plain, program_files, rounded_feeds
 
 
 @dataclass
@@ -56,16 +56,16 @@ def gate_of(dialect: Dialect, passed: bool) -> PathGate:
 
 def test_a_program_is_head_moves_and_foot() -> None:
     dialect: Dialect = Letters(job("a\nL 99"))
-    (document,) = write_program(dialect, gate_of(dialect, True))
-    assert document.name == "Other.txt"
-    lines = document.content.decode().splitlines()
+    (name, text), *others = program_files(dialect, gate_of(dialect, True)).items()
+    assert (name, others) == ("Other.txt", [])
+    lines = text.splitlines()
     assert lines[-7:] == ["R 0", "( layer 1 )", "L 1", "C 1.5 2", "( travel )", "L 3", "END"]
     assert "( part: a?L 99 )" in lines
 
 
 def test_a_rejected_path_gives_no_program() -> None:
     dialect = Letters(job())
-    assert write_program(dialect, gate_of(dialect, False)) == ()
+    assert write_program(dialect, gate_of(dialect, False)).documents == ()
 
 
 @pytest.mark.parametrize("text", ["a\nb", "a\r\u2028b", "!;%&$\\\"'`{}[]<>", "ü" * 200, "\x00\x1b[31m"])

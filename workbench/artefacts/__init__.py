@@ -26,6 +26,15 @@ from workbench.artefacts.edges import (
     Quantity,
     RawEdge,
 )
+from workbench.artefacts.grooves import (
+    SIZES,
+    Corner,
+    Groove,
+    GrooveInspection,
+    GrooveSection,
+    GrooveType,
+    u_name,
+)
 from workbench.artefacts.inspections import (
     EdgeProfile,
     Inspection,
@@ -66,6 +75,7 @@ __all__ = [
     "PASSES",
     "ROOT_FACE",
     "ROUNDING",
+    "SIZES",
     "TANGENT",
     "UNKNOWN_PART",
     "UNLABELLED",
@@ -73,6 +83,7 @@ __all__ = [
     "Chapter",
     "Check",
     "Cloud",
+    "Corner",
     "Cutter",
     "Document",
     "Edge",
@@ -80,6 +91,10 @@ __all__ = [
     "Engagement",
     "EventKind",
     "Gate",
+    "Groove",
+    "GrooveInspection",
+    "GrooveSection",
+    "GrooveType",
     "HandEye",
     "Inspection",
     "Judgement",
@@ -119,6 +134,7 @@ __all__ = [
     "Violation",
     "conformity",
     "frozen",
+    "u_name",
 ]
 
 for _name in __all__:

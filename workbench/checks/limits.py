@@ -110,6 +110,21 @@ LIMITS: dict[str, Limit] = {
         0.3, "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
         "a plate's edge is convex all round; grooves, fillets and steps are not",
     ),
+    "groove_share": Limit(
+        (0.34, 1.0), "share of the profiles in which two plates with a groove between them were found",
+        "a groove is there all along the plates",
+    ),
+    "groove_agreement": Limit(
+        (0.6, 1.0), "share of the profiles with a face that show the kind of face that most do, of the worse plate",
+        "a plate is prepared alike along its edge; spatter and tack welds hide less",
+    ),
+    "groove_level": Limit(
+        0.5, "how much higher one plate stands than the other, over the depth of the groove",
+        "plates are joined nearly flush; a plate over a table, or lapped on another, is no groove",
+    ),
+    "groove_overlap_mm": Limit(
+        0.2, "how far the plates' roots overlap, for certain", "two plates do not lie in each other",
+    ),
 }  # fmt: skip
 
 

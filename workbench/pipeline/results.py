@@ -10,6 +10,7 @@ from typing import Any
 from workbench.artefacts import (
     Document,
     Engagement,
+    GrooveInspection,
     Inspection,
     Layer,
     PathCorrection,
@@ -153,6 +154,45 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def groove_document(found: GrooveInspection) -> dict[str, Any]:
+    """`groove.json`, version 1 (docs/grooves.md): mm and degrees, frame of the robot base."""
+    return {
+        "format": "groove-inspection",
+        "version": 1,
+        "frame": "base",
+        "type": found.type,
+        "type_alternatives": list(found.alternatives),
+        "type_declared": found.declared,
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "guard_factor": found.guard_factor,
+        "part": dataclasses.asdict(found.part),
+        "requirements": dict(found.requirements),
+        "uncertainty": {
+            "coverage_factor": found.uncertainty.coverage_factor,
+            "sources": list(found.size_sources),
+            "not_included": list(found.uncertainty.not_included),
+        },
+        "warnings": list(found.warnings),
+        "checks": [dataclasses.asdict(check) for check in found.checks],
+        "sections": [
+            {
+                "index": s.index,
+                "arc_length_mm": s.arc_length_mm,
+                "origin_mm": s.origin_mm,
+                "tangent": s.tangent,
+                "normal": s.normal,
+                "across": s.across,
+                "corners": list(s.corners),
+                **s.values,
+                "verdict": s.verdict,
+                "reason": s.reason,
+            }
+            for s in found.sections
+        ],
+    }
+
+
 # One line a type: artefacts that stand for a result of the contract. Others are seen by later stages only; a plug-in
 # that makes a file of its own returns a `Document`.
 WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
@@ -161,6 +201,7 @@ WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Engagement: ("engagement.json", engagement_document),
     Rework: ("rework.json", rework_document),
     PathCorrection: ("correction.json", correction_document),
+    GrooveInspection: ("groove.json", groove_document),
 }
 
 

@@ -1,0 +1,365 @@
+"""Every profile across a groove, read and brought into the groove's section planes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from workbench.artefacts import Cloud
+from workbench.edge.groove_profile import Kind, Side, read_profile, upwards
+from workbench.edge.measure import check_advance, edge_direction
+from workbench.errors import InputError
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.units import Float, Int
+
+SAMPLE = 24  # profiles that show which way is up
+LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
+LEAST_SIGMA_MM = 1e-3
+STRAY_SIGMAS = 3.5
+GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadFrames:
+    """The n profiles that show both plates as most do."""
+
+    frame: Int  # (n,) their numbers in the cloud
+    sides: tuple[list[Side], list[Side]]  # left, right
+    columns: list[Int]  # of the points of each profile, in the order of their indices
+    flip: Float  # (n,) -1 where the profiler's x falls from left to right
+    kinds: tuple[Kind, Kind]
+    up: float  # 1 where z counts out of the plates
+    share: float  # of the profiles that have enough returns
+    agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """One plate of n profiles in the section planes, drawn as a left one: the right plate's a is mirrored."""
+
+    kind: Kind
+    plate: Float  # (n,) direction of the upper surface, towards the groove, rad
+    plate_variance: Float
+    face: Float  # (n,) direction of the face downwards; NaN at an `edge`
+    face_variance: Float
+    face_s: Float  # (n,) arc length where the profile cuts the face's middle
+    corner: Float  # (n, 2) where both meet
+    corner_variance: Float  # (n, 2)
+    last: Float  # (n, 2) innermost return of the plate
+    step: Float  # (n,) from there to the next column
+    sigma: float  # noise of a return across the face, mm
+    radius: Float  # (n,) of the fillet; NaN where there is none
+    radius_variance: Float
+    bottom: Float  # (n,) level of the fillet's lowest place
+    bottom_variance: Float
+    lowest: Float  # (n, 2) lowest return of the root face; NaN
+    root_a: Float  # (n,) a of the root face's returns; NaN where it is not seen
+    spacing: Float  # (n,) of its returns, down
+    pattern: float  # share of the noise's variance that every profile repeats in the same column
+
+
+def read_frames(cloud: Cloud) -> ReadFrames:
+    """Read every profile of a cloud; the first pass's x rises from left to right.
+
+    Raises:
+        InputError: most profiles do not show two plates.
+    """
+    frames, points = [], []
+    for i in range(len(cloud.keep)):
+        column = np.flatnonzero(cloud.keep[i])
+        if column.size >= 50:
+            frames.append(i)
+            points.append(column)
+    flips = _flips(cloud)
+    profiles = []
+    for i, column in zip(frames, points, strict=True):
+        x = flips[i] * cloud.x_mm[i, column].astype(np.float64)
+        # In the order of the columns: under a fan, what lies far below a root face may have a smaller x than that.
+        order = slice(None) if x[-1] >= x[0] else slice(None, None, -1)
+        profiles.append((x[order], cloud.z_mm[i, column].astype(np.float64)[order], column[order]))
+    some = profiles[:: max(1, len(profiles) // SAMPLE)]
+    up = upwards([p[0] for p in some], [p[1] for p in some])
+    if up == 0.0:
+        raise InputError(cloud.source, "expected two plates with a groove between them: nothing is seen below them")
+    read = [read_profile(x, up * z) for x, z, _ in profiles]
+    both = [one for one in read if one is not None]
+    share = len(both) / max(len(frames), 1)
+    if not both:
+        raise InputError(cloud.source, "expected two plates with a groove between them, found none: no groove?")
+    left, agree_left = _kind([one[0] for one in both])
+    right, agree_right = _kind([one[1] for one in both])
+    good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
+    kept = [one for k in good if (one := read[k]) is not None]
+    numbers = np.array([frames[k] for k in good], np.int64)
+    return ReadFrames(
+        numbers, ([one[0] for one in kept], [one[1] for one in kept]), [profiles[k][2] for k in good], flips[numbers],
+        (left, right), up, share, min(agree_left, agree_right),
+    )  # fmt: skip
+
+
+def _flips(cloud: Cloud) -> Float:
+    """1 for each frame whose x runs as that of the first frame does, else -1."""
+    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
+    out = np.ones(len(ex))
+    for p in np.unique(cloud.pass_index):
+        mine = cloud.pass_index == p
+        # The normal of the laser plane, x from left to right and z both as in the first frame, keeps its sense.
+        same = float((np.cross(ez[mine], ex[mine]) @ np.cross(ez[0], ex[0])).mean())
+        out[mine] = 1.0 if same >= 0 else -1.0
+    return out
+
+
+def _kind(sides: list[Side]) -> tuple[Kind, float]:
+    """The kind that most profiles show of a plate, and their share of those that show a face."""
+    faces = [side.kind for side in sides if side.kind != "edge"]
+    if len(faces) < LEAST_FACE * len(sides):
+        return "edge", 1.0
+    best = max(sorted(set(faces)), key=faces.count)
+    return best, faces.count(best) / len(faces)
+
+
+def groove_curve(cloud: Cloud, read: ReadFrames) -> tuple[Curve, Float]:
+    """The curve midway between the upper edges, and each profile's arc length (n,) on it."""
+    left, right = ([side.corner for side in sides] for sides in read.sides)
+    middle = 0.5 * (np.array(left) + np.array(right))
+    pose = cloud.base_from_profiler[read.frame]
+    ex, up = read.flip[:, None] * pose[:, :3, 0], read.up * pose[:, :3, 2]
+    points = pose[:, :3, 3] + middle[:, :1] * ex + middle[:, 1:] * up
+    check_advance(cloud, points)
+    whole, across = np.full((len(cloud.keep), 3), np.nan), np.full((len(cloud.keep), 3), np.nan)
+    whole[read.frame], across[read.frame] = points, np.cross(up, ex)
+    along = edge_direction(whole, across, cloud)[read.frame]
+    good = np.isfinite(along).all(axis=1)
+    check_advance(cloud, points[good])
+    group = cloud.pass_index[read.frame]
+    s = np.full(len(points), np.nan)
+    s[good] = along_motion(points[good], along[good], group[good])
+    curve = fit_curve(points[good], s[good], group[good])
+    s[good] = curve.project(points[good], s[good])
+    return curve, s
+
+
+def section_points(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, k: int, indices: Int,
+                   mirror: float) -> tuple[Float, Float]:  # fmt: skip
+    """Points (m, 2) of profile k in the section planes: (right, up), turned by `turn`; mirrored by mirror = -1.
+
+    And their arc lengths (m,): a profile cuts the groove obliquely.
+    """
+    i = np.full(indices.size, read.frame[k])
+    points = cloud.placed(i, read.columns[k][indices])
+    at = curve.project(points, np.full(indices.size, s[k]))
+    right, up = axes(curve, at, np.full(indices.size, turn[k]))
+    off = points - curve.position(at)
+    return np.stack([mirror * (off * right).sum(axis=1), (off * up).sum(axis=1)], axis=1), at
+
+
+def axes(curve: Curve, s: Float, turn: Float) -> tuple[Float, Float]:
+    """Right and up (n, 3) of the section planes; `turn` (n,): direction of right in the curve's frame."""
+    _, a, b = curve.frame(s)
+    c, d = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    return c * a + d * b, d * a - c * b
+
+
+def plate_turn(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float) -> tuple[Float, Course, float]:
+    """Direction of both plates' upper surfaces in the curve's frame: (n,) at each profile, and as a course.
+
+    Also a constant near it: the course is of the difference.
+    """
+    pose = cloud.base_from_profiler[read.frame]
+    _, a, b = curve.frame(s)
+    ex = read.flip[:, None] * pose[:, :3, 0]
+    rough = np.arctan2((ex * b).sum(axis=1), (ex * a).sum(axis=1))
+    about = float(np.angle(np.exp(1j * rough).mean()))
+    found = np.full((s.size, 2), np.nan)
+    for k in range(s.size):
+        for side in (0, 1):
+            points, _ = section_points(cloud, read, curve, s, np.full(s.size, about), k, read.sides[side][k].upper, 1.0)
+            found[k, side] = _line(points, _ray(cloud, read, curve, s, np.full(s.size, about), k, 1.0))[2]
+    tilt = fit_course(s, found.mean(axis=1), None, cloud.pass_index[read.frame])
+    return about - tilt.value(s), tilt, about
+
+
+def _ray(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, k: int, mirror: float) -> Float:
+    right, up = axes(curve, s[k : k + 1], turn[k : k + 1])
+    ez = cloud.base_from_profiler[read.frame[k], :3, 2]
+    ray = np.array([mirror * float(right[0] @ ez), float(up[0] @ ez)])
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
+def _line(points: Float, ray: Float) -> tuple[Float, float, float, float, float, float]:
+    """Line through points (m, 2) with noise along `ray`, robust.
+
+    Returns centroid, rms of the residuals along the ray, direction, and for residuals of 1 mm: variance of the
+    direction, of the centroid across the line; share of the ray's noise that counts across the line.
+    """
+    side = np.array([ray[1], -ray[0]])
+    side = side * (1.0 if side[0] >= 0 else -1.0)
+    u, v = points @ side, points @ ray
+    keep = np.ones(u.size, bool)
+    for _ in range(4):
+        mean_u, mean_v = u[keep].mean(), v[keep].mean()
+        suu = float(((u[keep] - mean_u) ** 2).sum())
+        slope = float(((u[keep] - mean_u) * (v[keep] - mean_v)).sum()) / max(suu, 1e-12)
+        off = v - mean_v - slope * (u - mean_u)
+        scale = 1.4826 * float(np.median(np.abs(off[keep]))) + LEAST_SIGMA_MM
+        again = np.abs(off) < STRAY_SIGMAS * scale
+        if again.sum() < max(3, 0.5 * u.size) or (again == keep).all():
+            break
+        keep = again
+    count = int(keep.sum())
+    rms = math.sqrt(float((off[keep] ** 2).sum()) / max(count - 2, 1)) + LEAST_SIGMA_MM
+    way = side + slope * ray
+    across = 1.0 / math.hypot(1.0, slope)
+    return (mean_u * side + mean_v * ray, rms, math.atan2(way[1], way[0]), across**4 / max(suu, 1e-9),
+            across**2 / count, across)  # fmt: skip
+
+
+def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, which: int) -> Lines:
+    """The left (0) or right (1) plate of every profile."""
+    n, mirror = s.size, (1.0, -1.0)[which]
+    kind = read.kinds[which]
+    names = ("plate", "plate_v", "face", "face_v", "step", "radius", "radius_v", "bottom", "bottom_v", "root_a",
+             "face_s", "spacing", "rms_p", "rms_f", "share")  # fmt: skip
+    value = {name: np.full(n, np.nan) for name in names}
+    corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
+    last, lowest = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
+    held = []
+    added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
+    for k, side in enumerate(read.sides[which]):
+        if not np.isfinite(s[k]):
+            continue
+        ray = _ray(cloud, read, curve, s, turn, k, mirror)
+        take = [side.upper, side.face, side.arc, np.array([side.last]), side.below]
+        points, at = section_points(cloud, read, curve, s, turn, k, np.concatenate(take), mirror)
+        cuts = np.cumsum([part.size for part in take])[:-1]
+        upper, face, arc, end, below = np.split(points, cuts)
+        if face.size:
+            value["face_s"][k] = float(np.split(at, cuts)[1].mean())
+        held.append((k, upper, face, arc, ray))
+        last[k], value["step"][k] = end[0], side.step_mm
+        if below.shape[0] >= 2:
+            lowest[k] = below[np.argmin(below[:, 1])]
+            value["root_a"][k] = float(np.median(below[:, 0]))
+            value["spacing"][k] = float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
+        place, value["rms_p"][k], level, *_ = _line(upper, ray)
+        off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
+        on = np.abs(off) < STRAY_SIGMAS * value["rms_p"][k]
+        column = read.columns[k][side.upper[on]]
+        added += np.bincount(column, off[on], added.size)
+        squares += float((off[on] ** 2).sum())
+        count += np.bincount(column, minlength=added.size)
+        if face.size:
+            _, value["rms_f"][k], *_, value["share"][k] = _line(face, ray)
+    noise_p, noise_f = (float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02
+                        for name in ("rms_p", "rms_f"))  # fmt: skip
+    guess = 4.0
+    for k, upper, face, arc, ray in held:
+        centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
+        value["plate"][k], value["plate_v"][k] = angle, angle_v * noise_p**2
+        plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
+        if kind == "edge":
+            corner[k], corner_v[k] = _end_corner(plate, last[k], value["step"][k])
+            continue
+        middle, _, way, way_v, face_off_v, share = _line(face, ray)
+        way = _downwards(way)
+        way_v, face_off_v = way_v * noise_f**2, face_off_v * noise_f**2
+        if kind == "round":
+            found = _fillet(np.concatenate([face, arc]), middle, way, noise_f * share, guess)
+            if found is None:
+                continue
+            guess = float(found[4])
+            way, way_v, middle, face_off_v, value["radius"][k], value["radius_v"][k], value["bottom"][k], value["bottom_v"][k] = found  # type: ignore[assignment]  # fmt: skip  # noqa: E501
+        value["face"][k], value["face_v"][k] = way, way_v
+        corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
+    across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
+    return Lines(kind, value["plate"], value["plate_v"], value["face"], value["face_v"], value["face_s"], corner,
+                 corner_v, last,
+                 value["step"], max(noise_f * across, LEAST_SIGMA_MM), value["radius"], value["radius_v"],
+                 value["bottom"], value["bottom_v"], lowest, value["root_a"], value["spacing"],
+                 _pattern(added, count, squares))  # fmt: skip
+
+
+def _pattern(added: Float, count: Float, squares: float) -> float:
+    """Share of the variance that is the same in every profile: of the columns' means, less what chance leaves them."""
+    many = count >= 8
+    if not many.any():
+        return 0.0
+    variance = squares / count.sum()
+    mean = added[many] / count[many]
+    return float(np.clip(np.mean(mean**2 - variance / count[many]) / max(variance, 1e-12), 0.0, 1.0))
+
+
+def _downwards(way: float) -> float:
+    return way if math.sin(way) < 0 else way + (math.pi if way < 0 else -math.pi)
+
+
+Line = tuple[Float, float, float, float]  # a place on it, its direction, variances of direction and of place across
+
+
+def _crossing(one: Line, other: Line) -> tuple[Float, Float]:
+    """Where two lines meet, and the variances of its two coordinates."""
+    (p, a, av, po), (q, b, bv, qo) = one, other
+    da, db = np.array([math.cos(a), math.sin(a)]), np.array([math.cos(b), math.sin(b)])
+    na, nb = np.array([-da[1], da[0]]), np.array([-db[1], db[0]])
+    matrix = np.linalg.inv(np.stack([na, nb]))
+    at = matrix @ np.array([na @ p, nb @ q])
+    # A line that turns about its place moves at the crossing by its lever; so both lines' places across vary by:
+    across = np.array([po + av * float((at - p) @ da) ** 2, qo + bv * float((at - q) @ db) ** 2])
+    return at, matrix**2 @ across
+
+
+def _end_corner(plate: Line, last: Float, step: float) -> tuple[Float, Float]:
+    """The end of an upper surface below which nothing is seen: half a column beyond its last return."""
+    centre, angle, angle_v, off_v = plate
+    along = np.array([math.cos(angle), math.sin(angle)])
+    away = float((last - centre) @ along) + 0.5 * step
+    return centre + away * along, np.array([step**2 / 12.0, off_v + angle_v * away**2])
+
+
+def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float) -> tuple[float, ...] | None:
+    """Flank and fillet at once: a line that goes over into a circle which it touches; both 4 unknowns together.
+
+    Returns direction of the flank and its variance, a place on it and the variance across, radius and its variance,
+    lowest level of the circle and its variance; None where the points do not fix them.
+    """
+
+    def away(unknown: Float) -> Float:
+        turn, off, radius, tangent = unknown
+        d = np.array([math.cos(way + turn), math.sin(way + turn)])
+        inside = np.array([-d[1], d[0]])
+        along, across = (points - middle) @ d, (points - middle) @ inside
+        centre = np.array([tangent, off + radius])
+        round_ = radius - np.hypot(along - centre[0], across - centre[1])
+        return np.asarray(np.where(along < tangent, across - off, round_))
+
+    reach = (points - middle) @ np.array([math.cos(way), math.sin(way)])
+    best = None
+    for radius in (guess, 0.5 * guess, 2.0 * guess):
+        start = np.array([0.0, 0.0, radius, float(np.max(reach)) - radius])
+        try:
+            found = least_squares(away, start, method="trf", loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        if best is None or found.cost < best.cost:
+            best = found
+        if best.cost < GOOD_COST * sigma**2 * len(points):
+            break
+    if best is None or not 0.3 < best.x[2] < 40.0:
+        return None
+    rms = 1.4826 * float(np.median(np.abs(best.fun))) + 1e-4
+    try:
+        covariance = np.linalg.inv(best.jac.T @ best.jac) * max(rms, sigma) ** 2
+    except np.linalg.LinAlgError:
+        return None
+    turn, off, radius, tangent = (float(v) for v in best.x)
+    d = np.array([math.cos(way + turn), math.sin(way + turn)])
+    inside = np.array([-d[1], d[0]])
+    bottom = float((middle + tangent * d + (off + radius) * inside)[1]) - radius
+    lever = tangent * math.cos(way + turn) - (off + radius) * math.sin(way + turn)
+    gradient = np.array([lever, inside[1], inside[1] - 1.0, d[1]])
+    return (way + turn, float(covariance[0, 0]), middle + off * inside, float(covariance[1, 1]), radius,  # type: ignore[return-value]
+            float(covariance[2, 2]), bottom, float(gradient @ covariance @ gradient))  # fmt: skip

@@ -1,0 +1,250 @@
+"""One profile across a groove: both plates' upper surfaces and what descends from them.
+
+A profile is read from its chain of straight faces (`geometry.chains`), from both sides inwards. A plate ends in a
+square face, in a bevel, or in a flank above a fillet; of a square face that the sensor does not see only the end of
+the upper surface is there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
+from workbench.units import DEG, Bool, Float, Int
+
+Kind = Literal["edge", "square", "bevel", "round"]  # edge: nothing is seen below the upper surface
+
+LEAST_PLATE_MM, LEAST_PLATE_POINTS = 1.5, 12
+PARALLEL = 8.0 * DEG  # plates that meet at more are no butt joint
+ON_MM = 0.12  # a return this near to a surface may belong to it
+DROP_MM, DROP_POINTS = 0.3, 3  # so many returns in a row so far below a plate: it has ended
+JUMP_MM = 0.7  # without returns: likewise
+LEAST_FALL = 15.0 * DEG  # of a bevel below its plate
+SQUARE = 85.5 * DEG  # falls of more than this are square faces
+LEAST_WHOLE = 60  # returns of a line that is one face in spite of a gap
+NEAR_MM = 2.0  # of a face from the corner at which it starts, with the edge's rounding
+ROUND_TURN, ROUND_END = 6.0 * DEG, 45.0 * DEG  # a fillet turns by more, and comes to fall by less than
+TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
+ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
+BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """One plate in one profile. Indices are those of the profile's points."""
+
+    kind: Kind
+    fall: float  # angle of the face below the upper surface, rad; NaN at an `edge`
+    corner: Float  # (2,) where both meet, or the upper surface's last return
+    upper: Int  # returns of the upper surface, less its end
+    face: Int  # of bevel, flank or square face
+    arc: Int  # of the fillet, from its flank to the root
+    last: int  # innermost return of upper surface, face or fillet
+    step_mm: float  # from there to the next column, along the face
+    below: Int  # returns of the root face
+
+
+def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
+    """Left (falling x) and right plate of a profile, y upwards, x rising, both (n,) mm; None: no two plates."""
+    if x.size < 4 * LEAST_PLATE_POINTS:
+        return None
+    lines = _unbridged(x, y, straight_faces(x, y))
+    long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
+    if len(long) < 2:
+        return None
+    turn = math.atan(long[0][SLOPE]) - math.atan(long[-1][SLOPE])
+    if abs(turn) > PARALLEL:
+        return None
+    left = _side(x, y, lines, long[0])
+    mirrored = lines[::-1].copy()
+    n = x.size - 1
+    mirrored[:, [X0, X1]] = -lines[::-1][:, [X1, X0]]
+    mirrored[:, [FIRST, LAST]] = n - lines[::-1][:, [LAST, FIRST]]
+    mirrored[:, SLOPE] *= -1.0
+    plate = mirrored[np.flatnonzero(mirrored[:, FIRST] == n - long[-1][LAST])[0]]
+    right = _side(-x[::-1], y[::-1], mirrored, plate)
+    if left is None or right is None:
+        return None
+    right = _mirrored(right, n)
+    if left.last >= right.last or x[left.upper[-1]] >= x[right.upper[0]]:
+        return None
+    return left, right
+
+
+def _unbridged(x: Float, y: Float, lines: Float) -> Float:
+    """The lines, those that reach over a gap without returns cut in two there: both fillets of a U can lie on one."""
+    out = []
+    for line in lines:
+        first, last = int(line[FIRST]), int(line[LAST])
+        wide = np.flatnonzero(np.diff(x[first : last + 1]) > JUMP_MM)
+        # A face that goes on beyond lost returns, as an upper surface does, stays one.
+        if not wide.size or wide.size > 1 or last - first >= LEAST_WHOLE:
+            out.append(line)
+            continue
+        cut = first + int(wide[0]) + 1
+        for i, j in ((first, cut), (cut, last + 1)):
+            if j - i >= 4:
+                slope, offset = np.polyfit(x[i:j], y[i:j], 1)
+                out.append(np.array([x[i], x[j - 1], slope, offset, j - i, i, j - 1]))
+    return np.array(out).reshape(-1, 7)
+
+
+def _mirrored(side: Side, n: int) -> Side:
+    return Side(side.kind, side.fall, side.corner * [-1.0, 1.0], n - side.upper[::-1], n - side.face[::-1],
+                n - side.arc[::-1], n - side.last, side.step_mm, n - side.below[::-1])  # fmt: skip
+
+
+def _side(x: Float, y: Float, lines: Float, plate: Float) -> Side | None:
+    """The plate whose upper surface is `plate`; the groove lies towards rising x."""
+    level = math.atan(plate[SLOPE])
+    above = (y - plate[SLOPE] * x - plate[OFFSET]) * math.cos(level)
+    start = int(plate[FIRST])
+    drop, end = _ends_of(x, above, start)
+    if end is None:
+        return None
+    on = np.flatnonzero(np.abs(above[: drop + 1]) < ON_MM)
+    on = on[on >= start]
+    nothing = np.empty(0, np.int64)
+    for number, line in enumerate(lines):
+        fall = level - math.atan(line[SLOPE])
+        # Past the vertical a falling line's slope turns positive: an undercut face that the fan still sees.
+        if line[SLOPE] > 0 and fall < -60.0 * DEG:
+            fall += math.pi
+        if line[FIRST] <= start or line[LAST] <= end or fall < LEAST_FALL or abs(above[int(line[LAST])]) < ON_MM:
+            continue
+        if line[FIRST] > drop + DROP_POINTS:
+            break
+        cross = (line[OFFSET] - plate[OFFSET]) / (plate[SLOPE] - line[SLOPE])
+        corner = np.array([cross, plate[SLOPE] * cross + plate[OFFSET]])
+        first, last = max(int(line[FIRST]), 0), int(line[LAST])
+        if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM or x[end] - cross > NEAR_MM:
+            break
+        upper = on[x[on] < cross - TRIM_MM]
+        if upper.size < LEAST_PLATE_POINTS:
+            return None
+        last, off = _followed(x, y, line, last)
+        arc = _fillet(x, y, lines, number, level, fall, last)
+        face = np.arange(first, last + 1)
+        away = np.hypot(x[face] - corner[0], y[face] - corner[1])
+        kind: Kind = "square" if fall > SQUARE else "round" if arc.size else "bevel"
+        face = face[(away > TRIM_MM) & (np.abs(off[face]) < ON_MM)]
+        if kind == "bevel":
+            face = face[:-1]
+        if face.size < 3:
+            break
+        innermost = int(arc[-1]) if arc.size else last
+        step = _step(x, y, face if not arc.size else arc)
+        below = nothing if kind == "square" else _root_face(x, y, level, innermost)
+        return Side(kind, fall, corner, upper, face, arc, innermost, step, below)
+    upper = on[x[on] < x[end] - TRIM_MM]
+    if upper.size < LEAST_PLATE_POINTS:
+        return None
+    step = _step(x, y, upper)
+    while end + 1 < x.size and x[end + 1] - x[end] < 2.5 * step and above[end + 1] > -ROUNDED_MM:
+        end += 1  # round the edge, down to where it turns away
+    corner = np.array([x[end], plate[SLOPE] * x[end] + plate[OFFSET]])
+    return Side("edge", math.nan, corner, upper, nothing, nothing, end, step, nothing)
+
+
+def _ends_of(x: Float, above: Float, start: int) -> tuple[int, int | None]:
+    """The last return before those of the surface that begins at `start` fall off, and before they fall off or jump.
+
+    None: neither happens.
+    """
+    low = above < -DROP_MM
+    run = np.convolve(low, np.ones(DROP_POINTS), "valid") == DROP_POINTS
+    falls = np.flatnonzero(run[start:]) + start
+    jumps = np.flatnonzero(np.diff(x[start:]) > JUMP_MM) + start + 1
+    stops = np.concatenate([falls, jumps])
+    if not stops.size:
+        return x.size - 1, None
+    drop = int(falls.min()) if falls.size else x.size - 1
+    on = np.flatnonzero(np.abs(above[: int(stops.min())]) < ON_MM)
+    return drop, int(on[-1]) if on.size and on[-1] > start else None
+
+
+def _followed(x: Float, y: Float, line: Float, last: int) -> tuple[int, Float]:
+    """The last return that goes on a face's line without a jump, and the distances of all returns from the line."""
+    off = (y - line[SLOPE] * x - line[OFFSET]) / math.hypot(1.0, line[SLOPE])
+    way = np.hypot(np.diff(x), np.diff(y))
+    near = 4.0 * float(np.median(way[max(int(line[FIRST]), 0) : last])) if last > line[FIRST] + 1 else 0.3
+    at = last
+    for k in range(last + 1, min(x.size, last + 40)):
+        if math.hypot(x[k] - x[at], y[k] - y[at]) > near or abs(off[k]) > 0.5 * ON_MM:
+            break
+        at = k
+    return at, off
+
+
+def _fillet(x: Float, y: Float, lines: Float, number: int, level: float, fall: float, last: int) -> Int:
+    """Returns of the fillet that begins below face `number`: lines that fall less and less; empty: there is none."""
+    before, at, least = fall, last, math.inf
+    begin = last
+    for line in lines[number + 1 :]:
+        f, i = level - math.atan(line[SLOPE]), int(line[FIRST])
+        gap = math.hypot(x[i] - x[at], y[i] - y[at])
+        if f > before - 0.5 * ROUND_TURN or f < -20.0 * DEG or gap > 0.6:
+            break
+        before, at, least = f, int(line[LAST]), f
+    return np.arange(begin, at + 1) if least < ROUND_END and at - begin >= 6 else np.empty(0, np.int64)
+
+
+def _step(x: Float, y: Float, on: Int) -> float:
+    near = on[-30:]
+    return float(np.median(np.hypot(np.diff(x[near]), np.diff(y[near])))) if near.size > 2 else 0.1
+
+
+def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
+    """Returns straight below the root: next to it in the profile, each lower than the one before."""
+    across, up = np.array([math.cos(level), math.sin(level)]), np.array([-math.sin(level), math.cos(level)])
+    found, low = [], 0.0
+    for k in range(last + 1, min(x.size, last + 60)):
+        off = np.array([x[k] - x[last], y[k] - y[last]])
+        a, b = float(off @ across), float(off @ up)
+        if abs(a) > ASIDE_MM or b > low + 0.05 or b < low - 1.5:
+            break
+        if b < -BELOW_MM:
+            found.append(k)
+        low = min(low, b)
+    return np.array(found, np.int64)
+
+
+def common_kind(sides: list[Side]) -> tuple[Kind, float]:
+    """The kind that most profiles show of a plate, and their share."""
+    kinds = [side.kind for side in sides]
+    best = max(set(kinds), key=kinds.count)
+    return best, kinds.count(best) / len(kinds)
+
+
+def upwards(x: list[Float], z: list[Float]) -> float:
+    """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
+
+    What lies between the outer surfaces of a groove lies below them. x, z: profiles with x rising.
+    """
+    votes = []
+    for xs, zs in zip(x, z, strict=True):
+        lines = straight_faces(xs, zs)
+        long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
+        if len(long) < 2:
+            continue
+        first, last = long[0], long[-1]
+        off = np.minimum(np.abs(_off(xs, zs, first)), np.abs(_off(xs, zs, last)))
+        inner: Bool = (off > DROP_MM) & (xs > first[X1]) & (xs < last[X0])
+        if inner.sum() >= DROP_POINTS:
+            chord = _chord(first, last)
+            votes.append(-np.sign(np.median(zs[inner] - np.polyval(chord, xs[inner]))))
+    return float(np.sign(np.sum(votes))) if votes else 0.0
+
+
+def _off(x: Float, z: Float, line: Float) -> Float:
+    return np.asarray((z - line[SLOPE] * x - line[OFFSET]) / math.hypot(1.0, line[SLOPE]))
+
+
+def _chord(first: Float, last: Float) -> Float:
+    x = np.array([first[X1], last[X0]])
+    z = np.array([line[SLOPE] * at + line[OFFSET] for line, at in zip((first, last), x, strict=True)])
+    return np.polyfit(x, z, 1)

@@ -1,0 +1,429 @@
+"""`edge.segment_groove`: a weld groove between two plates, from an organised cloud."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, Corner, Groove, GrooveType, Quantity
+from workbench.checks import checked_limits
+from workbench.checks.judge import refuse_failed
+from workbench.checks.limits import check
+from workbench.edge.groove_frames import Lines, axes, groove_curve, plate_turn, read_frames, side_lines
+from workbench.edge.groove_profile import BELOW_MM, Kind
+from workbench.edge.segment import laser_plane_u
+from workbench.errors import InputError
+from workbench.geometry.course import fit_course
+from workbench.geometry.curves import Curve, doubtful_slope
+from workbench.geometry.gaps import covered
+from workbench.geometry.silhouette import CELL_MM, Ends, find_end
+from workbench.stage import stage
+from workbench.units import DEG, Bool, Float, Int
+
+STATION_MM = 1.0
+WAVE_MM = 20.0  # of length, for each degree of a rough course
+LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
+# Sources of uncertainty (GUM 4.2, 4.3) and how each is evaluated.
+FACES = "faces: range noise, form and robot position noise"
+RETURNS = "where the returns end: step and footprint of the columns"
+PATTERN = "fixed pattern of the columns: what every profile repeats"
+DIRECTION = "direction of the groove: robot position noise and hand-eye pose"
+GROOVE_KINDS: dict[str, Literal["A", "B"]] = {FACES: "A", PATTERN: "A", RETURNS: "B", DIRECTION: "B"}
+STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
+END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
+LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+WIDER_MM, WIDER_ANGLE = (
+    1.3,
+    2.5,
+)  # of the courses' u: by the study they are too small, and why is open (docs/grooves.md)
+LEAST_ENDS, LEAST_TOGETHER = 6, 0.25  # profiles that show an end, and their share that agrees on it
+TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are lost; so many in a row are one tack weld
+SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
+CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
+SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
+Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
+
+
+@stage("edge.segment_groove")
+def segment_groove(
+    cloud: Cloud,
+    *,
+    groove: Annotated[Given, Field(description="type by ISO 9692-1, or `auto`: by the evidence")] = "auto",
+    robot_noise_mm: Annotated[
+        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
+    ] = 0.07,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of the checks of the groove by name (docs/checks.md)"),
+    ] = {},  # noqa: B006  (never changed)
+) -> Groove:
+    """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
+
+    Every profile is read from both sides inwards as upper surface, face and, where there is one, fillet; the plates'
+    kinds are those that most profiles show. Faces are then fitted in the section planes, normal to the groove, and
+    every size runs smoothly along it (`geometry.course`). What the sensor does not see is not told: a root face that
+    looks away from it, the far side of an X or a K.
+
+    Args:
+        cloud: the organised cloud of one groove, in one or more passes from above it.
+        groove: the type, or `auto`. From one side some types look alike; those that are not excluded are named.
+        robot_noise_mm: standard deviation of a recorded flange position, each axis: it turns the groove's direction.
+        limits: limits of the checks of the groove by name.
+
+    Raises:
+        InputError: no two plates with a groove between them are in view, or the type given is excluded by what is.
+    """
+    read = read_frames(cloud)
+    kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
+    share = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles: no groove?"
+    mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
+    checks = [check("groove_share", read.share, share, given=given), check("groove_agreement", read.agreement, mixed, given=given)]  # fmt: skip  # noqa: E501
+    refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
+    curve, s = groove_curve(cloud, read)
+    turn, tilt, about = plate_turn(cloud, read, curve, s)
+    lines = [side_lines(cloud, read, curve, s, turn, which) for which in (0, 1)]
+    length = float(np.nanmax(s) - np.nanmin(s))
+    at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
+    first = float(np.nanmin(s))
+    measured = _Measured(lines, s, cloud.pass_index[read.frame], at + first, _skew(cloud, curve, s, read.frame),
+                         _direction_u(cloud, curve, at + first, robot_noise_mm), tilt.u(at + first),
+                         _lean(cloud, read.frame, curve, s, turn))  # fmt: skip
+    measured.measure()
+    level = measured.level_share()
+    told = f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
+    checks.append(check("groove_level", level, told, given=given))
+    gap = measured.sizes["gap_mm"]
+    overlap = float(np.nanmedian(-gap.value - 3.0 * gap.u))
+    checks.append(check("groove_overlap_mm", overlap, "the plates' roots overlap: no gap, other faces were followed",
+                        given=given))  # fmt: skip
+    refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
+    type_, alternatives, declared = _type(cloud, kinds, measured, groove)
+    seen_s = np.full(len(cloud.keep), np.nan)
+    seen_s[read.frame] = s - first
+    t = curve.tangent(at + first)
+    right, up = axes(curve, at + first, about - tilt.value(at + first))
+    return Groove(
+        type=type_, alternatives=alternatives, declared=declared, arc_length_mm=at,
+        origin_mm=curve.position(at + first), tangent=t, normal=right, across=up,
+        seen=covered(seen_s, cloud.pass_index, at), sizes=measured.sizes, corners=measured.corners,
+        frame_arc_length_mm=seen_s, x_mm=cloud.x_mm, base_from_profiler=cloud.base_from_profiler,
+        pass_index=cloud.pass_index, part=cloud.part, checks=(*cloud.checks, *checks),
+        warnings=_alike(type_, alternatives, declared),
+    )  # fmt: skip
+
+
+def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bool) -> tuple[str, ...]:
+    if not alternatives:
+        return ()
+    how = "as given" if declared else "by the evidence"
+    return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}",)
+
+
+def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:
+    """Types whose upper side looks like this, the likeliest first; none: no groove of ISO 9692-1.
+
+    root_face: one is seen; no_root_face: one would be seen if there were one.
+    """
+    square = [kind in ("square", "edge") for kind in kinds]
+    if all(square):
+        return ("I",)
+    if any(square):
+        if "round" in kinds:
+            return ("J",) if "square" in kinds else ("J", "U")  # a steep flank may hide as a square face does
+        return ("HY", "K") if root_face else ("HV",) if no_root_face else ("HV", "HY", "K")
+    if "round" in kinds:
+        return ("U",) if kinds == ("round", "round") else ()
+    return ("Y", "X") if root_face else ("V",) if no_root_face else ("V", "Y", "X")
+
+
+def _type(cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:  # fmt: skip  # noqa: E501
+    possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
+    words = {"edge": "a square edge", "square": "a square face", "bevel": "a bevel", "round": "a flank with a fillet"}
+    shown = f"the left plate shows {words[kinds[0]]}, the right one {words[kinds[1]]}"
+    if not possible:
+        raise InputError(cloud.source, f"{shown}: no groove of ISO 9692-1")
+    if groove == "auto":
+        return possible[0], possible[1:], False
+    if groove not in possible:
+        root = ", a root face is seen" if measured.root_face_seen else ""
+        raise InputError(f"{cloud.source}: groove '{groove}'", f"{shown}{root}: expected {' or '.join(possible)}")
+    found = next(one for one in get_args(GrooveType) if one == groove)
+    return found, tuple(one for one in possible if one != groove), True
+
+
+def _skew(cloud: Cloud, curve: Curve, s: Float, frame: Int) -> float:
+    """Tangent of the angle between the laser plane's normal and the groove: the median of the profiles."""
+    good = np.isfinite(s)
+    normal = cloud.base_from_profiler[frame[good], :3, 1]
+    cosine = np.abs((normal * curve.tangent(s[good])).sum(axis=1))
+    return float(np.median(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, 0.1)))
+
+
+def _lean(cloud: Cloud, frame: Int, curve: Curve, s: Float, turn: Float) -> float:
+    """How far the range axis goes right a mm upwards: the median of the profiles."""
+    good = np.isfinite(s)
+    right, up = axes(curve, s[good], turn[good])
+    ez = cloud.base_from_profiler[frame[good], :3, 2]
+    return float(np.median((ez * right).sum(axis=1) / (ez * up).sum(axis=1)))
+
+
+def _direction_u(cloud: Cloud, curve: Curve, at: Float, robot_noise_mm: float) -> Float:
+    length = max(float(np.ptp(at)), 1.0)
+    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud))
+    return np.hypot(curve.tangent_u(at), math.hypot(shared, doubtful_slope(curve, robot_noise_mm)))
+
+
+class _Measured:
+    """Sizes and corners of a groove at stations, from both plates' lines in every profile."""
+
+    def __init__(self, lines: list[Lines], s: Float, group: Int, at: Float, skew: float, direction_u: Float,
+                 tilt_u: Float, lean: float) -> None:  # fmt: skip
+        self.lines, self.s, self.group, self.at, self.lean = lines, s, group, at, lean
+        self.tilt_u = tilt_u
+        self.scale_u = skew * direction_u + direction_u**2  # relative error of lengths in the section plane
+        self.turn_u = skew * direction_u + 0.5 * direction_u**2  # rad, of angles, likewise
+        self.sizes: dict[str, Quantity] = {}
+        self.corners: dict[str, Corner] = {}
+        self._bevel_shared = 0.0
+        self.root_face_seen = self.root_face_excluded = False
+
+    def measure(self) -> None:
+        """Fill `sizes` and `corners`."""
+        left, right = self.lines
+        ends = [float(np.nanmedian(one.step)) if one.kind == "edge" else 0.0 for one in self.lines]
+        edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
+        hidden = np.zeros(self.at.size)
+        for one, end in zip(self.lines, ends, strict=True):
+            if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
+                place = one.corner[:, 0].copy()
+                near = self._together(place, np.isfinite(place) & np.isfinite(self.s), 2.0 * end)
+                one.corner[~near] = np.nan
+                hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
+        wide = [one.corner_variance[:, 0] for one in self.lines]
+        width = self._course(-right.corner[:, 0] - left.corner[:, 0], wide[0] + wide[1])
+        shared = self._shared(*wide)
+        self._mm("width_mm", width.value + hidden, width.u, edge_u, shared)
+        step = self._course(right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1])  # fmt: skip  # noqa: E501
+        lever = np.abs(width.value) * self.tilt_u
+        high = self._shared(*(one.corner_variance[:, 1] for one in self.lines))
+        self._mm("misalignment_mm", step.value, np.hypot(step.u, lever), 0.0, high)
+        self.misalignment = step.value
+        falls = [self._fall(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
+        both = [fall for fall in falls if fall is not None]
+        if len(both) == 2:
+            value = self._course(
+                math.pi + right.face + left.face,
+                left.face_variance + right.face_variance,
+                0.5 * (left.face_s + right.face_s),
+            )
+            self._deg("included_deg", value.value, value.u, self._shared(left.face_variance, right.face_variance), 2.0)
+        elif both:
+            self._deg("included_deg", math.pi / 2 - both[0][0], both[0][1], self._bevel_shared)
+        roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
+        depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in ("bevel", "round")]
+        if depths:
+            n = len(depths)
+            self._mm("depth_mm", np.asarray(sum(d.depth for d in depths)) / n,
+                     np.sqrt(sum(d.depth_u**2 for d in depths)) / n, math.hypot(*(d.depth_end for d in depths)) / n, high)  # fmt: skip  # noqa: E501
+        square = [float(np.nanmedian(one.corner[:, 1] - one.last[:, 1])) for one in self.lines if one.kind == "square"]
+        self.depth = max(square + [float(np.nanmedian(d.depth)) for d in depths], default=LEAST_DEPTH_MM)
+        self._mm("gap_mm", width.value + hidden - sum(r.run for r in roots),
+                 np.sqrt(width.u ** 2 + sum(r.run_u**2 for r in roots)),
+                 math.hypot(*(r.run_end for r in roots), edge_u), shared)  # fmt: skip
+        round_ = [one for one in self.lines if one.kind == "round"]
+        if round_:
+            radius = [self._course(one.radius, one.radius_variance) for one in round_]
+            n = len(radius)
+            self._mm("root_radius_mm", np.asarray(sum(r.value for r in radius)) / n,
+                     np.sqrt(sum(r.u ** 2 for r in radius)) / n, 0.0,
+                     self._shared(*(one.radius_variance for one in round_)) / n)  # fmt: skip
+        self._corners(roots)
+        self._root_faces(roots)
+
+    def level_share(self) -> float:
+        """How much higher one plate stands than the other, over the groove's depth."""
+        return float(np.nanmedian(np.abs(self.misalignment))) / max(self.depth, 1e-3)
+
+    def _course(self, value: Float, variance: Float, s: Float | None = None) -> _Course:
+        """The course of single profiles' values, at s (n,) each; NaN where none that agrees with it is near."""
+        s = self.s if s is None else s
+        good = np.isfinite(value) & np.isfinite(self.s) & np.isfinite(s) & np.isfinite(variance)
+        if good.sum() < LEAST_ENDS:
+            raise InputError("groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, "
+                             f"found {good.sum()}")  # fmt: skip
+        spread = np.abs(value - np.nanmedian(value[good]))
+        good = self._smooth(value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good]))))  # fmt: skip  # noqa: E501
+        if good.sum() < LEAST_ENDS:
+            raise InputError("groove", "its faces lie at another place in every profile: no groove?")
+        course = fit_course(s[good], value[good], variance[good], self.group[good])
+        hidden = ~covered(np.where(good, self.s, np.nan), self.group, self.at)
+        return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at))
+
+    def _smooth(self, value: Float, good: Bool, step: float) -> Bool:
+        """Profiles (n,) of `good` whose values lie within TOGETHER_STEPS of one smooth course."""
+        wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
+        off = value - np.nanmedian(value[good])
+        for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0)):
+            near = good & (np.abs(off) < wide * max(step, 0.02))
+            if near.sum() < max(LEAST_ENDS, 2 * degree):
+                break
+            off = value - np.polynomial.Polynomial.fit(self.s[near], value[near], degree)(self.s)
+        return np.asarray(good & (np.abs(off) < TOGETHER_STEPS * step))
+
+    def _shared(self, *variances: Float) -> float:
+        """What the columns' fixed pattern leaves of the sum of single profiles' variances: standard deviation."""
+        pattern = max(one.pattern for one in self.lines)
+        return math.sqrt(pattern * sum(float(np.nanmedian(v)) for v in variances))
+
+    def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float) -> None:
+        self.sizes[name] = Quantity(value, {
+            FACES: np.hypot(WIDER_MM * faces, LEAST_U_MM), PATTERN: np.full(value.size, pattern),
+            RETURNS: np.full(value.size, returns),
+            DIRECTION: np.abs(value) * self.scale_u})  # fmt: skip
+
+    def _deg(self, name: str, value: Float, u: Float, pattern: float, turns: float = 1.0) -> None:
+        self.sizes[name] = Quantity(value / DEG, {FACES: np.hypot(WIDER_ANGLE * u / DEG, LEAST_U_DEG),
+                                                  PATTERN: np.full(value.size, pattern / DEG),
+                                                  DIRECTION: turns * self.turn_u / DEG})  # fmt: skip
+
+    def _fall(self, name: str, one: Lines) -> tuple[Float, Float] | None:
+        """Angle of a bevel or flank below its plate, and u (k,), rad; None: it has none."""
+        if one.kind not in ("bevel", "round"):
+            return None
+        fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
+        self._bevel_shared = self._shared(one.plate_variance, one.face_variance)
+        self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared)
+        return fall.value, fall.u
+
+    def _root(self, one: Lines, fall: tuple[Float, Float] | None) -> _Root:
+        """The root's upper edge, from the upper corner: how far below and how far inwards."""
+        zero = np.zeros(self.at.size)
+        if fall is None:
+            return _Root(zero, zero, 0.0, zero, zero, 0.0)
+        off = one.last - one.corner
+        if one.kind == "round":
+            low = one.corner[:, 1] - one.bottom
+            depth = self._course(low, one.corner_variance[:, 1] + one.bottom_variance)
+            run, run_u, step = self._end(off[:, 0], one)
+            return _Root(depth.value, depth.u, 0.0, run, run_u, STEP_SHARE * step)
+        way = np.stack([np.cos(one.face), np.sin(one.face)], axis=1)
+        low = (off * way).sum(axis=1)
+        shown = np.isfinite(one.root_a)
+        if shown.mean() > SHOWS:  # a root face is seen: the bevel ends where it meets that
+            low = np.where(shown, (one.root_a - one.corner[:, 0]) / way[:, 0], np.nan)
+            step = float(np.nanmedian(one.step))
+            near = self._together(low, shown & np.isfinite(self.s), step)
+            far = far_u = np.full(self.at.size, np.nan)
+            if near.any():
+                course = self._course(np.where(near, low, np.nan), (one.sigma / way[:, 0]) ** 2)
+                hidden = ~covered(np.where(near, self.s, np.nan), self.group, self.at)
+                far, far_u = np.where(hidden, np.nan, course.value), course.u
+        else:
+            far, far_u, step = self._end(low, one)
+        angle, angle_u = fall
+        c, d, end = np.cos(angle), np.sin(angle), STEP_SHARE * step
+        mean = float(np.nanmedian(angle))
+        return _Root(far * d, np.hypot(d * far_u, c * far * angle_u), end * math.sin(mean),
+                     far * c, np.hypot(c * far_u, d * far * angle_u), end * math.cos(mean))  # fmt: skip
+
+    def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
+        """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""
+        good = np.isfinite(low) & np.isfinite(self.s) & np.isfinite(one.step)
+        good = self._together(low, good, float(np.nanmedian(one.step)))
+        if not good.any():
+            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan), float(np.nanmedian(one.step))
+        return self._silhouette(low, one.step, one.sigma, good)
+
+    def _together(self, low: Float, good: Bool, step: float) -> Bool:
+        """Profiles (n,) whose ends follow one smooth course: a tack weld, or lost returns, end a face earlier.
+
+        None where too few agree: the end is then not measured.
+        """
+        if good.sum() < LEAST_ENDS:
+            return np.zeros(good.size, bool)
+        near = self._smooth(low, good, step)
+        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        lost = ~near[order]
+        run = np.convolve(lost, np.ones(LOST_RUN), "same") >= LOST_RUN  # its flanks hide the end in part
+        for place in self.s[order][run]:
+            near &= np.abs(self.s - place) > LOST_BESIDE_MM
+        enough = near.sum() >= max(LEAST_ENDS, LEAST_TOGETHER * good.sum())
+        return np.asarray(near & enough)
+
+    def _silhouette(self, low: Float, step: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
+        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        s, low, step = self.s[order], low[order], step[order]
+        rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
+        ends = Ends(s, low, step, np.full(s.size, sigma), np.full(s.size, 0.05), np.ones(s.size),
+                    np.full(s.size, np.nan), np.full(s.size, np.nan))  # fmt: skip
+        found = find_end(ends, rough)
+        near = np.full(self.s.size, np.nan)
+        near[order] = s
+        hidden = ~covered(near, self.group, self.at)
+        for place in found.s[found.contradicted]:
+            hidden |= np.abs(self.at - place) < CELL_MM
+        value = np.where(hidden, np.nan, found.course.value(self.at))
+        return value, found.course.u(self.at), float(np.median(step))
+
+    def _corners(self, roots: list[_Root]) -> None:
+        """Upper corners from their own courses; roots from these."""
+        for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
+            a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
+            place = np.stack([a.value, b.value], axis=1)
+            end = math.hypot(END_SHARE * float(np.nanmedian(one.step)), ROUNDED_U_MM) if one.kind == "edge" else 0.0
+            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)  # fmt: skip
+            self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
+            if one.kind in ("bevel", "round"):
+                low = place + np.stack([root.run, -root.depth], axis=1)
+                low_u = np.stack([np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
+                                  np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2)], axis=1)  # fmt: skip
+                self.corners[f"{name}_root"] = Corner(low * [mirror, 1.0], low_u)
+
+    def _root_faces(self, roots: list[_Root]) -> None:
+        """Root faces that the sensor sees down to their lower edge past the other plate."""
+        gap = float(np.nanmedian(self.sizes["gap_mm"].value))
+        for k, (name, one, root) in enumerate(zip(("left", "right"), self.lines, roots, strict=True)):
+            if one.kind not in ("bevel", "round"):
+                continue
+            towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
+            column = float(np.nanmedian(one.step)) * abs(math.cos(float(np.nanmedian(one.face))))
+            shown = np.isfinite(one.lowest).all(axis=1) & np.isfinite(self.s)
+            if one.kind == "bevel" and towards > SURE_LEAN and SURE_FACE_MM * towards > SURE_STEPS * column and shown.mean() < 0.05:  # fmt: skip  # noqa: E501
+                self.root_face_excluded = True
+            if shown.sum() < 3 or shown.mean() < SHOWS:
+                continue
+            self.root_face_seen = True
+            drop = one.corner[:, 1] - one.lowest[:, 1]
+            good = shown & (np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing))  # fmt: skip  # noqa: E501
+            if good.sum() < 3 or towards <= 0.0:
+                continue
+            far, far_u, step = self._silhouette(drop, one.spacing, one.sigma, good)
+            face = far - root.depth
+            clear = gap / towards - float(np.nanmedian(np.abs(self.misalignment)))
+            if float(np.nanmedian(face)) < 2.0 * BELOW_MM or float(np.nanmedian(face)) + CLEAR_MM > clear:
+                continue
+            size = f"root_face_{name}_mm"
+            self._mm(size, face, np.hypot(far_u, root.depth_u), math.hypot(STEP_SHARE * step, root.depth_end), 0.0)
+            upper = self.corners[f"{name}_root"]
+            u = np.stack([upper.u_mm[:, 0], np.hypot(upper.u_mm[:, 1], self.sizes[size].u)], axis=1)
+            self.corners[f"{name}_lower"] = Corner(upper.section_mm - np.stack([0.0 * face, face], axis=1), u)
+
+
+class _Course:
+    """Values along the groove and their u (k,), at its stations."""
+
+    def __init__(self, value: Float, u: Float) -> None:
+        self.value, self.u = value, u
+
+
+class _Root:
+    """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end."""
+
+    def __init__(
+        self, depth: Float, depth_u: Float, depth_end: float, run: Float, run_u: Float, run_end: float
+    ) -> None:
+        self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
+        self.run, self.run_u, self.run_end = run, run_u, run_end

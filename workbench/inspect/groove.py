@@ -1,0 +1,231 @@
+"""`inspect.groove` and `inspect.groove_gate`: a groove's sizes in sections, and the verdict on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import (
+    SIZES,
+    Gate,
+    Groove,
+    GrooveInspection,
+    GrooveSection,
+    Quantity,
+    Uncertainty,
+    Verdict,
+    conformity,
+    u_name,
+)
+from workbench.errors import InputError, PipelineError, nearest
+from workbench.inspect.budget import NO_HAND_EYE, NOT_INCLUDED
+from workbench.inspect.verdict import worst
+from workbench.stage import stage
+from workbench.units import Float
+
+NOTHING_REQUIRED = "nothing was required: measured, not judged"
+TYPE_A = ("faces", "fixed pattern")  # sources whose names begin so are evaluated from scatter (GUM 4.2)
+LEFT_OUT = (
+    *NOT_INCLUDED[:3],
+    "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
+)
+
+
+@stage("inspect.groove")
+def groove(
+    groove: Groove,
+    *,
+    nominal: Annotated[
+        dict[str, Any] | None,
+        Field(description="sizes by the names of groove.json and their tolerances: {'gap_mm': 2, "
+                          "'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"),
+    ] = None,
+    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the groove")] = 9,
+    guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
+) -> GrooveInspection:  # fmt: skip
+    """Measure a groove in equidistant sections and judge what is required.
+
+    Section i lies at (i - 1/2)/n of the measured stretch. Verdicts by ISO 14253-1, as `inspect.sections`: a size that
+    was not seen is undecided. With nothing required the verdict is undecided.
+
+    Args:
+        groove: the measured groove.
+        nominal: required sizes and their tolerances, as deviations lower <= 0 <= upper.
+        sections: how many sections.
+        guard_factor: guard band in standard uncertainties.
+
+    Raises:
+        PipelineError: a name that no groove has, or a nominal without its tolerance.
+    """
+    required = _required(nominal or {})
+    at = (np.arange(sections) + 0.5) / sections * float(groove.arc_length_mm[-1])
+    inspected = tuple(_section(groove, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
+    told = [s for s in inspected if any(value is not None for value in s.values.values())]
+    if not told:
+        raise InputError("groove", f"none of {len(inspected)} sections could be measured: is this a groove?")
+    verdict = worst(s.verdict for s in inspected)
+    sources = _sources(groove, at)
+    known = groove.part.hand_eye_u_mm is not None
+    return GrooveInspection(
+        type=groove.type, alternatives=groove.alternatives, declared=groove.declared, sections=inspected,
+        requirements=dict(nominal or {}), guard_factor=guard_factor, verdict=verdict,
+        reason=_reason(inspected, bool(required)),
+        uncertainty=Uncertainty(not_included=LEFT_OUT if known else (*LEFT_OUT, NO_HAND_EYE)),
+        size_sources=sources, part=groove.part, warnings=groove.warnings, checks=groove.checks,
+    )  # fmt: skip
+
+
+@stage("inspect.groove_gate")
+def groove_gate(
+    inspection: GrooveInspection,
+    *,
+    accept_unjudged: Annotated[bool, Field(description="let a part through of which nothing was required")] = True,
+) -> Gate:
+    """Let a groove through whose verdict is `pass`, or of which nothing was required; the run's warnings say so.
+
+    Args:
+        inspection: the judged groove.
+        accept_unjudged: let a part through of which nothing was required.
+    """
+    if not inspection.requirements and accept_unjudged:
+        return Gate(True, f"{inspection.verdict}: {inspection.reason}", warnings=(NOTHING_REQUIRED,))
+    return Gate(inspection.verdict == "pass", f"{inspection.verdict}: {inspection.reason}")
+
+
+def _required(nominal: Mapping[str, Any]) -> dict[str, tuple[float, tuple[float, float]]]:
+    """Nominal and tolerance by size.
+
+    Raises:
+        PipelineError: see `groove`.
+    """
+    where = "inspect.groove.nominal"
+    tolerances = {_tolerance_name(size): size for size in SIZES}
+    for name in nominal:
+        if name not in SIZES and name not in tolerances:
+            raise PipelineError(f"{where}.{name}", f"no size of a groove{nearest(name, [*SIZES, *tolerances])}")
+        if name in tolerances and tolerances[name] not in nominal:
+            raise PipelineError(f"{where}.{name}", f"expected '{tolerances[name]}' beside it")
+    found = {}
+    for size in SIZES:
+        if size not in nominal:
+            continue
+        key = _tolerance_name(size)
+        if not _number(nominal[size]):
+            raise PipelineError(f"{where}.{size}", "expected a number")
+        pair = nominal.get(key)
+        two = isinstance(pair, list | tuple) and len(pair) == 2 and all(map(_number, pair))
+        if pair is None or not two or not pair[0] <= 0 <= pair[1]:
+            raise PipelineError(f"{where}.{key}", "expected [lower, upper], deviations with lower <= 0 <= upper")
+        found[size] = (float(nominal[size]), (float(pair[0]), float(pair[1])))
+    return found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _tolerance_name(size: str) -> str:
+    """`gap_tolerance_mm` of `gap_mm`."""
+    stem, _, unit = size.rpartition("_")
+    return f"{stem}_tolerance_{unit}"
+
+
+def _section(groove: Groove, index: int, at: float, required: Mapping[str, tuple[float, tuple[float, float]]],
+             guard_factor: float) -> GrooveSection:  # fmt: skip
+    values: dict[str, float | None] = {}
+    for name in SIZES:
+        if name not in groove.sizes:
+            continue
+        value, u = _at(groove, groove.sizes[name], at)
+        shown = bool(np.isfinite(value) and np.isfinite(u) and _near_seen(groove, at))
+        values[name], values[u_name(name)] = (value, u) if shown else (None, None)
+    verdicts: list[Verdict] = []
+    reasons = []
+    for name, (nominal, tolerance) in required.items():
+        value_, u_ = values.get(name), values.get(u_name(name))
+        told: Verdict = "undecided"
+        if value_ is not None and u_ is not None:
+            told = conformity(value_, u_, nominal, tolerance, guard_factor)
+        words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
+        verdicts.append(told)
+        reasons.append(f"{name} {words[told] if value_ is not None else 'not seen'}")
+    origin, tangent, normal, across = (_vector(groove, v, at) for v in
+                                       (groove.origin_mm, groove.tangent, groove.normal, groove.across))  # fmt: skip
+    corners = tuple(_corner(groove, name, at, origin, normal, across) for name in groove.corners)
+    return GrooveSection(
+        index, at, origin, _unit(tangent), _unit(normal), _unit(across), values,
+        tuple(one for one in corners if one is not None), worst(verdicts), ", ".join(reasons) or NOTHING_REQUIRED,
+    )  # fmt: skip
+
+
+def _near_seen(groove: Groove, at: float) -> bool:
+    near = np.searchsorted(groove.arc_length_mm, at)
+    return bool(groove.seen[np.clip([near - 1, near], 0, groove.seen.size - 1)].all())
+
+
+def _at(groove: Groove, quantity: Quantity, at: float) -> tuple[float, float]:
+    return float(np.interp(at, groove.arc_length_mm, quantity.value)), float(np.interp(at, groove.arc_length_mm, quantity.u))  # fmt: skip  # noqa: E501
+
+
+def _vector(groove: Groove, values: Float, at: float) -> Float:
+    return np.array([np.interp(at, groove.arc_length_mm, values[:, k]) for k in range(3)])
+
+
+def _unit(vector: Float) -> Float:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _corner(groove: Groove, name: str, at: float, origin: Float, normal: Float, across: Float) -> dict[str, Any] | None:
+    corner = groove.corners[name]
+    a, b = (float(np.interp(at, groove.arc_length_mm, corner.section_mm[:, k])) for k in (0, 1))
+    u = [float(np.interp(at, groove.arc_length_mm, corner.u_mm[:, k])) for k in (0, 1)]
+    if not np.isfinite([a, b, *u]).all() or not _near_seen(groove, at):
+        return None
+    position = origin + a * _unit(normal) + b * _unit(across)
+    return {"name": name, "position_mm": position.tolist(), "u_mm": u, "section_mm": [a, b],
+            "column": _column(groove, position, at)}  # fmt: skip
+
+
+def _column(groove: Groove, position: Float, at: float) -> float | None:
+    """Fractional column at which the nearest profile's x is that of a place; None: beyond its columns."""
+    frame = int(np.nanargmin(np.abs(groove.frame_arc_length_mm - at)))
+    pose = groove.base_from_profiler[frame]
+    x = float((position - pose[:3, 3]) @ pose[:3, 0])
+    columns = np.flatnonzero(np.isfinite(groove.x_mm[frame]))
+    places = groove.x_mm[frame, columns].astype(np.float64)
+    order = np.argsort(places, kind="stable")
+    places, columns = places[order], columns[order]
+    if not places.size or not places[0] <= x <= places[-1]:
+        return None
+    return float(np.interp(x, places, columns))
+
+
+def _sources(groove: Groove, at: Float) -> tuple[dict[str, Any], ...]:
+    """Each source with what it adds to the u of every size, in the section where that size's u is largest."""
+    names = list(dict.fromkeys(name for q in groove.sizes.values() for name in q.u_by_source))
+    rows: dict[str, dict[str, Any]] = {
+        name: {"name": name, "kind": "A" if name.startswith(TYPE_A) else "B"} for name in names
+    }
+    for size, quantity in groove.sizes.items():
+        here = np.array([_at(groove, quantity, float(s)) for s in at])
+        measured = np.isfinite(here).all(axis=1)
+        if not measured.any():
+            continue
+        worst_at = float(at[measured][int(np.argmax(here[measured, 1]))])
+        for name, u in quantity.u_by_source.items():
+            rows[name][u_name(size)] = float(np.interp(worst_at, groove.arc_length_mm, u))
+    return tuple(rows.values())
+
+
+def _reason(inspected: tuple[GrooveSection, ...], judged: bool) -> str:
+    count = len(inspected)
+    if not judged:
+        return NOTHING_REQUIRED
+    for verdict, words in (("fail", "fail"), ("undecided", "undecided")):
+        such = [s for s in inspected if s.verdict == verdict]
+        if such:
+            return f"{len(such)} of {count} sections {words}: section {such[0].index}: {such[0].reason}"
+    return f"all {count} sections within tolerance"

@@ -44,7 +44,7 @@ def test_an_arc_is_one_move_and_its_via_is_the_middle() -> None:
 
 @pytest.mark.parametrize(("degrees", "moves"), [(4.0, 0), (4.5, 1), (165, 1), (175, 2), (355, 3)])
 def test_sweeps_of_arcs_are_limited(degrees: float, moves: int) -> None:
-    position, _ = ring(3000, degrees, 400)
+    position, _ = ring(3000, degrees, 4000)
     assert merge(position)[1].sum() == moves
 
 

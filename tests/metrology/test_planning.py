@@ -14,7 +14,7 @@ from bench.metrology.planning.result import PlanResult
 from bench.metrology.planning.summary import GOALS, summarise_plans
 from bench.metrology.planning.table import plan_tables
 from bench.metrology.true_edge import best_plane_turn_deg
-from workbench.artefacts import Cutter, Edge, Layer, Toolpath
+from workbench.artefacts import Cutter, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.synthetic import RAW_CONDITIONS, parse_recipe
 from workbench.synthetic.truth import build_truth
@@ -89,14 +89,16 @@ def test_wrong_sides_are_wrong(truth):
 def test_errors_of_the_edge(truth):
     k = len(truth.arc_length_mm)
     turn = math.radians(0.05)
-    edge = Edge(
-        kind="raw", faces={}, labels=np.zeros((0, 0), np.uint8), pass_index=np.zeros(0, int),
-        frame_arc_length_mm=np.zeros(0), frame_tangent=np.zeros((0, 3)), frames=None, tangent_u=1e-4,
+    edge = RawEdge(
+        faces={}, labels=np.zeros((0, 0), np.uint8), pass_index=np.zeros(0, int),
+        frame_arc_length_mm=np.zeros(0),
+        tangent_u=np.full(k, 1e-4),
         arc_length_mm=truth.arc_length_mm,
         position_mm=truth.position_mm + 0.01 * truth.normal - 0.02 * truth.across, tangent=truth.tangent,
         normal=truth.normal * math.cos(turn) + truth.across * math.sin(turn), across=truth.across,
         seen=np.ones(k, bool), burr_stations=np.zeros(0, int),
-        position_u_mm=np.tile([0.006, 0.005], (k, 1)), normal_u=math.radians(0.04),
+        position_u_mm=np.tile([0.006, 0.005], (k, 1)), normal_u=np.full(k, math.radians(0.04)),
+        upper_position_mm=truth.position_mm, upper_inward=-truth.normal,
     )  # fmt: skip
     result = PlanResult("raw_straight", 0)
     compare_edge(result, edge, truth)

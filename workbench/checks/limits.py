@@ -21,7 +21,7 @@ class Limit:
 
 
 LIMITS: dict[str, Limit] = {
-    "view_width_mm": Limit((6.0, 3000.0), "width of all that the profiles show", "profilers for edges see 7 mm to 3 m"),
+    "view_width_mm": Limit((4.0, 3000.0), "width of all that the profiles show", "profilers for edges see 5 mm to 3 m"),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
     "reach_mm": Limit(
         (250.0, 30_000.0), "greatest distance of the flange from the robot's base",

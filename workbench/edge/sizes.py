@@ -10,7 +10,7 @@ from workbench.edge.measure import Measured, face_angles
 from workbench.units import Float
 
 SUDDEN_MM, REACH_MM = 0.03, 40.0  # a change of the root size by this, and the edge about it that it is compared with
-SUDDEN_SLOPE = 0.012  # over some mm: a machined root face does not change so fast, lost returns and burrs do
+SUDDEN_SLOPE = 0.02  # over some mm: a machined root face does not change so fast, lost returns and burrs do
 SUDDEN_SIGMAS = 4.0
 
 

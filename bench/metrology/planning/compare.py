@@ -8,7 +8,7 @@ from bench.metrology.part_result import numbers
 from bench.metrology.places import clear_of_boundaries
 from bench.metrology.planning.result import PlanResult
 from bench.metrology.true_edge import true_edge_at
-from workbench.artefacts import Edge, Layer, Toolpath
+from workbench.artefacts import Layer, RawEdge, Toolpath
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.synthetic import Truth
 from workbench.units import DEG, Bool, Float
@@ -19,20 +19,20 @@ REACH_MM = 20.0  # of the cutter's radius, clearance and rise: no more than that
 RIGHT_SIDE = 0.7  # least cosine of a frame's axes against the true ones
 
 
-def compare_edge(result: PlanResult, edge: Edge, truth: Truth) -> None:
+def compare_edge(result: PlanResult, edge: RawEdge, truth: Truth) -> None:
     """Errors of the lower edge and of the end face's direction at stations some mm apart, with their uncertainties."""
     seen = np.flatnonzero(edge.seen)
     result.stations_invented = int(clear_of_boundaries(truth, edge.position_mm[seen])[1].sum())
     stations = seen[:: max(1, round(STATION_MM / float(np.median(np.diff(edge.arc_length_mm)))))]
     true = true_edge_at(truth, edge.position_mm[stations])
     off = edge.position_mm[stations] - true.position_mm
-    u = np.full((len(stations), 2), np.nan) if edge.position_u_mm is None else edge.position_u_mm[stations]
+    u = edge.position_u_mm[stations]
     result.normal_error_mm = numbers(np.sum(off * true.normal, axis=1))
     result.across_error_mm = numbers(np.sum(off * true.across, axis=1))
     result.normal_u_mm, result.across_u_mm = numbers(u[:, 0]), numbers(u[:, 1])
     normal = edge.normal[stations]
     turn = np.arctan2(np.sum(normal * true.across, axis=1), np.sum(normal * true.normal, axis=1))
-    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), round(edge.normal_u / DEG, 6)
+    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), round(float(np.median(edge.normal_u)) / DEG, 6)
 
 
 def compare_path(result: PlanResult, toolpath: Toolpath, truth: Truth) -> None:

@@ -10,7 +10,7 @@ from bench.metrology.part import Clock
 from bench.metrology.planning.compare import compare_edge, compare_path
 from bench.metrology.planning.result import PlanResult
 from bench.metrology.true_edge import best_plane_turn_deg
-from workbench.artefacts import Edge, Gate, Recording, Toolpath
+from workbench.artefacts import Gate, RawEdge, Recording, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import WorkbenchError
@@ -45,7 +45,7 @@ def measure_plan(condition: str, seed: int, peers: tuple[str, ...] = ()) -> Plan
     return result
 
 
-def plan_as_a_user(recording: Recording, truth: Truth, clock: Clock) -> tuple[Edge, Toolpath, Gate]:
+def plan_as_a_user(recording: Recording, truth: Truth, clock: Clock) -> tuple[RawEdge, Toolpath, Gate]:
     """The stages of planning with all their defaults: the paper's bevel.
 
     Where nothing but the end face returns, the scan does not tell in which sense z counts: the user does.

@@ -27,9 +27,9 @@ RAW = ("raw_straight", "raw_arc", "raw_wavy", "raw_drift", "raw_missing_20", "ra
 RAW_QUANTITIES = ("normal_mm", "across_mm", "axis_deg")
 
 # What the estimator does not do yet. An entry that has come to hold fails as such, and is to be struck out.
-WRONG = {"swept_rounded", "swept_lost_edge", "swept_burr_in", "swept_bowed", "swept_mixed"}
-USELESS = set(SHAPES)
-RAW_WRONG = {"normal_mm", "across_mm", "axis_deg"}  # a part that turns is refused before it is measured
+WRONG = {"swept_lost_edge", "swept_burr_in"}
+USELESS: set[str] = set()
+RAW_WRONG: set[str] = set()
 
 UNUSUAL = 0.001  # probability of each limit, were all u exact and all parts' errors independent
 MOST_U_DEG = 0.5  # of a useful bevel angle: the tolerance is 1 deg

@@ -21,6 +21,7 @@ AMPLITUDES_MM = (0.0, *np.geomspace(0.05, 3.0, 10))
 LENGTHS_RAD = (0.05, 0.15, 0.4, 1.0, 2.5)
 LENIENT = 4.0  # what a posture may be off over the robot's noise before it is gross: systematic errors are not
 ROUNDS = 2  # of linearisation
+HIDDEN = 6.0  # how much larger an error may be than its residuals, before it is unlikely: the pose takes up most
 RAD_PER_MM = 1e-3  # flange positions a metre apart are as far as orientations a radian apart
 
 
@@ -30,7 +31,7 @@ def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, floa
     result = without_gross(result.estimate, seen, lenient)
     here = seen.subset(result.used)
     estimate = result.estimate
-    seen_mm = matched(result, seen, noise)[1].pose_mm
+    seen_mm = HIDDEN * matched(result, seen, noise)[1].pose_mm
     for _ in range(ROUNDS):
         weights, steps, covariances, amplitudes = _over_grid(estimate, here, noise, seen_mm)
         mean = weights @ steps

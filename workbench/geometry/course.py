@@ -108,7 +108,7 @@ def fit_course(
     bins, between = _aligned(binned(s, y, variance, group, together_mm or BIN_MM))
     noise_factor = max(_noise_factor(bins, stated), 1.0) if stated else _noise_factor(bins, stated)
     weight = 1.0 / (bins.variance * noise_factor)
-    knots = _knots(bins.s, 2.0 * (together_mm or BIN_MM))
+    knots = _knots(np.asarray(s)[bins.kept], 2.0 * (together_mm or BIN_MM))  # bins end before the values do
     basis = BSpline.design_matrix(np.clip(bins.s, knots[3], knots[-4]), knots, 3)
     trend = _trend(bins, weight, min(orders))  # what no walk holds back; taken off, since sums of squares lose digits
     problem = _Problem(basis, weight, bins.y - trend(bins.s), knots[4] - knots[3], orders)

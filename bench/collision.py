@@ -66,13 +66,17 @@ def furnished(cell: Cell) -> Cell:
     for pose, position in zip(at, [(280, 0, 90), (-280, 0, 90), (1300, 900, 700), (1200, -800, 900)], strict=True):
         pose[:3, 3] = position
     at[3][:3, :3] = rotation_from_vector(np.array([0.7, 0.3, 0.0]))
-    return dataclasses.replace(cell, shapes=(
-        *cell.shapes, Shape("plate", ON_TURNTABLE, "mesh", (), np.eye(4), corners, triangles),
-        Shape("clamp 1", ON_TURNTABLE, "box", (60.0, 120.0, 180.0), at[0]),
-        Shape("clamp 2", ON_TURNTABLE, "box", (60.0, 120.0, 180.0), at[1]),
-        Shape("post", ON_BASE, "cylinder", (60.0, 1400.0), at[2]),
-        Shape("rail", ON_BASE, "capsule", (40.0, 900.0), at[3]),
-    ))  # fmt: skip
+    return dataclasses.replace(
+        cell,
+        shapes=(
+            *cell.shapes,
+            Shape("plate", ON_TURNTABLE, "mesh", (), np.eye(4), corners, triangles),
+            Shape("clamp 1", ON_TURNTABLE, "box", (60.0, 120.0, 180.0), at[0]),
+            Shape("clamp 2", ON_TURNTABLE, "box", (60.0, 120.0, 180.0), at[1]),
+            Shape("post", ON_BASE, "cylinder", (60.0, 1400.0), at[2]),
+            Shape("rail", ON_BASE, "capsule", (40.0, 900.0), at[3]),
+        ),
+    )
 
 
 def counted(screens: dict[str, CollisionScreen], seed: int, chunk: int) -> dict[str, Any]:
@@ -90,8 +94,11 @@ def counted(screens: dict[str, CollisionScreen], seed: int, chunk: int) -> dict[
     everything, moved = list(range(len(model.pairs))), motions(cell.chain, joints)
     hits = (model.first_hit(moved[i], turntable_pose(cell, table[i]), everything) for i in np.flatnonzero(free))
     counts = (CHUNK, len(near), proven.sum(), free.sum(), CHUNK - free.sum(), sum(hit >= 0 for hit in hits))
-    return {"cell": name, **dict(zip(COUNTS, map(int, counts), strict=True)),
-            "seconds": round(time.process_time() - start, 1)}  # fmt: skip
+    return {
+        "cell": name,
+        **dict(zip(COUNTS, map(int, counts), strict=True)),
+        "seconds": round(time.process_time() - start, 1),
+    }
 
 
 def near_the_workpiece(cell: Cell, rng: np.random.Generator, count: int) -> tuple[Float, Float]:

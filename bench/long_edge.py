@@ -39,12 +39,16 @@ def straight_edge(step_mm: float) -> Toolpath:
     rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ own
     at = np.arange(0, LENGTH_MM + step_mm / 2, step_mm)
     layer = Layer(
-        index=1, height_mm=0.0, arc_length_mm=at,
+        index=1,
+        height_mm=0.0,
+        arc_length_mm=at,
         position_mm=MIDDLE_MM + (at - LENGTH_MM / 2)[:, None] * rotation[:, 1],
-        quaternion_wxyz=np.tile(quaternion_from_rotation(rotation), (len(at), 1)), feed_mm_s=np.ones(len(at)),
-        cutting=np.ones(len(at), bool), measured=np.ones(len(at), bool),
+        quaternion_wxyz=np.tile(quaternion_from_rotation(rotation), (len(at), 1)),
+        feed_mm_s=np.ones(len(at)),
+        cutting=np.ones(len(at), bool),
+        measured=np.ones(len(at), bool),
         width_mm=np.full(len(at), float(last.width_mm[middle])),
-    )  # fmt: skip
+    )
     return dataclasses.replace(path, layers=(layer,), travels=(), edge_length_mm=LENGTH_MM)
 
 
@@ -66,8 +70,10 @@ def main() -> None:
     start = constant_law(examiner, K, choice)
     assert cell.turntable is not None
     limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.radians(100.0))
-    print("| | cutter rotation, deg | turntable, deg | mean displacement, mm | bound of such laws, mm | at most above "
-          "it, % | processor time, s |\n|---|---|---|---|---|---|---|")  # fmt: skip
+    print(
+        "| | cutter rotation, deg | turntable, deg | mean displacement, mm | bound of such laws, mm | at most above "
+        "it, % | processor time, s |\n|---|---|---|---|---|---|---|"
+    )
     show("best constant pair", start, n)
     for name, band in (("best law at a fixed turntable angle", 0), ("best law of both angles", BAND)):
         began, grid = time.process_time(), Grid(ANGLES, ANGLES, np.array([band, BAND]), STEP_COST_MM)

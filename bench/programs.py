@@ -229,9 +229,15 @@ def _places(outsider: Outsider, first: Float, table: float, targets: list[Target
             after = legs[i + 1]
             a, b = _on(leg, cuts[i][1]), _on(after, cuts[i + 1][0])
             for v in np.linspace(0, 1, int(2 * targets[i].zone / STEP_MM) + 3):
-                yield _corner(a, target.pose, b, v), _bent(
-                    angle + cuts[i][1] * (target.table - angle), target.table,
-                    target.table + cuts[i + 1][0] * (after[1].table - target.table), v)  # fmt: skip
+                yield (
+                    _corner(a, target.pose, b, v),
+                    _bent(
+                        angle + cuts[i][1] * (target.table - angle),
+                        target.table,
+                        target.table + cuts[i + 1][0] * (after[1].table - target.table),
+                        v,
+                    ),
+                )
 
 
 def _bent(a: float, b: float, c: float, v: float) -> float:

@@ -15,6 +15,7 @@ LARGEST_BYTES = 4 * 2**20
 FORBIDDEN = {
     "host of a package registry": re.compile(r"[p]ypi\.org|[p]ythonhosted|registry\.[n]pmjs|deb\.[d]ebian|[i]ndex-url"),
     "path of one machine": re.compile(r"(?<![\w.:/-])/([h]ome|[r]oot|[w]ork|[U]sers)/\w"),
+    "mark against the formatter": re.compile(r"# [f]mt: "),
 }
 
 

@@ -45,8 +45,20 @@ def job(part_id: str = "plate") -> ProgramJob:
     via[2] = [1.5, 1.0, 0.0]
     layer = Layer(1, 0.0, np.arange(4.0), position, q, np.ones(4), np.ones(4, bool), np.ones(4, bool), np.ones(4))
     path = Toolpath(Cutter(), (layer,), (), 1.5, 40.0, 1.0, 1.0, 3.0, part=Part(part_id=part_id))
-    moves = Moves(position, q, np.arange(4) == 2, via, q, np.ones(4), np.ones(4, bool), np.array([0, 1, 1, 0]), path, 9,
-                  0.01, 0.05)  # fmt: skip
+    moves = Moves(
+        position,
+        q,
+        np.arange(4) == 2,
+        via,
+        q,
+        np.ones(4),
+        np.ones(4, bool),
+        np.array([0, 1, 1, 0]),
+        path,
+        9,
+        0.01,
+        0.05,
+    )
     return ProgramJob("Other", moves, MillingTool(np.zeros(3), q[0], 1.0, np.zeros(3)), 0.0)
 
 

@@ -76,12 +76,15 @@ def test_a_new_process_finds_them_again(room: Path) -> None:
     assert kept(room) == before
 
 
-@pytest.mark.parametrize(("module", "old", "new", "now"), [
-    ("constants", "LIMIT = 2.0", "LIMIT = 3.0", "7.0 2.0 0 7.0"),  # a constant of a module imported by one imported
-    ("outer", "STEP = (1.0, 0.5)", "STEP = (1.0, 1.5)", "7.0 2.0 0 7.0"),
-    ("inner", "a * LIMIT", "a / LIMIT", "2.0 2.0 0 2.0"),
-    ("inner", "a * LIMIT", "a * LIMIT + 0.0 * 7", "5.0 2.0 0 5.0"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("module", "old", "new", "now"),
+    [
+        ("constants", "LIMIT = 2.0", "LIMIT = 3.0", "7.0 2.0 0 7.0"),  # a constant of a module imported by one imported
+        ("outer", "STEP = (1.0, 0.5)", "STEP = (1.0, 1.5)", "7.0 2.0 0 7.0"),
+        ("inner", "a * LIMIT", "a / LIMIT", "2.0 2.0 0 2.0"),
+        ("inner", "a * LIMIT", "a * LIMIT + 0.0 * 7", "5.0 2.0 0 5.0"),
+    ],
+)
 def test_kernels_of_changed_sources_are_not_used(room: Path, module: str, old: str, new: str, now: str) -> None:
     use(room)
     others, path = kept(room, "other"), room / f"{module}.py"

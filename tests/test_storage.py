@@ -29,8 +29,12 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
 
 def test_what_killed_processes_left_goes_and_what_living_ones_write_stays(tmp_path: Path) -> None:
     ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True)
-    names = [f".part.h5.partial-{ended.stdout.strip()}", f".part.h5.partial-{os.getpid()}", ".part.h5.partial-x",
-             f".other.h5.partial-{ended.stdout.strip()}"]  # fmt: skip
+    names = [
+        f".part.h5.partial-{ended.stdout.strip()}",
+        f".part.h5.partial-{os.getpid()}",
+        ".part.h5.partial-x",
+        f".other.h5.partial-{ended.stdout.strip()}",
+    ]
     for name in names:
         (tmp_path / name).touch()
     assert beside(tmp_path / "part.h5").name == names[1]

@@ -24,9 +24,12 @@ def test_plain_types_are_those_of_yaml_1_2(tmp_path: Path) -> None:
         "on: yes\nnumbers: [1, -2.5, 1e5, .5, 010]\ntexts: [1:30, 2020-01-01, 0x10, 'true']\nbool: true\nnone:\n"
     )
     assert read_document(path) == {
-        "on": "yes", "numbers": [1, -2.5, 1e5, 0.5, 10], "texts": ["1:30", "2020-01-01", "0x10", "true"],
-        "bool": True, "none": None,
-    }  # fmt: skip
+        "on": "yes",
+        "numbers": [1, -2.5, 1e5, 0.5, 10],
+        "texts": ["1:30", "2020-01-01", "0x10", "true"],
+        "bool": True,
+        "none": None,
+    }
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,25 @@ RUN_EXAMPLES = """examples:
 VALUE is read as JSON if it parses, else as a text. A relative path is relative to the working directory here,
 and to the pipeline's own file inside it. The units stand in the names: _mm, _deg, _s, _mm_s."""
 
-OPTIONS = ("input", "set", "out", "mapping", "traceback", "version", "workers", "scheduler", "time_limit_s", "cache",
-           "plugin", "draft", "no_report", "posture", "turntable_deg", "port", "no_browser")  # fmt: skip
+OPTIONS = (
+    "input",
+    "set",
+    "out",
+    "mapping",
+    "traceback",
+    "version",
+    "workers",
+    "scheduler",
+    "time_limit_s",
+    "cache",
+    "plugin",
+    "draft",
+    "no_report",
+    "posture",
+    "turntable_deg",
+    "port",
+    "no_browser",
+)
 BATCH_EXAMPLES = """examples:
   workbench batch pipelines/inspect_bevel.json parts/*.h5 --out out/july
   workbench batch pipelines/inspect_bevel.json parts/ --out out/july --workers 2 --input bevel_nominal_deg=37.5

@@ -202,8 +202,10 @@ def place(violation: Violation) -> str:
 def _least(judgement: Judgement) -> str:
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
     clearance = f"{judgement.clearance_mm:.1f} mm between {pair}" if judgement.clearance_pair else "nothing could touch"
-    return (f"clearance at least {clearance}, {judgement.limit_margin / DEG:.2f} deg to the nearest limit, deviation "
-            f"{judgement.deviation_mm:.3f} mm")  # fmt: skip
+    return (
+        f"clearance at least {clearance}, {judgement.limit_margin / DEG:.2f} deg to the nearest limit, deviation "
+        f"{judgement.deviation_mm:.3f} mm"
+    )
 
 
 def judgement_document(judgement: Judgement) -> bytes:
@@ -238,8 +240,9 @@ def _known(value: float) -> float | None:
     return round(value, 6) if math.isfinite(value) else None
 
 
-def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCell | None,
-             moves: Moves | None = None) -> bool:  # fmt: skip
+def released(
+    name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCell | None, moves: Moves | None = None
+) -> bool:
     """Whether the path may be run, as far as this pipeline can know.
 
     Raises:
@@ -247,16 +250,25 @@ def released(name: str, toolpath: Toolpath, gate: PathGate | None, cell: RobotCe
             check allows for.
     """
     if gate is None or gate.toolpath is not toolpath:
-        raise InputError(name, "expected a path that was checked: the gate is not this path's (path.check after the "
-                         "last stage that changes it)")  # fmt: skip
+        raise InputError(
+            name,
+            "expected a path that was checked: the gate is not this path's (path.check after the "
+            "last stage that changes it)",
+        )
     if not gate.passed:
         return False
     if (cell is not None or gate.reached) and (not gate.reached or (moves and moves.postures is None)):
-        raise InputError(name, "the pipeline knows the robot's cell: expected moves that rest on postures "
-                         "(stiffness.posture before path.simplify)")  # fmt: skip
+        raise InputError(
+            name,
+            "the pipeline knows the robot's cell: expected moves that rest on postures "
+            "(stiffness.posture before path.simplify)",
+        )
     if moves and (off := deviation_mm(moves)) > gate.tolerance_mm + 1e-9:
-        raise InputError(name, f"the moves leave the path by up to {off:.3g} mm, and it was checked for "
-                         f"{gate.tolerance_mm:g} mm: expected smaller tolerances of path.simplify")  # fmt: skip
+        raise InputError(
+            name,
+            f"the moves leave the path by up to {off:.3g} mm, and it was checked for "
+            f"{gate.tolerance_mm:g} mm: expected smaller tolerances of path.simplify",
+        )
     return True
 
 

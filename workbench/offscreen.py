@@ -21,9 +21,13 @@ def start_drawing(module: str, arguments: list[str], folder: str) -> subprocess.
     home = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
     return subprocess.Popen(
-        [sys.executable, "-m", module, *arguments], cwd=folder, env=dict(os.environ, PYTHONPATH=path),
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        env=dict(os.environ, PYTHONPATH=path),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
 
 
 def problem_of(process: subprocess.Popen[bytes]) -> str:

@@ -340,9 +340,17 @@ class RunFile(ResultFile):
 
 RESULT_FILES: dict[str, type[ResultFile]] = {
     model.NAME: model
-    for model in (InspectionFile, ToolpathFile, HandEyeFile, PostureFile, StiffnessFile, CorrectionFile, GrooveFile,
-                  RunFile)
-}  # fmt: skip
+    for model in (
+        InspectionFile,
+        ToolpathFile,
+        HandEyeFile,
+        PostureFile,
+        StiffnessFile,
+        CorrectionFile,
+        GrooveFile,
+        RunFile,
+    )
+}
 
 
 def result_schema(name: str) -> dict[str, Any]:

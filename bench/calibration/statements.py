@@ -21,13 +21,29 @@ from workbench.units import DEG, Float
 
 BOXES_DEG = (1.0, 2.0, 5.0, 20.0)
 PRINTED = {  # sphere centres of Table 1, mm
-    "analytic": [(1863.43, 230.98, 1121.68), (1863.48, 230.36, 1121.68), (1863.64, 239.07, 1121.50),
-                 (1862.59, 222.94, 1120.47), (1864.20, 223.35, 1122.45), (1864.88, 223.38, 1123.27),
-                 (1863.43, 230.98, 1121.11), (1863.88, 230.28, 1121.98), (1864.48, 231.35, 1122.89)],
-    "GA": [(1890.30, 241.75, 1079.77), (1890.25, 241.75, 1079.85), (1890.23, 241.64, 1079.83),
-           (1890.46, 240.91, 1079.75), (1890.38, 240.96, 1079.81), (1890.38, 240.83, 1079.75),
-           (1890.35, 241.80, 1079.64), (1890.33, 241.77, 1079.49), (1890.31, 241.90, 1079.60)],
-}  # fmt: skip
+    "analytic": [
+        (1863.43, 230.98, 1121.68),
+        (1863.48, 230.36, 1121.68),
+        (1863.64, 239.07, 1121.50),
+        (1862.59, 222.94, 1120.47),
+        (1864.20, 223.35, 1122.45),
+        (1864.88, 223.38, 1123.27),
+        (1863.43, 230.98, 1121.11),
+        (1863.88, 230.28, 1121.98),
+        (1864.48, 231.35, 1122.89),
+    ],
+    "GA": [
+        (1890.30, 241.75, 1079.77),
+        (1890.25, 241.75, 1079.85),
+        (1890.23, 241.64, 1079.83),
+        (1890.46, 240.91, 1079.75),
+        (1890.38, 240.96, 1079.81),
+        (1890.38, 240.83, 1079.75),
+        (1890.35, 241.80, 1079.64),
+        (1890.33, 241.77, 1079.49),
+        (1890.31, 241.90, 1079.60),
+    ],
+}
 
 
 def table1(trials: int) -> Iterator[str]:
@@ -44,10 +60,25 @@ def table1(trials: int) -> Iterator[str]:
         for name, poses in ways.items():
             spread = np.array([_spread(pose, m.centres) for pose, m in zip(poses, sets, strict=True)])
             gain = np.median(np.linalg.norm(plain, axis=1) / np.linalg.norm(spread, axis=1))
-            rows.append([words, name, ", ".join(f"{v:.3f}" for v in np.median(spread, axis=0)), f"{gain:.1f}",
-                         f"{np.median([vol_mm(pose) for pose in poses]):.2f}"])  # fmt: skip
-    yield from markdown(["measurements", "method", "spread of the centres x, y, z, mm", "analytic spread over this",
-                         "true error over the field, mm"], rows)  # fmt: skip
+            rows.append(
+                [
+                    words,
+                    name,
+                    ", ".join(f"{v:.3f}" for v in np.median(spread, axis=0)),
+                    f"{gain:.1f}",
+                    f"{np.median([vol_mm(pose) for pose in poses]):.2f}",
+                ]
+            )
+    yield from markdown(
+        [
+            "measurements",
+            "method",
+            "spread of the centres x, y, z, mm",
+            "analytic spread over this",
+            "true error over the field, mm",
+        ],
+        rows,
+    )
 
 
 def _spread(pose: Float, seen: Centres) -> Float:
@@ -158,5 +189,11 @@ def diameter(trials: int) -> Iterator[str]:
     yield from markdown(["sphere", "bound over the field, nine postures, mm"], found)
 
 
-STATEMENTS = {"table1": table1, "rows": rows, "flat": flat, "equations": equations, "starts": starts,
-              "diameter": diameter}  # fmt: skip
+STATEMENTS = {
+    "table1": table1,
+    "rows": rows,
+    "flat": flat,
+    "equations": equations,
+    "starts": starts,
+    "diameter": diameter,
+}

@@ -25,11 +25,15 @@ SCALES = Scales(1.0, 2.0, 2.0, 1.0)
 
 def scan(seed: int, motion: str, pose_noise_mm: float) -> Surface:
     recipe: dict[str, Any] = {
-        "format": "bevel-recipe", "version": 1, "seed": seed, "part": {"length_mm": 70}, "scanner": {"columns": 400},
+        "format": "bevel-recipe",
+        "version": 1,
+        "seed": seed,
+        "part": {"length_mm": 70},
+        "scanner": {"columns": 400},
         "robot": {"frame_pitch_mm": 0.4, "pose_noise_mm": pose_noise_mm, "pose_noise_deg": 0.01},
         "disturbances": {"outlier_share": 0.004},
         "passes": [{"from_mm": 3, "to_mm": 67, "oblique_deg": 2, "motion": motion}],
-    }  # fmt: skip
+    }
     return surface(denoise(fuse(simulate_recording(parse_recipe(recipe))[0])))
 
 

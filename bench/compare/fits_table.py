@@ -18,8 +18,11 @@ from workbench.geometry.fits import Shape, fit
 from workbench.units import Float
 
 DRAWS = 40
-CASES: tuple[tuple[str, float, bool], ...] = (("full", 360.0, False), ("arc of 30°", 30.0, False),
-                                              ("full, origin at 1e6 mm", 360.0, True))  # fmt: skip
+CASES: tuple[tuple[str, float, bool], ...] = (
+    ("full", 360.0, False),
+    ("arc of 30°", 30.0, False),
+    ("full, origin at 1e6 mm", 360.0, True),
+)
 Answer = tuple[Float, Float | None, float | None]  # point, direction, radius
 
 
@@ -109,8 +112,10 @@ def main() -> None:
             if arc < 360 and shape in ("line", "plane"):
                 cells.append("")
                 continue
-            errors = [error(shape, case, fitted(shape, case.points_mm))
-                      for case in (known(shape, seed, arc, far) for seed in range(DRAWS))]  # fmt: skip
+            errors = [
+                error(shape, case, fitted(shape, case.points_mm))
+                for case in (known(shape, seed, arc, far) for seed in range(DRAWS))
+            ]
             cells.append(f"{max(errors):.0e}")
         print(f"| {shape} | {name} | {' | '.join(cells)} |")
 

@@ -37,14 +37,20 @@ def recipe(part: str, operator: str, trial: int) -> dict[str, Any]:
     (root, bevel), (elevation, oblique) = PARTS[part], OPERATORS[operator]
     number = [*PARTS].index(part), [*OPERATORS].index(operator)
     return {
-        "format": "bevel-recipe", "version": 1, "part_id": part, "seed": 1000 * number[1] + 100 * number[0] + trial,
-        "part": {"length_mm": 70.0, "root_mm": {"start": root - 0.03, "end": root + 0.03},
-                 "bevel_deg": {"start": bevel + 0.1, "end": bevel - 0.1}},
+        "format": "bevel-recipe",
+        "version": 1,
+        "part_id": part,
+        "seed": 1000 * number[1] + 100 * number[0] + trial,
+        "part": {
+            "length_mm": 70.0,
+            "root_mm": {"start": root - 0.03, "end": root + 0.03},
+            "bevel_deg": {"start": bevel + 0.1, "end": bevel - 0.1},
+        },
         "scanner": {"columns": 500},
         "robot": {"frame_pitch_mm": 0.4, "pose_noise_mm": 0.05, "pose_noise_deg": 0.01},
         "disturbances": {"outlier_share": 0.004, "dropout_share": 0.005},
         "passes": [{"from_mm": 3, "to_mm": 67, "elevation_deg": elevation, "oblique_deg": oblique}],
-    }  # fmt: skip
+    }
 
 
 def measure(part: str, operator: str, trial: int) -> tuple[Inspection, Any]:
@@ -63,8 +69,17 @@ def rows() -> Iterator[tuple[Any, ...]]:
             for trial in range(1, TRIALS + 1):
                 inspection, truth = measure(part, operator, trial)
                 for one in inspection.sections:
-                    yield (part, operator, trial, one.index, round(one.arc_length_mm, 2), one.root_mm, one.root_u_mm,
-                           one.bevel_deg, one.bevel_u_deg)  # fmt: skip
+                    yield (
+                        part,
+                        operator,
+                        trial,
+                        one.index,
+                        round(one.arc_length_mm, 2),
+                        one.root_mm,
+                        one.root_u_mm,
+                        one.bevel_deg,
+                        one.bevel_u_deg,
+                    )
         yield from reference(part, inspection, truth)
 
 
@@ -74,8 +89,17 @@ def reference(part: str, inspection: Inspection, truth: Any) -> Iterator[tuple[A
     for one in inspection.sections:
         place = int(np.argmin(np.linalg.norm(truth.position_mm - one.origin_mm, axis=1)))
         value = [getattr(truth, name)[place] + rng.normal(0, u) for name, u in REFERENCE_U.items()]
-        yield (part, "reference", 1, one.index, round(one.arc_length_mm, 2), value[0], REFERENCE_U["root_mm"], value[1],
-               REFERENCE_U["bevel_deg"])  # fmt: skip
+        yield (
+            part,
+            "reference",
+            1,
+            one.index,
+            round(one.arc_length_mm, 2),
+            value[0],
+            REFERENCE_U["root_mm"],
+            value[1],
+            REFERENCE_U["bevel_deg"],
+        )
 
 
 def main(path: Path) -> None:

@@ -101,8 +101,9 @@ def main() -> None:
         "",
     ]
     for what, judge, conditions, count in (
-        ("Inspection", inspected, INSPECTED, chosen.parts), ("Planning", planned, PLANNED, chosen.plans),
-    ):  # fmt: skip
+        ("Inspection", inspected, INSPECTED, chosen.parts),
+        ("Planning", planned, PLANNED, chosen.plans),
+    ):
         lines += [f"## {what}", "", *_table(judge, conditions, count, chosen.seed), ""]
     lines += _false_refusals(chosen.good, chosen.seed)
     print("\n".join(lines))
@@ -133,10 +134,11 @@ def _false_refusals(count: int, seed: int) -> list[str]:
             recordings += 1
             failed += [f"{condition} {seed + 500 + k}: {c.name}" for c in judge_recording(recording) if not c.passed]
     return [
-        "## False refusals", "",
+        "## False refusals",
+        "",
         f"{len(failed)} of {recordings} good recordings under all named conditions fail a check of the recording"
         + (f": {'; '.join(failed[:20])}." if failed else "."),
-    ]  # fmt: skip
+    ]
 
 
 def _write(lines: list[str]) -> None:

@@ -122,13 +122,17 @@ def _passes(count: int, dither_mm: float) -> Spoil:
         n, k = len(r.time_s), len(r.robot_time_s)
         z = np.tile(r.z_mm, (count, 1)) + rng.normal(0, dither_mm, (count * n, r.z_mm.shape[1])).astype(np.float32)
         return _with(
-            r, time_s=np.tile(r.time_s, count), x_mm=np.tile(r.x_mm, (count, 1)), z_mm=z,
-            pass_index=np.repeat(np.arange(count), n), intensity=None,
+            r,
+            time_s=np.tile(r.time_s, count),
+            x_mm=np.tile(r.x_mm, (count, 1)),
+            z_mm=z,
+            pass_index=np.repeat(np.arange(count), n),
+            intensity=None,
             robot_time_s=np.tile(r.robot_time_s, count),
             robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
             robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (count, 1)),
             robot_pass=np.repeat(np.arange(count), k),
-        )  # fmt: skip
+        )
 
     return spoil
 
@@ -141,8 +145,11 @@ def _frozen_stream(share: float) -> Spoil:
         n = len(dense.robot_time_s)
         which = np.arange(n)
         which[n // 4 : n // 4 + int(share * n)] = n // 4
-        return _with(dense, robot_position_mm=dense.robot_position_mm[which],
-                     robot_quaternion_wxyz=dense.robot_quaternion_wxyz[which])  # fmt: skip
+        return _with(
+            dense,
+            robot_position_mm=dense.robot_position_mm[which],
+            robot_quaternion_wxyz=dense.robot_quaternion_wxyz[which],
+        )
 
     return spoil
 
@@ -153,8 +160,13 @@ def dense_stream(r: Recording) -> Recording:
     from workbench.scan.fuse import flange_poses
 
     poses = flange_poses(r)
-    return _with(r, robot_time_s=r.time_s, robot_position_mm=poses[:, :3, 3], robot_pass=r.pass_index,
-                 robot_quaternion_wxyz=quaternion_from_rotation(poses[:, :3, :3]))  # fmt: skip
+    return _with(
+        r,
+        robot_time_s=r.time_s,
+        robot_position_mm=poses[:, :3, 3],
+        robot_pass=r.pass_index,
+        robot_quaternion_wxyz=quaternion_from_rotation(poses[:, :3, :3]),
+    )
 
 
 def _clock(offset_s: float) -> Spoil:
@@ -162,8 +174,14 @@ def _clock(offset_s: float) -> Spoil:
         dense = dense_stream(r)
         low, high = dense.robot_time_s[0], dense.robot_time_s[-1]
         keep = (r.time_s + offset_s >= low) & (r.time_s + offset_s <= high)
-        return _with(dense, time_s=r.time_s[keep] + offset_s, x_mm=r.x_mm[keep], z_mm=r.z_mm[keep],
-                     pass_index=r.pass_index[keep], intensity=None)  # fmt: skip
+        return _with(
+            dense,
+            time_s=r.time_s[keep] + offset_s,
+            x_mm=r.x_mm[keep],
+            z_mm=r.z_mm[keep],
+            pass_index=r.pass_index[keep],
+            intensity=None,
+        )
 
     return spoil
 
@@ -246,4 +264,4 @@ KINDS: dict[str, Kind] = {
     "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
     "clock 20 ms late": Kind(_clock(0.02), ("clock",)),
     "clock 0.5 s late": Kind(_clock(0.5), ("clock",)),
-}  # fmt: skip
+}

@@ -87,10 +87,19 @@ def _noise(rng: np.random.Generator, x: Float, y: Float) -> Float:
 
 
 SHAPES: dict[str, Shape] = {
-    "dome": _dome, "round bar": _bar, "cable on a table": _cable, "V groove": _v_groove, "U groove": _u_groove,
-    "step": _step, "several steps": _steps, "two sheets": _sheets, "empty table": _table, "corrugated sheet": _waves,
-    "angle steel": _ridge, "no surface": _noise,
-}  # fmt: skip
+    "dome": _dome,
+    "round bar": _bar,
+    "cable on a table": _cable,
+    "V groove": _v_groove,
+    "U groove": _u_groove,
+    "step": _step,
+    "several steps": _steps,
+    "two sheets": _sheets,
+    "empty table": _table,
+    "corrugated sheet": _waves,
+    "angle steel": _ridge,
+    "no surface": _noise,
+}
 
 
 def shape_recording(kind: str, seed: int) -> Recording:
@@ -109,12 +118,17 @@ def shape_recording(kind: str, seed: int) -> Recording:
     hand_eye = pose_from(np.eye(3), np.array([120.0, 10.0, 40.0]))
     start = np.array([1200.0, 200.0, 900.0])
     return Recording(
-        source=f"{kind} {seed}", time_s=time, x_mm=np.broadcast_to(x, z.shape).astype(np.float32).copy(),
-        z_mm=z.astype(np.float32), pass_index=np.zeros(FRAMES, np.int64), robot_time_s=time[[0, -1]],
+        source=f"{kind} {seed}",
+        time_s=time,
+        x_mm=np.broadcast_to(x, z.shape).astype(np.float32).copy(),
+        z_mm=z.astype(np.float32),
+        pass_index=np.zeros(FRAMES, np.int64),
+        robot_time_s=time[[0, -1]],
         robot_position_mm=np.stack([start, start + (FRAMES - 1) * STEP_MM * rotation[:, 1]]),
         robot_quaternion_wxyz=np.repeat(quaternion_from_rotation(rotation)[None], 2, axis=0),
-        robot_pass=np.zeros(2, np.int64), flange_from_profiler=hand_eye,
-    )  # fmt: skip
+        robot_pass=np.zeros(2, np.int64),
+        flange_from_profiler=hand_eye,
+    )
 
 
 def with_grid(recording: Recording, x_mm: Float, z_mm: Float) -> Recording:

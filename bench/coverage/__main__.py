@@ -45,8 +45,13 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m bench.coverage", description=__doc__)
     parser.add_argument("--parts", type=int, default=200, help="parts a condition (200)")
     parser.add_argument("--simulator", choices=("analytic", "swept", "both"), default="both")
-    parser.add_argument("--conditions", nargs="+", choices=(*ANALYTIC, *SWEPT), metavar="NAME",
-                        help=f"of {', '.join((*ANALYTIC, *SWEPT))} (all of the simulator's)")  # fmt: skip
+    parser.add_argument(
+        "--conditions",
+        nargs="+",
+        choices=(*ANALYTIC, *SWEPT),
+        metavar="NAME",
+        help=f"of {', '.join((*ANALYTIC, *SWEPT))} (all of the simulator's)",
+    )
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of each condition's first part ({FIRST_SEED})")
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
     parser.add_argument("--cache", type=Path, help="folder for recordings, to measure the same ones again")
@@ -56,8 +61,10 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--docs", action="store_true", help="write the tables into docs/coverage.md")
     options = parser.parse_args(arguments)
     if options.conditions is None:
-        options.conditions = [*(ANALYTIC if options.simulator != "swept" else ()),
-                              *(SWEPT if options.simulator != "analytic" else ())]  # fmt: skip
+        options.conditions = [
+            *(ANALYTIC if options.simulator != "swept" else ()),
+            *(SWEPT if options.simulator != "analytic" else ()),
+        ]
     return options
 
 

@@ -93,8 +93,10 @@ def compare_milled(result: Result, inspection: Any, truth: Any) -> None:
     origin = np.array([s.origin_mm for s in inspection.sections], dtype=float)
     away = np.linalg.norm(origin - at(truth, origin, truth.position_mm), axis=1)
     result.wanted = seen_around(truth, origin)
-    result.error = {"root_mm": column("root_mm") - truth.root_mm_at(origin),
-                    "bevel_deg": column("bevel_deg") - truth.bevel_deg_at(origin)}  # fmt: skip
+    result.error = {
+        "root_mm": column("root_mm") - truth.root_mm_at(origin),
+        "bevel_deg": column("bevel_deg") - truth.bevel_deg_at(origin),
+    }
     result.u = {"root_mm": column("root_u_mm"), "bevel_deg": column("bevel_u_deg")}
     wrong = (away > MISPLACED_MM) & np.isfinite(result.error["root_mm"])
     result.error["root_mm"][wrong] = away[wrong]
@@ -114,11 +116,18 @@ def compare_raw(result: Result, edge: Any, truth: Any) -> None:
     turn = np.arctan2((edge.normal[some] * m).sum(axis=1), (edge.normal[some] * n).sum(axis=1)) / DEG
     heading = np.arccos(np.clip((edge.tangent[some] * t).sum(axis=1), -1, 1)) / DEG
     result.wanted = seen_around(truth, place)
-    result.error = {"normal_mm": (off * n).sum(axis=1), "across_mm": (off * m).sum(axis=1), "axis_deg": turn,
-                    "heading_deg": heading}  # fmt: skip
-    result.u = {"normal_mm": u[:, 0], "across_mm": u[:, 1],
-                "axis_deg": np.broadcast_to(np.asarray(edge.normal_u) / DEG, (len(edge.seen),))[some],
-                "heading_deg": np.full(len(some), math.nan)}  # fmt: skip
+    result.error = {
+        "normal_mm": (off * n).sum(axis=1),
+        "across_mm": (off * m).sum(axis=1),
+        "axis_deg": turn,
+        "heading_deg": heading,
+    }
+    result.u = {
+        "normal_mm": u[:, 0],
+        "across_mm": u[:, 1],
+        "axis_deg": np.broadcast_to(np.asarray(edge.normal_u) / DEG, (len(edge.seen),))[some],
+        "heading_deg": np.full(len(some), math.nan),
+    }
     if edge.upper_position_mm is not None:
         top = edge.upper_position_mm[some]
         result.error["upper_mm"] = ((top - at(truth, place, upper)) * m).sum(axis=1)
@@ -167,10 +176,12 @@ def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
     v = share - 0.5
     mean, slope = _running(height.mean(axis=1), wide), _running(height @ v / (v @ v), wide)
     lean = np.arctan2(slope, width)[:, None]
-    return (truth.position_mm + (mean - slope / 2)[:, None] * truth.normal,
-            np.cos(lean) * truth.normal - np.sin(lean) * truth.across,
-            np.cos(lean) * truth.across + np.sin(lean) * truth.normal,
-            upper + (mean + slope / 2)[:, None] * truth.normal)  # fmt: skip
+    return (
+        truth.position_mm + (mean - slope / 2)[:, None] * truth.normal,
+        np.cos(lean) * truth.normal - np.sin(lean) * truth.across,
+        np.cos(lean) * truth.across + np.sin(lean) * truth.normal,
+        upper + (mean + slope / 2)[:, None] * truth.normal,
+    )
 
 
 def _running(values: Float, wide: int) -> Float:

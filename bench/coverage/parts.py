@@ -24,8 +24,19 @@ SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)
 _SHAPES = (milled.arc, milled.wavy)
-_FAULTS = (milled.oblique, milled.two_pass, milled.reversed, milled.outliers, milled.missing, milled.coarse,
-           milled.noisy, milled.correlated, milled.robot_error, milled.clamps, milled.vibration)  # fmt: skip
+_FAULTS = (
+    milled.oblique,
+    milled.two_pass,
+    milled.reversed,
+    milled.outliers,
+    milled.missing,
+    milled.coarse,
+    milled.noisy,
+    milled.correlated,
+    milled.robot_error,
+    milled.clamps,
+    milled.vibration,
+)
 _RAW_FAULTS = (milled.oblique, milled.reversed, milled.outliers, milled.missing, milled.noisy, milled.clamps)
 
 

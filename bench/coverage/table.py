@@ -13,8 +13,15 @@ from workbench.units import Float
 
 MILLED = ("root_mm", "bevel_deg")
 RAW = ("normal_mm", "across_mm", "axis_deg", "heading_deg", "upper_mm")
-NAMES = {"root_mm": "root, mm", "bevel_deg": "bevel, deg", "normal_mm": "along n, mm", "across_mm": "along m, mm",
-         "axis_deg": "axis, deg", "heading_deg": "heading, deg", "upper_mm": "upper edge, mm"}  # fmt: skip
+NAMES = {
+    "root_mm": "root, mm",
+    "bevel_deg": "bevel, deg",
+    "normal_mm": "along n, mm",
+    "across_mm": "along m, mm",
+    "axis_deg": "axis, deg",
+    "heading_deg": "heading, deg",
+    "upper_mm": "upper edge, mm",
+}
 NO_U = ("heading_deg", "upper_mm")
 
 
@@ -78,8 +85,13 @@ def _quantity(results: list[Result], name: str) -> list[str]:
     share = 100 * float((z <= 2).mean())
     worst, beyond = float(z.max()), int((z > 4).sum())
     text = _number(share, 1)
-    return [*row, text if 93 <= share <= 97 else f"**{text}**", _number(worst, 1), f"**{beyond}**" if beyond else "0",
-            _number(float(np.nanmean(u)), 3 if name.endswith("deg") else 4)]  # fmt: skip
+    return [
+        *row,
+        text if 93 <= share <= 97 else f"**{text}**",
+        _number(worst, 1),
+        f"**{beyond}**" if beyond else "0",
+        _number(float(np.nanmean(u)), 3 if name.endswith("deg") else 4),
+    ]
 
 
 def ratios(results: Iterable[Result], name: str) -> Float:

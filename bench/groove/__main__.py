@@ -59,8 +59,10 @@ def main() -> None:
             continue
         error, u = np.array(found[size]).T
         z = np.abs(error) / u
-        print(f"| `{size}` | {z.size} | {np.median(error):.3f} | {np.quantile(np.abs(error), 0.95):.3f} | "
-              f"{np.median(u):.3f} | {100 * np.mean(z <= 2):.1f} % | {100 * np.mean(z > FAR):.1f} % |")  # fmt: skip
+        print(
+            f"| `{size}` | {z.size} | {np.median(error):.3f} | {np.quantile(np.abs(error), 0.95):.3f} | "
+            f"{np.median(u):.3f} | {100 * np.mean(z <= 2):.1f} % | {100 * np.mean(z > FAR):.1f} % |"
+        )
 
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[GrooveInspection, GrooveTruth]:

@@ -44,11 +44,19 @@ def run(name: str, options: argparse.Namespace) -> int:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     known = list(dict.fromkeys(c for study in STUDIES.values() for c in study.conditions))
     parser = argparse.ArgumentParser(prog="python -m bench.metrology", description=__doc__)
-    parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="STUDY",
-                        help="of inspection, planning, loop, measured_loop, calibration, stiffness (all)")  # fmt: skip
-    parser.add_argument("--parts", type=int,
-                        help="parts a condition (inspection 200, planning and both loops 100, calibration 500, "
-                             "stiffness 1000)")  # fmt: skip
+    parser.add_argument(
+        "--studies",
+        nargs="+",
+        choices=STUDIES,
+        default=list(STUDIES),
+        metavar="STUDY",
+        help="of inspection, planning, loop, measured_loop, calibration, stiffness (all)",
+    )
+    parser.add_argument(
+        "--parts",
+        type=int,
+        help="parts a condition (inspection 200, planning and both loops 100, calibration 500, stiffness 1000)",
+    )
     parser.add_argument("--others", type=int, default=40, help="inspected with bound and other methods too (40)")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of each condition's first part (1000000)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known, metavar="NAME")

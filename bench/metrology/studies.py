@@ -84,8 +84,15 @@ STUDIES = {
         Measurement(
             measure_loop,
             LoopResult,
-            (*MEASURING, "workbench/path", "workbench/inspect", "workbench/twin", "bench/metrology",
-             "bench/metrology/planning", "bench/metrology/loop"),
+            (
+                *MEASURING,
+                "workbench/path",
+                "workbench/inspect",
+                "workbench/twin",
+                "bench/metrology",
+                "bench/metrology/planning",
+                "bench/metrology/loop",
+            ),
         ),
         LOOP_CONDITIONS,
         100,
@@ -99,8 +106,15 @@ STUDIES = {
         Measurement(
             measure_measured,
             MeasuredResult,
-            (*MEASURING, "workbench/path", "workbench/inspect", "workbench/twin", "bench/metrology",
-             "bench/metrology/planning", "bench/metrology/measured"),
+            (
+                *MEASURING,
+                "workbench/path",
+                "workbench/inspect",
+                "workbench/twin",
+                "bench/metrology",
+                "bench/metrology/planning",
+                "bench/metrology/measured",
+            ),
         ),
         MEASURED_CONDITIONS,
         100,
@@ -128,8 +142,13 @@ STUDIES = {
         Measurement(
             measure_calibration,
             CalibrationResult,
-            ("workbench/geometry", "workbench/synthetic", "workbench/plugins/calibration", "bench/peers",
-             "bench/metrology/calibration"),
+            (
+                "workbench/geometry",
+                "workbench/synthetic",
+                "workbench/plugins/calibration",
+                "bench/peers",
+                "bench/metrology/calibration",
+            ),
         ),
         CALIBRATION_CONDITIONS,
         500,
@@ -153,4 +172,4 @@ STUDIES = {
         ROOT / "docs" / "stiffness_metrology.md",
         "stiffness",
     ),
-}  # fmt: skip
+}

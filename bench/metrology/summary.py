@@ -11,10 +11,28 @@ from bench.metrology.part_result import PartResult
 from bench.metrology.quantity import Quantity, greatest_error, greatest_ratio, percentile, quantity
 from workbench.units import Float
 
-GOALS = dict.fromkeys(
-    ("paper", "straight", "arc", "wavy", "oblique", "two_pass", "reversed", "partial_view", "outliers_5", "missing_20",
-     "clamps", "vibration", "limit"), (0.015, 0.06)
-) | dict.fromkeys(("coarse", "noisy", "correlated"), (0.04, 0.25)) | {"robot_error": (0.03, 0.08)}  # fmt: skip
+GOALS = (
+    dict.fromkeys(
+        (
+            "paper",
+            "straight",
+            "arc",
+            "wavy",
+            "oblique",
+            "two_pass",
+            "reversed",
+            "partial_view",
+            "outliers_5",
+            "missing_20",
+            "clamps",
+            "vibration",
+            "limit",
+        ),
+        (0.015, 0.06),
+    )
+    | dict.fromkeys(("coarse", "noisy", "correlated"), (0.04, 0.25))
+    | {"robot_error": (0.03, 0.08)}
+)
 GUARD_RISK = 0.05
 GUARD = 1.645  # standard uncertainties
 FAR_BEYOND = 2.0  # of them: a wrong verdict this far from the limit is no matter of the guard band's risk

@@ -86,13 +86,42 @@ def uncertainty(summaries: list[Summary]) -> Iterable[str]:
 
 def verdicts(summaries: list[Summary]) -> Iterable[str]:
     """Counts of sections by verdict; those wrong, invented or missing; seconds a part."""
-    head = ["condition", "pass", "fail", "undecided", "wrong", "in a guard band", "wrong by over 2u",
-            "invented sections", "invented stations", "missing, %", "refused", "s a part"]  # fmt: skip
+    head = [
+        "condition",
+        "pass",
+        "fail",
+        "undecided",
+        "wrong",
+        "in a guard band",
+        "wrong by over 2u",
+        "invented sections",
+        "invented stations",
+        "missing, %",
+        "refused",
+        "s a part",
+    ]
     rows = [
-        [s.condition, *(f"{n}" for n in (s.passed, s.failed, s.undecided, s.wrong, s.at_risk, s.far_wrong, s.invented,
-         s.stations_invented)), f"{100 * s.missing:.2f}", f"{len(s.refused)}", f"{s.seconds:.2f}"]
+        [
+            s.condition,
+            *(
+                f"{n}"
+                for n in (
+                    s.passed,
+                    s.failed,
+                    s.undecided,
+                    s.wrong,
+                    s.at_risk,
+                    s.far_wrong,
+                    s.invented,
+                    s.stations_invented,
+                )
+            ),
+            f"{100 * s.missing:.2f}",
+            f"{len(s.refused)}",
+            f"{s.seconds:.2f}",
+        ]
         for s in summaries
-    ]  # fmt: skip
+    ]
     return markdown(head, rows)
 
 

@@ -36,10 +36,16 @@ def recipe(number: int, share: float) -> dict[str, Any]:
         "robot": {"frame_pitch_mm": FRAME_PITCH_MM, "pose_noise_mm": 0.02, "pose_noise_deg": 0.002},
         "disturbances": {"dropout_share": 0.005, "outlier_share": 0.004},
         "passes": [
-            {"from_mm": MARGIN_MM, "to_mm": MARGIN_MM + SCANNED_MM, "elevation_deg": 42, "oblique_deg": 2.5,
-             "lead_deg": -3, "aim_mm": [-4, 4]}
+            {
+                "from_mm": MARGIN_MM,
+                "to_mm": MARGIN_MM + SCANNED_MM,
+                "elevation_deg": 42,
+                "oblique_deg": 2.5,
+                "lead_deg": -3,
+                "aim_mm": [-4, 4],
+            }
         ],
-    }  # fmt: skip
+    }
 
 
 def simulated_parts(count: int, folder: Path) -> Iterator[Path]:

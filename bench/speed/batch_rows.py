@@ -32,15 +32,35 @@ def batches(count: int) -> Iterator[Row]:
         pipeline = short_pipeline(folder)
         one_s, records, memory_mb = timed(1, pipeline, recordings, folder / "one")
         two_s, _, _ = timed(2, pipeline, recordings, folder / "two")
-        yield Row(f"{count:,} small parts, two workers; one worker", seconds(two_s), seconds(one_s), one_s / two_s,
-                  "{:.2f} x faster", goal=1.8)  # fmt: skip
+        yield Row(
+            f"{count:,} small parts, two workers; one worker",
+            seconds(two_s),
+            seconds(one_s),
+            one_s / two_s,
+            "{:.2f} x faster",
+            goal=1.8,
+        )
         own_s = sum(record.seconds for record in records) / count
         overhead_s = one_s / count - own_s
-        yield Row("a small part in a warm worker; its pipeline's stages alone", seconds(one_s / count), seconds(own_s),
-                  1e3 * overhead_s, "{:.1f} ms of overhead", goal=50, at_most=True)  # fmt: skip
+        yield Row(
+            "a small part in a warm worker; its pipeline's stages alone",
+            seconds(one_s / count),
+            seconds(own_s),
+            1e3 * overhead_s,
+            "{:.1f} ms of overhead",
+            goal=50,
+            at_most=True,
+        )
         early_mb, late_mb = memory_mb[len(memory_mb) // 10], memory_mb[-1]
-        yield Row(f"memory of a worker after {count:,} parts; after a tenth of them", f"{late_mb:.0f} MB",
-                  f"{early_mb:.0f} MB", late_mb / early_mb, "{:.3f} x as much", goal=1.05, at_most=True)  # fmt: skip
+        yield Row(
+            f"memory of a worker after {count:,} parts; after a tenth of them",
+            f"{late_mb:.0f} MB",
+            f"{early_mb:.0f} MB",
+            late_mb / early_mb,
+            "{:.3f} x as much",
+            goal=1.05,
+            at_most=True,
+        )
         yield from on_a_cluster(pipeline, recordings[:CLUSTER_PARTS], folder)
 
 
@@ -93,8 +113,15 @@ def on_a_cluster(pipeline: Path, recordings: list[Path], folder: Path) -> Iterat
     wrong = sum(record.outcome != "passed" for record in made.records) + abs(len(made.records) - len(recordings))
     for path in recordings:
         wrong += not same_results(out / path.stem, folder / "one" / path.stem)
-    yield Row(f"{len(recordings)} small parts, two dask workers, one killed in the middle", seconds(spent_s), "", wrong,
-              "{:.0f} parts lost, doubled or other than on one machine", goal=0, at_most=True)  # fmt: skip
+    yield Row(
+        f"{len(recordings)} small parts, two dask workers, one killed in the middle",
+        seconds(spent_s),
+        "",
+        wrong,
+        "{:.0f} parts lost, doubled or other than on one machine",
+        goal=0,
+        at_most=True,
+    )
 
 
 def same_results(folder: Path, other: Path) -> bool:

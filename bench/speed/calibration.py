@@ -44,8 +44,15 @@ def one_by_one(design: Float, seen: Centres, seed: int) -> Float:
 
     def evolve(cost: Callable[[Float], float], middle: Float, half: float) -> Float:
         box = [(m - half, m + half) for m in middle]
-        found = differential_evolution(cost, box, popsize=POPULATION // 3, maxiter=GENERATIONS, tol=0.0, polish=False,
-                                       rng=np.random.default_rng(seed))  # fmt: skip
+        found = differential_evolution(
+            cost,
+            box,
+            popsize=POPULATION // 3,
+            maxiter=GENERATIONS,
+            tol=0.0,
+            polish=False,
+            rng=np.random.default_rng(seed),
+        )
         return np.asarray(found.x)
 
     angles = evolve(lambda g: float(np.sum(pairs.rotation_residual(rotation_from_rpy(*g)[None]) ** 2)), rpy, BOX_RAD)

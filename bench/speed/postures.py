@@ -97,8 +97,11 @@ def one_by_one(cell: Cell, points: PathPoints) -> dict[str, float]:
             for q in branches:
                 peer.displacement_mm(q, tip[i], act[i])
 
-    found = {"clik_s": timed(clik, 1) / LOOPED, "closed_s": timed(closed, 3) / LOOPED,
-             "converged": float(np.mean(converged))}  # fmt: skip
+    found = {
+        "clik_s": timed(clik, 1) / LOOPED,
+        "closed_s": timed(closed, 3) / LOOPED,
+        "converged": float(np.mean(converged)),
+    }
     if peer.eaik is not None:
         found |= {"eaik_s": timed(eaik, 5) / LOOPED, "eaik_branches": float(np.mean(solved))}
     return found
@@ -127,9 +130,10 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
     law, bound = improved_law(examiner, K, start, grid, limits)
     return {
         "law_s": timed(lambda: improved_law(examiner, K, start, grid, limits), 3),
-        "law_points": len(points.layer), "law_gap": law.cost_mm / bound - 1,
+        "law_points": len(points.layer),
+        "law_gap": law.cost_mm / bound - 1,
         "law_gain": 1 - law.cost_mm / start.cost_mm,
-    }  # fmt: skip
+    }
 
 
 def measure() -> dict[str, Any]:

@@ -25,26 +25,79 @@ def traversed(found: dict[str, Any]) -> Iterator[Row]:
     count = 360 * 360 * found["points"] * found["branches"]
     each_s = found["traversal_s"] / count
     size = f"360 x 360 angles x {found['points']} points, all {found['branches']} branches of the arm"
-    yield Row(f"traversal of {size}, no collision", seconds(found["traversal_s"]), "", found["traversal_s"], "{:.2f} s",
-              goal=0.5, at_most=True)  # fmt: skip
-    yield Row("postures of it a second: kinematics, limits, displacement", f"{1e-6 / each_s:.3g} M", "", 1e-6 / each_s,
-              "{:.0f} M", goal=20)  # fmt: skip
-    yield Row("a posture; this project's closed-form inverse one at a time and pinocchio", f"{each_s * 1e9:.3g} ns",
-              seconds(found["closed_s"]), found["closed_s"] / each_s, "{:,.0f} x faster")  # fmt: skip
+    yield Row(
+        f"traversal of {size}, no collision",
+        seconds(found["traversal_s"]),
+        "",
+        found["traversal_s"],
+        "{:.2f} s",
+        goal=0.5,
+        at_most=True,
+    )
+    yield Row(
+        "postures of it a second: kinematics, limits, displacement",
+        f"{1e-6 / each_s:.3g} M",
+        "",
+        1e-6 / each_s,
+        "{:.0f} M",
+        goal=20,
+    )
+    yield Row(
+        "a posture; this project's closed-form inverse one at a time and pinocchio",
+        f"{each_s * 1e9:.3g} ns",
+        seconds(found["closed_s"]),
+        found["closed_s"] / each_s,
+        "{:,.0f} x faster",
+    )
     if "eaik_s" in found:
         one_s = found["eaik_s"] / found["eaik_branches"]
-        yield Row(f"a posture; EAIK and pinocchio, {found['eaik_branches']:.1f} branches a pose, each counted",
-                  f"{each_s * 1e9:.3g} ns", seconds(one_s), one_s / each_s, "{:,.0f} x faster", goal=500)  # fmt: skip
-    yield Row(f"a posture; pinocchio's CLIK ({found['converged']:.0%} converged)", f"{each_s * 1e9:.3g} ns",
-              seconds(found["clik_s"]), found["clik_s"] / each_s, "{:,.0f} x faster", goal=5000)  # fmt: skip
+        yield Row(
+            f"a posture; EAIK and pinocchio, {found['eaik_branches']:.1f} branches a pose, each counted",
+            f"{each_s * 1e9:.3g} ns",
+            seconds(one_s),
+            one_s / each_s,
+            "{:,.0f} x faster",
+            goal=500,
+        )
+    yield Row(
+        f"a posture; pinocchio's CLIK ({found['converged']:.0%} converged)",
+        f"{each_s * 1e9:.3g} ns",
+        seconds(found["clik_s"]),
+        found["clik_s"] / each_s,
+        "{:,.0f} x faster",
+        goal=5000,
+    )
     for name, goal in (("open", 3), ("cluttered", 10)):
         cells = found[f"{name}_cells"]
-        yield Row(f"the optimum with exact collision checks, proven, {name} cell ({cells:,} cells examined)",
-                  seconds(found[f"{name}_s"]), "", found[f"{name}_s"], "{:.2f} s", goal, at_most=True)  # fmt: skip
-    yield Row(f"postures a second with a certified clearance ({found['certified']:.0%} proven free)",
-              f"{1e-6 / found['bound_s']:.3g} M", "", 1e-6 / found["bound_s"], "{:.2f} M", goal=0.5)  # fmt: skip
-    yield Row(f"postures a second, the doubtful ones by fcl ({found['colliding']:.0%} collide)",
-              f"{1e-6 / found['screen_s']:.3g} M", "", 1e-6 / found["screen_s"], "{:.3f} M")  # fmt: skip
-    yield Row(f"best law of both angles over the whole grid, {found['law_points']:,} points (at most "
-              f"{found['law_gap']:.2%} above the best of all; {found['law_gain']:.2%} below the constant pair)",
-              seconds(found["law_s"]), "", found["law_s"], "{:.1f} s")  # fmt: skip
+        yield Row(
+            f"the optimum with exact collision checks, proven, {name} cell ({cells:,} cells examined)",
+            seconds(found[f"{name}_s"]),
+            "",
+            found[f"{name}_s"],
+            "{:.2f} s",
+            goal,
+            at_most=True,
+        )
+    yield Row(
+        f"postures a second with a certified clearance ({found['certified']:.0%} proven free)",
+        f"{1e-6 / found['bound_s']:.3g} M",
+        "",
+        1e-6 / found["bound_s"],
+        "{:.2f} M",
+        goal=0.5,
+    )
+    yield Row(
+        f"postures a second, the doubtful ones by fcl ({found['colliding']:.0%} collide)",
+        f"{1e-6 / found['screen_s']:.3g} M",
+        "",
+        1e-6 / found["screen_s"],
+        "{:.3f} M",
+    )
+    yield Row(
+        f"best law of both angles over the whole grid, {found['law_points']:,} points (at most "
+        f"{found['law_gap']:.2%} above the best of all; {found['law_gain']:.2%} below the constant pair)",
+        seconds(found["law_s"]),
+        "",
+        found["law_s"],
+        "{:.1f} s",
+    )

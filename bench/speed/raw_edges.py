@@ -28,13 +28,23 @@ def long_raw_edge(length_mm: float) -> tuple[RawEdge, Cloud]:
     position, tangent, normal, across = _course(s)
     waves = sum(a * np.sin(2 * np.pi * s / length + phase) for a, length, phase in WAVES)
     edge = RawEdge(
-        faces={}, labels=labels, pass_index=cloud.pass_index, frame_arc_length_mm=frames,
-        tangent_u=np.full(len(s), 1e-5), arc_length_mm=s,
-        position_mm=position + waves[:, None] * normal, tangent=tangent, normal=normal, across=across,
-        seen=np.ones(len(s), bool), burr_stations=np.zeros(0, int),
-        upper_position_mm=position + waves[:, None] * normal + THICKNESS_MM * across, upper_inward=-normal,
-        position_u_mm=np.full((len(s), 2), 0.003), normal_u=np.full(len(s), 1e-4),
-    )  # fmt: skip
+        faces={},
+        labels=labels,
+        pass_index=cloud.pass_index,
+        frame_arc_length_mm=frames,
+        tangent_u=np.full(len(s), 1e-5),
+        arc_length_mm=s,
+        position_mm=position + waves[:, None] * normal,
+        tangent=tangent,
+        normal=normal,
+        across=across,
+        seen=np.ones(len(s), bool),
+        burr_stations=np.zeros(0, int),
+        upper_position_mm=position + waves[:, None] * normal + THICKNESS_MM * across,
+        upper_inward=-normal,
+        position_u_mm=np.full((len(s), 2), 0.003),
+        normal_u=np.full(len(s), 1e-4),
+    )
     return edge, cloud
 
 
@@ -73,7 +83,11 @@ def _cloud(frames: Float) -> tuple[Cloud, AnyArray]:
     pose[:, :3, 3] = position + THICKNESS_MM * across - STANDOFF_MM * away
     pose[:, 3, 3] = 1.0
     cloud = Cloud(
-        x_mm=np.broadcast_to(x, shape).copy(), z_mm=z, keep=keep, base_from_profiler=pose,
-        time_s=frames / 5.0, pass_index=np.zeros(len(frames), int),
-    )  # fmt: skip
+        x_mm=np.broadcast_to(x, shape).copy(),
+        z_mm=z,
+        keep=keep,
+        base_from_profiler=pose,
+        time_s=frames / 5.0,
+        pass_index=np.zeros(len(frames), int),
+    )
     return cloud, labels

@@ -36,9 +36,13 @@ def fusing(million: int) -> Iterator[Row]:
         lambda: grids.fuse(x, z, poses, np.zeros(3), out=out), lambda: np.copyto(target, source), repeats=3 * REPEATS
     )
     yield Row(
-        f"fuse {million} M points; `np.copyto` of as many bytes", seconds(fuse_s), seconds(copy_s), copy_s / fuse_s,
-        "{:.2f} of its speed", goal=0.8,
-    )  # fmt: skip
+        f"fuse {million} M points; `np.copyto` of as many bytes",
+        seconds(fuse_s),
+        seconds(copy_s),
+        copy_s / fuse_s,
+        "{:.2f} of its speed",
+        goal=0.8,
+    )
 
 
 def reading(million: int, packed: Path, times: Times) -> Iterator[Row]:
@@ -52,8 +56,15 @@ def reading(million: int, packed: Path, times: Times) -> Iterator[Row]:
         times[million] = whole_s, plain_s
         against = f"{million} M points, {storage}; h5py reading x and z"
         yield Row(f"`scan.read` of {against}", seconds(read_s), seconds(plain_s), read_s / plain_s, "{:.2f} x its time")
-        yield Row(f"recording to inspection, {against}", seconds(whole_s), seconds(plain_s), whole_s / plain_s,
-                  "{:.2f} x its time", goal=2, at_most=True)  # fmt: skip
+        yield Row(
+            f"recording to inspection, {against}",
+            seconds(whole_s),
+            seconds(plain_s),
+            whole_s / plain_s,
+            "{:.2f} x its time",
+            goal=2,
+            at_most=True,
+        )
 
 
 def routes(paths: dict[int, Path], times: Times, also_largest: bool) -> Iterator[Row]:
@@ -75,10 +86,22 @@ def routes(paths: dict[int, Path], times: Times, also_largest: bool) -> Iterator
             general_s, how = extrapolated(known, million), "extrapolated"
         whole_s, plain_s = times[million]
         other_s = general_s + plain_s
-        yield Row(f"recording to inspection, {million} M points, gzip; Open3D ({how})", seconds(whole_s),
-                  seconds(other_s), other_s / whole_s, "{:.0f} x faster", goal=500)  # fmt: skip
-        yield Row(f"the same from memory, {million} M points; Open3D ({how})", seconds(inspect_s),
-                  seconds(general_s), general_s / inspect_s, "{:.0f} x faster", goal=500)  # fmt: skip
+        yield Row(
+            f"recording to inspection, {million} M points, gzip; Open3D ({how})",
+            seconds(whole_s),
+            seconds(other_s),
+            other_s / whole_s,
+            "{:.0f} x faster",
+            goal=500,
+        )
+        yield Row(
+            f"the same from memory, {million} M points; Open3D ({how})",
+            seconds(inspect_s),
+            seconds(general_s),
+            general_s / inspect_s,
+            "{:.0f} x faster",
+            goal=500,
+        )
 
 
 def extrapolated(known_s: dict[int, float], million: int) -> float:
@@ -91,8 +114,15 @@ def memory(million: int, path: Path) -> Iterator[Row]:
     """Peak resident memory of a process that reads and inspects; the grid alone is 8 bytes a point."""
     command = [sys.executable, "-m", "bench.speed.ours", str(path)]
     peak = int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    yield Row(f"peak memory, {million} M points, gzip; x and z alone", f"{peak / 1e9:.2f} GB",
-              f"{million * 8e-3:.2f} GB", peak / 1e9, "{:.2f} GB", goal=2.5, at_most=True)  # fmt: skip
+    yield Row(
+        f"peak memory, {million} M points, gzip; x and z alone",
+        f"{peak / 1e9:.2f} GB",
+        f"{million * 8e-3:.2f} GB",
+        peak / 1e9,
+        "{:.2f} GB",
+        goal=2.5,
+        at_most=True,
+    )
 
 
 def picture(path: Path) -> Iterator[Row]:
@@ -100,8 +130,15 @@ def picture(path: Path) -> Iterator[Row]:
     command = [sys.executable, "-m", "bench.speed.pictures", str(path)]
     found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     ours_s, vtk_s = found["ours_s"], found["vtk_s"]
-    yield Row(f"picture of {found['points'] / 1e6:.1f} M points, 1600 x 900, lit; VTK offscreen", seconds(ours_s),
-              seconds(vtk_s), ours_s, "{:.2f} s", goal=1, at_most=True)  # fmt: skip
+    yield Row(
+        f"picture of {found['points'] / 1e6:.1f} M points, 1600 x 900, lit; VTK offscreen",
+        seconds(ours_s),
+        seconds(vtk_s),
+        ours_s,
+        "{:.2f} s",
+        goal=1,
+        at_most=True,
+    )
 
 
 def linearity(times: Times) -> Iterator[Row]:
@@ -110,8 +147,15 @@ def linearity(times: Times) -> Iterator[Row]:
     base = sorted(per_frame)[min(1, len(per_frame) - 1)]
     for million, value_s in per_frame.items():
         goal = 1.25 if million > base else None
-        yield Row(f"time a frame, {million} M points; at {base} M", seconds(value_s), seconds(per_frame[base]),
-                  value_s / per_frame[base], "{:.2f} x", goal, at_most=True)  # fmt: skip
+        yield Row(
+            f"time a frame, {million} M points; at {base} M",
+            seconds(value_s),
+            seconds(per_frame[base]),
+            value_s / per_frame[base],
+            "{:.2f} x",
+            goal,
+            at_most=True,
+        )
 
 
 def starting() -> Iterator[Row]:
@@ -124,8 +168,15 @@ def starting() -> Iterator[Row]:
     help_s, bare_s = in_turn(
         lambda: run(workbench, "--help"), lambda: run(sys.executable, "-c", "import argparse"), repeats=3 * REPEATS
     )
-    yield Row('`workbench --help`; `python -c "import argparse"`', seconds(help_s), seconds(bare_s), help_s / bare_s,
-              "{:.2f} x its time", goal=4, at_most=True)  # fmt: skip
+    yield Row(
+        '`workbench --help`; `python -c "import argparse"`',
+        seconds(help_s),
+        seconds(bare_s),
+        help_s / bare_s,
+        "{:.2f} x its time",
+        goal=4,
+        at_most=True,
+    )
 
 
 def first_run(path: Path, cache: Path) -> Iterator[Row]:
@@ -136,8 +187,12 @@ def first_run(path: Path, cache: Path) -> Iterator[Row]:
         start = time.perf_counter()
         subprocess.run(command, check=True, capture_output=True, env={**os.environ, "NUMBA_CACHE_DIR": str(cache)})
         times.append(time.perf_counter() - start)
-    yield Row("a process that inspects 1 M points, kernels to compile (one run); the next one", *map(seconds, times),
-              times[0] / times[1], "{:.1f} x")  # fmt: skip
+    yield Row(
+        "a process that inspects 1 M points, kernels to compile (one run); the next one",
+        *map(seconds, times),
+        times[0] / times[1],
+        "{:.1f} x",
+    )
 
 
 def planning() -> Iterator[Row]:
@@ -159,27 +214,60 @@ def calibrating() -> Iterator[Row]:
 def calibrated(found: dict[str, Any]) -> Iterator[Row]:
     """Rows of what `bench.speed.calibration` has measured; errors are RMS over the field of view."""
     s, vol = found["seconds"], found["vol_mm"]
-    yield Row("hand-eye pose of 9 profiles after circle fits, signs searched, answer checked", seconds(s["ours"]), "",
-              1e3 * s["ours"], "{:.2f} ms", goal=5, at_most=True)  # fmt: skip
-    yield Row("file of 9 profiles to `handeye.json`, libraries imported", seconds(found["file_s"]), "", found["file_s"],
-              "{:.3f} s", goal=1, at_most=True)  # fmt: skip
+    yield Row(
+        "hand-eye pose of 9 profiles after circle fits, signs searched, answer checked",
+        seconds(s["ours"]),
+        "",
+        1e3 * s["ours"],
+        "{:.2f} ms",
+        goal=5,
+        at_most=True,
+    )
+    yield Row(
+        "file of 9 profiles to `handeye.json`, libraries imported",
+        seconds(found["file_s"]),
+        "",
+        found["file_s"],
+        "{:.3f} s",
+        goal=1,
+        at_most=True,
+    )
     others = (("DE", "scipy's differential evolution, an individual at a time"), ("GA", "the paper's GA, vectorised"))
     for own, words in (("ours", "signs searched"), ("with_signs", "signs given, from the design's pose")):
         for name, other in others:
-            yield Row(f"hand-eye pose of 9 profiles, {words}, error {vol[own]:.3f} mm; {other}, signs given, 100 x "
-                      f"100 evaluations a step, error {vol[name]:.3f} mm", seconds(s[own]), seconds(s[name]),
-                      s[name] / s[own], "{:.0f} x faster", goal=300)  # fmt: skip
+            yield Row(
+                f"hand-eye pose of 9 profiles, {words}, error {vol[own]:.3f} mm; {other}, signs given, 100 x "
+                f"100 evaluations a step, error {vol[name]:.3f} mm",
+                seconds(s[own]),
+                seconds(s[name]),
+                s[name] / s[own],
+                "{:.0f} x faster",
+                goal=300,
+            )
 
 
 def planned(found: dict[str, Any]) -> Iterator[Row]:
     """Rows of what `bench.speed.planning` has measured. The peers' times are linear in the points of the path."""
     stages_s, points = found["stages_s"], found["points"]
     parts = ", ".join(f"{name} {seconds(stages_s[name])}" for name in stages_s if name not in ("all", "path.check"))
-    yield Row(f"5 m raw edge to RAPID, {found['layers']} layers, {points:,} points, one core ({parts})",
-              seconds(stages_s["all"]), "", stages_s["all"], "{:.2f} s", goal=2, at_most=True)  # fmt: skip
+    yield Row(
+        f"5 m raw edge to RAPID, {found['layers']} layers, {points:,} points, one core ({parts})",
+        seconds(stages_s["all"]),
+        "",
+        stages_s["all"],
+        "{:.2f} s",
+        goal=2,
+        at_most=True,
+    )
     yield Row("`path.check` of it", seconds(stages_s["path.check"]), "", stages_s["path.check"], "{:.2f} s")
     ours_s, scale = found["distances_s"]["ours"], points / found["peer_points"]
     for name, words in (("open3d", "Open3D `compute_point_cloud_distance`"), ("tree", "scipy `cKDTree`")):
         other_s = found["distances_s"][name] * scale
-        yield Row(f"d_min of all {points:,} points, one core; {words} (extrapolated from {found['peer_points']:,})",
-                  seconds(ours_s), seconds(other_s), other_s / ours_s, "{:.0f} x faster", goal=50)  # fmt: skip
+        yield Row(
+            f"d_min of all {points:,} points, one core; {words} (extrapolated from {found['peer_points']:,})",
+            seconds(ours_s),
+            seconds(other_s),
+            other_s / ours_s,
+            "{:.0f} x faster",
+            goal=50,
+        )

@@ -100,9 +100,13 @@ def _spent(side: Path, folder: Path, *arguments: str) -> float:
     kernels.mkdir(exist_ok=True)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
-        [sys.executable, "-m", "workbench", *arguments], capture_output=True, text=True, check=False, cwd=side,
+        [sys.executable, "-m", "workbench", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=side,
         env={**os.environ, "PYTHONPATH": str(side), "NUMBA_CACHE_DIR": str(kernels)},
-    )  # fmt: skip
+    )
     if done.returncode > 1:
         raise RuntimeError(done.stderr)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -38,8 +38,9 @@ def lay_out(folder: Path) -> Path:
     return folder
 
 
-def follow(page: str, folder: Path, languages: tuple[str, ...] = ("sh",),
-           after: Callable[[str], None] = lambda command: None) -> int:  # fmt: skip
+def follow(
+    page: str, folder: Path, languages: tuple[str, ...] = ("sh",), after: Callable[[str], None] = lambda command: None
+) -> int:
     """Run the page's blocks in `folder` and compare; `after` is called with each block that was run. How many ran.
 
     Raises:

@@ -24,9 +24,13 @@ def cluster(breaking: Path) -> Iterator[Any]:
     from distributed import LocalCluster
 
     with LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        host="127.0.0.1",
         silence_logs=50,
-    ) as running:  # fmt: skip
+    ) as running:
         yield running
 
 
@@ -48,8 +52,10 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
     killer.join()
     outcomes = {one.part: one.outcome for one in made.records}
     assert outcomes == {f"part-{i}": "passed" for i in range(1, 13)} | {
-        "bad": "rejected", "torn": "crashed", "stuck": "hung",
-    }  # fmt: skip
+        "bad": "rejected",
+        "torn": "crashed",
+        "stuck": "hung",
+    }
     assert len(made.records) == len(paths)
     single = tmp_path / "single"
     run_batch(pipeline, paths[:13], str(single), workers=0)

@@ -15,16 +15,26 @@ from workbench.batch.fleet_table import characteristics, least_margin, worst_fir
 from workbench.batch.record import Record
 
 NEEDS = {
-    "root_nominal_mm": 1.5, "root_tolerance_mm": [-0.5, 0.5], "bevel_nominal_deg": 40.0, "bevel_tolerance_deg": [-1, 1],
-}  # fmt: skip
+    "root_nominal_mm": 1.5,
+    "root_tolerance_mm": [-0.5, 0.5],
+    "bevel_nominal_deg": 40.0,
+    "bevel_tolerance_deg": [-1, 1],
+}
 
 
 def part(name: str, roots: list[float | None], verdict: str = "pass", **more: object) -> Record:
     sections = tuple(
-        {"index": i, "arc_length_mm": 10.0 * i, "root_mm": root, "root_u_mm": root and 0.01,
-         "bevel_deg": root and 40.2, "bevel_u_deg": root and 0.02, "verdict": verdict}
+        {
+            "index": i,
+            "arc_length_mm": 10.0 * i,
+            "root_mm": root,
+            "root_u_mm": root and 0.01,
+            "bevel_deg": root and 40.2,
+            "bevel_u_deg": root and 0.02,
+            "verdict": verdict,
+        }
         for i, root in enumerate(roots, 1)
-    )  # fmt: skip
+    )
     outcome = "rejected" if verdict == "fail" else "passed"
     given = {"outcome": outcome, "files": {"report.html": "0"}, **more}
     return Record(name, f"{name}.h5", verdict=verdict, requirements=NEEDS, sections=sections, **given)  # type: ignore[arg-type]

@@ -7,11 +7,18 @@ import pytest
 from workbench.batch.record import Record
 
 RECORD = Record(
-    "a", "a.h5", "rejected", cause="fail", sections=({"index": 1, "root_mm": None},),
-    requirements={"root_nominal_mm": 1.5}, seconds=0.25, pipeline="p", versions="v",
+    "a",
+    "a.h5",
+    "rejected",
+    cause="fail",
+    sections=({"index": 1, "root_mm": None},),
+    requirements={"root_nominal_mm": 1.5},
+    seconds=0.25,
+    pipeline="p",
+    versions="v",
     inputs=({"name": "recording", "path": "a.h5", "sha256": "0"},),
     files={"run.json": "1"},
-)  # fmt: skip
+)
 
 
 def test_it_is_read_as_written() -> None:
@@ -21,10 +28,16 @@ def test_it_is_read_as_written() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"format": "other"}, {"version": 2}, {"outcome": "odd"}, {"files": {"../up": "1"}}, {"files": 3},
-        {"sections": [3]}, {"inputs": None}, {"extra": 1},
+        {"format": "other"},
+        {"version": 2},
+        {"outcome": "odd"},
+        {"files": {"../up": "1"}},
+        {"files": 3},
+        {"sections": [3]},
+        {"inputs": None},
+        {"extra": 1},
     ],
-)  # fmt: skip
+)
 def test_what_is_no_record(change: dict[str, object]) -> None:
     assert Record.read(json.dumps(json.loads(RECORD.content()) | change).encode()) is None
 

@@ -100,8 +100,11 @@ def test_what_is_whole_is_not_made_again(pipeline: Path, breaking: Path, record:
 @pytest.mark.usefixtures("plain_page")
 def test_a_part_that_fails_now_leaves_no_earlier_result_in_place(pipeline: Path, record: Write, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    for what, names in (("pass", {"part.json", "inspection.json", "report.html", "run.json"}),
-                        ("unusable", {"part.json", "superseded"}), ("exit", {"part.json", "superseded"})):  # fmt: skip
+    for what, names in (
+        ("pass", {"part.json", "inspection.json", "report.html", "run.json"}),
+        ("unusable", {"part.json", "superseded"}),
+        ("exit", {"part.json", "superseded"}),
+    ):
         run_batch(pipeline, [record("a", what)], str(out), workers=1)
         assert {path.name for path in (out / "a").iterdir()} == names
 

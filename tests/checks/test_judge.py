@@ -21,9 +21,28 @@ from workbench.geometry.poses import inverse, pose_from
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
 
-GOOD = ["paper", "arc", "wavy", "oblique", "two_pass", "reversed", "partial_view", "outliers_5", "missing_20",
-        "coarse", "noisy", "correlated", "robot_error", "clamps", "raw_straight", "raw_arc", "raw_rough", "raw_below",
-        "raw_two_pass", "raw_square"]  # fmt: skip
+GOOD = [
+    "paper",
+    "arc",
+    "wavy",
+    "oblique",
+    "two_pass",
+    "reversed",
+    "partial_view",
+    "outliers_5",
+    "missing_20",
+    "coarse",
+    "noisy",
+    "correlated",
+    "robot_error",
+    "clamps",
+    "raw_straight",
+    "raw_arc",
+    "raw_rough",
+    "raw_below",
+    "raw_two_pass",
+    "raw_square",
+]
 
 
 def spoilt(recording: Recording, **changes: object) -> Recording:
@@ -99,15 +118,19 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "x y z w": (lambda r: turned(r, [1, 2, 3, 0]), "obliquity_deg", "x y z w"),
     "an inverted hand-eye pose": (lambda r: hand_eye(r, inverse), "obliquity_deg", "hand-eye pose is inverted"),
     "a transposed hand-eye": (
-        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3].T, p[:3, 3])), "obliquity_deg", "transposed",
+        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3].T, p[:3, 3])),
+        "obliquity_deg",
+        "transposed",
     ),
     "a hand-eye in metres": (
-        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)), "hand_eye_mm", "metres",
+        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)),
+        "hand_eye_mm",
+        "metres",
     ),
     "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
     "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
     "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -129,10 +152,16 @@ def test_a_pass_that_is_a_copy_counts_once() -> None:
     number = np.concatenate([np.full(len(r.time_s), k) for k in range(3)])
     poses = np.concatenate([np.full(len(r.robot_time_s), k) for k in range(3)])
     thrice = spoilt(
-        r, time_s=np.tile(r.time_s, 3), x_mm=np.tile(r.x_mm, (3, 1)), z_mm=np.tile(r.z_mm, (3, 1)), pass_index=number,
-        robot_time_s=np.tile(r.robot_time_s, 3), robot_position_mm=np.tile(r.robot_position_mm, (3, 1)),
-        robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (3, 1)), robot_pass=poses,
-    )  # fmt: skip
+        r,
+        time_s=np.tile(r.time_s, 3),
+        x_mm=np.tile(r.x_mm, (3, 1)),
+        z_mm=np.tile(r.z_mm, (3, 1)),
+        pass_index=number,
+        robot_time_s=np.tile(r.robot_time_s, 3),
+        robot_position_mm=np.tile(r.robot_position_mm, (3, 1)),
+        robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (3, 1)),
+        robot_pass=poses,
+    )
     assert "2 of 3 passes are copies" in next(c.finding for c in judge_recording(thrice) if c.name == "repeated_share")
     assert set(without_copies(thrice).pass_index) == {0}
     dithered = thrice.z_mm + np.random.default_rng(3).normal(0, 1e-5, thrice.z_mm.shape).astype("f4")
@@ -160,10 +189,14 @@ def swaying(offset_s: float) -> Recording:
     c, s = np.cos(at)[:, None], np.sin(at)[:, None]
     x, z = r.x_mm - x0, r.z_mm - z0
     return spoilt(
-        r, x_mm=(x0 + c * x - s * z).astype("f4"), z_mm=(z0 + s * x + c * z).astype("f4"), robot_time_s=time,
+        r,
+        x_mm=(x0 + c * x - s * z).astype("f4"),
+        z_mm=(z0 + s * x + c * z).astype("f4"),
+        robot_time_s=time,
         robot_position_mm=start + share[:, None] * (stop - start) - lever,
-        robot_quaternion_wxyz=(turn * rotation).as_quat()[:, [3, 0, 1, 2]], robot_pass=np.zeros(1500, np.int64),
-    )  # fmt: skip
+        robot_quaternion_wxyz=(turn * rotation).as_quat()[:, [3, 0, 1, 2]],
+        robot_pass=np.zeros(1500, np.int64),
+    )
 
 
 @pytest.mark.parametrize("offset_ms", [0.0, 10.0, -30.0])

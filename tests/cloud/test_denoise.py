@@ -17,18 +17,28 @@ FRAMES, COLUMNS, NOISE_MM = 200, 500, 0.012
 def profile() -> Float:
     """Ranges of upper surface, bevel, root face and lower surface in the columns, with corners of 50, 40 and 90 deg."""
     u = np.arange(COLUMNS) * 0.05
-    return np.asarray(150 - 0.4 * np.minimum(u, 8) + 0.7 * np.clip(u - 8, 0, 8) + 2.5 * np.clip(u - 16, 0, 1.5)
-                      - 0.5 * np.maximum(u - 17.5, 0))  # fmt: skip
+    return np.asarray(
+        150
+        - 0.4 * np.minimum(u, 8)
+        + 0.7 * np.clip(u - 8, 0, 8)
+        + 2.5 * np.clip(u - 16, 0, 1.5)
+        - 0.5 * np.maximum(u - 17.5, 0)
+    )
 
 
 def cloud(z: Float, keep: Bool | None = None) -> Cloud:
     z = z.astype(np.float32)
     kept = np.isfinite(z) if keep is None else keep
     return Cloud(
-        x_mm=np.broadcast_to(np.arange(z.shape[1], dtype=np.float32) * 0.05, z.shape), z_mm=z, keep=kept,
-        base_from_profiler=np.tile(np.eye(4), (len(z), 1, 1)), time_s=np.arange(len(z)) * 0.01,
-        pass_index=np.zeros(len(z), np.int64), source="simulated", rejected={"earlier": 3},
-    )  # fmt: skip
+        x_mm=np.broadcast_to(np.arange(z.shape[1], dtype=np.float32) * 0.05, z.shape),
+        z_mm=z,
+        keep=kept,
+        base_from_profiler=np.tile(np.eye(4), (len(z), 1, 1)),
+        time_s=np.arange(len(z)) * 0.01,
+        pass_index=np.zeros(len(z), np.int64),
+        source="simulated",
+        rejected={"earlier": 3},
+    )
 
 
 def clean(rng: np.random.Generator, vibration_mm: float = 0.05) -> Float:

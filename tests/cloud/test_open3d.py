@@ -31,11 +31,14 @@ def corner():
     rng = np.random.default_rng(3)
     u, v = rng.uniform(0, 1, (2, 30_000))
     face = np.arange(30_000) % 3
-    points = np.choose(face[:, None], [
-        np.stack([60 * u, 40 * v, 0 * u], axis=1),
-        np.stack([60 * u, 0 * u, 25 * v], axis=1),
-        np.stack([0 * u, 40 * u, 25 * v * (1 - 0.5 * u)], axis=1),
-    ])  # fmt: skip
+    points = np.choose(
+        face[:, None],
+        [
+            np.stack([60 * u, 40 * v, 0 * u], axis=1),
+            np.stack([60 * u, 0 * u, 25 * v], axis=1),
+            np.stack([0 * u, 40 * u, 25 * v * (1 - 0.5 * u)], axis=1),
+        ],
+    )
     return points + np.array([1000.0, -300.0, 700.0]) + rng.normal(0, 0.02, points.shape)
 
 

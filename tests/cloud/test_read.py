@@ -51,8 +51,9 @@ def write_e57(path: Path, points: Float) -> None:
         off = part / 1000 - origin
         if rotation is quarter:
             off = np.stack([off[:, 1], -off[:, 0], off[:, 2]], axis=1)  # turned back
-        file.write_scan_raw({f"cartesian{k}": off[:, i] for i, k in enumerate("XYZ")}, rotation=rotation,
-                            translation=origin)  # fmt: skip
+        file.write_scan_raw(
+            {f"cartesian{k}": off[:, i] for i, k in enumerate("XYZ")}, rotation=rotation, translation=origin
+        )
     file.close()
 
 
@@ -111,18 +112,21 @@ def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) 
         read(file=path)
 
 
-@pytest.mark.parametrize(("name", "content", "expected"), [
-    ("a.dwg", b"x", "expected a cloud as PLY, PCD.*found the ending '.dwg'"),
-    ("a.ply", b"ply\nformat ascii 1.0\n", "expected a complete PLY file: .*"),
-    ("a.pcd", b"VERSION 0.7\nFIELDS x\n", "no DATA line"),
-    ("a.pcd", b"FIELDS x\nSIZE 8\nCOUNT 1\nPOINTS 99999999999\nDATA binary\n1", "too many for the 1 bytes"),
-    ("a.xyz", b"1 2 3\n4 5\n", "row 2"),
-    ("a.xyz", b"1 2 3\n4 five 6\n", "'five'"),
-    ("a.xyz", b"1 2 3\n4 5 6\n", "at least 100 points, found 2"),
-    ("a.las", b"LASF" + bytes(500), "expected a complete LAS file"),
-    ("a.e57", b"ASTM-E57" + bytes(2000), "expected a complete E57 file"),
-    ("a.stl", b"solid x\nfacet normal 0 0", "a whole STL file|at least 100 points, found 0"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.dwg", b"x", "expected a cloud as PLY, PCD.*found the ending '.dwg'"),
+        ("a.ply", b"ply\nformat ascii 1.0\n", "expected a complete PLY file: .*"),
+        ("a.pcd", b"VERSION 0.7\nFIELDS x\n", "no DATA line"),
+        ("a.pcd", b"FIELDS x\nSIZE 8\nCOUNT 1\nPOINTS 99999999999\nDATA binary\n1", "too many for the 1 bytes"),
+        ("a.xyz", b"1 2 3\n4 5\n", "row 2"),
+        ("a.xyz", b"1 2 3\n4 five 6\n", "'five'"),
+        ("a.xyz", b"1 2 3\n4 5 6\n", "at least 100 points, found 2"),
+        ("a.las", b"LASF" + bytes(500), "expected a complete LAS file"),
+        ("a.e57", b"ASTM-E57" + bytes(2000), "expected a complete E57 file"),
+        ("a.stl", b"solid x\nfacet normal 0 0", "a whole STL file|at least 100 points, found 0"),
+    ],
+)
 def test_unusable_files_end_in_one_line(tmp_path: Path, name: str, content: bytes, expected: str) -> None:
     path = tmp_path / name
     path.write_bytes(content)

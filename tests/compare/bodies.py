@@ -11,8 +11,14 @@ AT = np.array([1500.0, 200.0, 800.0])  # where it lies in the base
 FRAME_MM = 0.4
 
 
-def scanned(seed: int, kind: str = "edge", count: int = 9000, noise_mm: float = 0.01, frame_noise_mm: float = 0.0,
-            step_mm: float = 0.0) -> Surface:  # fmt: skip
+def scanned(
+    seed: int,
+    kind: str = "edge",
+    count: int = 9000,
+    noise_mm: float = 0.01,
+    frame_noise_mm: float = 0.0,
+    step_mm: float = 0.0,
+) -> Surface:
     """An upper face (normal z), a front face (normal y) and, of a `corner`, an end face (normal x).
 
     The front face of the middle third of the edge lies `step_mm` farther out. `frame_noise_mm` moves whole frames.
@@ -21,8 +27,11 @@ def scanned(seed: int, kind: str = "edge", count: int = 9000, noise_mm: float = 
     u, v = rng.uniform(0.0, 1.0, (2, count))
     face = rng.integers(0, 3 if kind == "corner" else 2, count)
     zero = np.zeros(count)
-    faces = [np.column_stack([u * LENGTH, -v * WIDTH, zero]), np.column_stack([u * LENGTH, zero, -v * DEPTH]),
-             np.column_stack([zero + LENGTH, -u * WIDTH, -v * DEPTH])]  # fmt: skip
+    faces = [
+        np.column_stack([u * LENGTH, -v * WIDTH, zero]),
+        np.column_stack([u * LENGTH, zero, -v * DEPTH]),
+        np.column_stack([zero + LENGTH, -u * WIDTH, -v * DEPTH]),
+    ]
     normals = np.eye(3)[[2, 1, 0]]
     points = np.stack(faces)[face, np.arange(count)]
     frame = np.floor((points[:, 0] + 0.7 * (points[:, 1] + WIDTH)) / FRAME_MM).astype(np.int64)  # oblique

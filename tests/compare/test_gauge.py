@@ -11,18 +11,20 @@ from workbench.compare.gauge import gauge
 from workbench.units import Float
 
 # AIAG, Measurement Systems Analysis, 4th ed. (2010), chapter III B. A row a part; operators A, B, C by threes.
-AIAG = np.array([
-    [0.29, 0.41, 0.64, 0.08, 0.25, 0.07, 0.04, -0.11, -0.15],
-    [-0.56, -0.68, -0.58, -0.47, -1.22, -0.68, -1.38, -1.13, -0.96],
-    [1.34, 1.17, 1.27, 1.19, 0.94, 1.34, 0.88, 1.09, 0.67],
-    [0.47, 0.50, 0.64, 0.01, 1.03, 0.20, 0.14, 0.20, 0.11],
-    [-0.80, -0.92, -0.84, -0.56, -1.20, -1.28, -1.46, -1.07, -1.45],
-    [0.02, -0.11, -0.21, -0.20, 0.22, 0.06, -0.29, -0.67, -0.49],
-    [0.59, 0.75, 0.66, 0.47, 0.55, 0.83, 0.02, 0.01, 0.21],
-    [-0.31, -0.20, -0.17, -0.63, 0.08, -0.34, -0.46, -0.56, -0.49],
-    [2.26, 1.99, 2.01, 1.80, 2.12, 2.19, 1.77, 1.45, 1.87],
-    [-1.36, -1.25, -1.31, -1.68, -1.62, -1.50, -1.49, -1.77, -2.16],
-]).reshape(10, 3, 3, 1)  # fmt: skip
+AIAG = np.array(
+    [
+        [0.29, 0.41, 0.64, 0.08, 0.25, 0.07, 0.04, -0.11, -0.15],
+        [-0.56, -0.68, -0.58, -0.47, -1.22, -0.68, -1.38, -1.13, -0.96],
+        [1.34, 1.17, 1.27, 1.19, 0.94, 1.34, 0.88, 1.09, 0.67],
+        [0.47, 0.50, 0.64, 0.01, 1.03, 0.20, 0.14, 0.20, 0.11],
+        [-0.80, -0.92, -0.84, -0.56, -1.20, -1.28, -1.46, -1.07, -1.45],
+        [0.02, -0.11, -0.21, -0.20, 0.22, 0.06, -0.29, -0.67, -0.49],
+        [0.59, 0.75, 0.66, 0.47, 0.55, 0.83, 0.02, 0.01, 0.21],
+        [-0.31, -0.20, -0.17, -0.63, 0.08, -0.34, -0.46, -0.56, -0.49],
+        [2.26, 1.99, 2.01, 1.80, 2.12, 2.19, 1.77, 1.45, 1.87],
+        [-1.36, -1.25, -1.31, -1.68, -1.62, -1.50, -1.49, -1.77, -2.16],
+    ]
+).reshape(10, 3, 3, 1)
 
 
 def test_aiag_table() -> None:
@@ -100,8 +102,13 @@ def test_a_real_interaction_is_kept() -> None:
 def study(rng: np.random.Generator, shape: tuple[int, int, int, int], sd: dict[str, float]) -> Float:
     """A random study of known components; `recording` is an error that all sections of a recording share."""
     p, o, r, s = shape
-    shapes = {"part": (p, 1, 1, s), "operator": (1, o, 1, s), "interaction": (p, o, 1, s), "error": shape,
-              "recording": (p, o, r, 1)}  # fmt: skip
+    shapes = {
+        "part": (p, 1, 1, s),
+        "operator": (1, o, 1, s),
+        "interaction": (p, o, 1, s),
+        "error": shape,
+        "recording": (p, o, r, 1),
+    }
     return np.asarray(sum(sd.get(name, 0.0) * rng.normal(size=shapes[name]) for name in shapes))
 
 

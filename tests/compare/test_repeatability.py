@@ -18,8 +18,9 @@ def rows(*lines: str) -> str:
     return HEAD + "\n".join(lines) + "\n"
 
 
-SMALL = rows("P,A,1,1,1.50,0.01", "P,A,2,1,1.52,0.01", "P,B,1,1,1.46,0.01", "P,B,2,1,1.50,0.01",
-             "P,reference,1,1,1.47,0.01")  # fmt: skip
+SMALL = rows(
+    "P,A,1,1,1.50,0.01", "P,A,2,1,1.52,0.01", "P,B,1,1,1.46,0.01", "P,B,2,1,1.50,0.01", "P,reference,1,1,1.47,0.01"
+)
 
 
 def written(folder: Path, text: str, name: str = "study.csv") -> Path:
@@ -61,10 +62,23 @@ def test_json_says_the_same(tmp_path: Path) -> None:
 
 
 def inspection(root_mm: float | None, **more: Any) -> dict[str, Any]:
-    rows = [{"index": k, "arc_length_mm": 10.0 * k, "root_mm": root_mm, "root_u_mm": 0.01, "bevel_deg": 40.0 + k,
-             "bevel_u_deg": 0.02} for k in (1, 2)]  # fmt: skip
-    wanted = {"root_nominal_mm": 1.5, "root_tolerance_mm": [-0.5, 0.4], "bevel_nominal_deg": 40,
-              "bevel_tolerance_deg": [-1, 1]}  # fmt: skip
+    rows = [
+        {
+            "index": k,
+            "arc_length_mm": 10.0 * k,
+            "root_mm": root_mm,
+            "root_u_mm": 0.01,
+            "bevel_deg": 40.0 + k,
+            "bevel_u_deg": 0.02,
+        }
+        for k in (1, 2)
+    ]
+    wanted = {
+        "root_nominal_mm": 1.5,
+        "root_tolerance_mm": [-0.5, 0.4],
+        "bevel_nominal_deg": 40,
+        "bevel_tolerance_deg": [-1, 1],
+    }
     return {"format": "bevel-inspection", "version": 1, "sections": rows, "requirements": wanted, **more}
 
 
@@ -204,8 +218,11 @@ def test_the_headline_agrees_with_the_categories(tmp_path: Path) -> None:
 @pytest.mark.skipif(not REAL.exists(), reason="the real gauge study is not here")
 def test_a_real_study_of_another_gauge() -> None:
     """10 parts x 3 operators x 3 trials; the values that its ANOVA with pooled interaction has."""
-    document, _ = repeatability(study(study=REAL, characteristics=["C2_3_TP"],
-                                      columns={"part": "SN", "operator": "Operators", "trial": "Trials"}))  # fmt: skip
+    document, _ = repeatability(
+        study(
+            study=REAL, characteristics=["C2_3_TP"], columns={"part": "SN", "operator": "Operators", "trial": "Trials"}
+        )
+    )
     (one,) = json.loads(document.content)["characteristics"]
     sd = {part["name"]: part["sd"] for part in one["components"]}
     assert [sd[name] for name in ("EV", "AV", "GRR", "PV")] == pytest.approx(

@@ -92,9 +92,7 @@ def test_the_contents_are_the_links_of_a_page():
     text = "# T\n[out](x.md)\n## One\n- [a page](a.md#there), [b](../b.md)\n## None\n## Two\n- [c](d/c.md)\n"
     chapters = dict(chapters_of(text, "docs/README.md"))
     assert chapters == {"One": {"docs/a.md": "A page", "b.md": "B"}, "Two": {"docs/d/c.md": "C"}}
-    assert toctree("One", chapters["One"]).splitlines()[2:] == [
-        ":caption: One", "", "A page <docs/a>", "B <b>", "```"
-    ]  # fmt: skip
+    assert toctree("One", chapters["One"]).splitlines()[2:] == [":caption: One", "", "A page <docs/a>", "B <b>", "```"]
 
 
 GALLERY = """# Gallery

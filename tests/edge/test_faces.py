@@ -31,8 +31,10 @@ def true_labels(scan: Any) -> AnyArray:
 @pytest.mark.parametrize("elevation_deg", [50.0, 0.0, -25.0])
 @pytest.mark.parametrize(("x_rises", "z_away"), [(True, True), (False, False)])
 def test_points_bear_the_name_of_their_face(scanned: Scans, elevation_deg: float, x_rises: bool, z_away: bool) -> None:
-    scan = scanned(passes=[{"from_mm": 5.0, "to_mm": 25.0, "elevation_deg": elevation_deg}],
-                   scanner={"columns": 500, "x_rises": x_rises, "z_away": z_away})  # fmt: skip
+    scan = scanned(
+        passes=[{"from_mm": 5.0, "to_mm": 25.0, "elevation_deg": elevation_deg}],
+        scanner={"columns": 500, "x_rises": x_rises, "z_away": z_away},
+    )
     made, truth = scan.tracked, true_labels(scan)
     assert made.seen.all()
     for face in (ROOT_FACE, BEVEL_FACE):
@@ -115,9 +117,12 @@ def test_what_is_no_milled_edge_is_refused(scanned: Scans, kind: str) -> None:
 
 def without_columns(cloud: Cloud, first: int, last: int) -> Cloud:
     """What a sensor with columns first to last - 1 alone would have seen."""
-    return replace(cloud, x_mm=np.ascontiguousarray(cloud.x_mm[:, first:last]),
-                   z_mm=np.ascontiguousarray(cloud.z_mm[:, first:last]),
-                   keep=np.ascontiguousarray(cloud.keep[:, first:last]))  # fmt: skip
+    return replace(
+        cloud,
+        x_mm=np.ascontiguousarray(cloud.x_mm[:, first:last]),
+        z_mm=np.ascontiguousarray(cloud.z_mm[:, first:last]),
+        keep=np.ascontiguousarray(cloud.keep[:, first:last]),
+    )
 
 
 def test_a_root_face_that_runs_out_of_the_field_is_refused(scanned: Scans) -> None:
@@ -136,8 +141,9 @@ def test_empty_frames_and_few_frames(scanned: Scans) -> None:
     with pytest.raises(InputError, match="no edge in view"):
         find_faces(replace(cloud, keep=np.zeros_like(cloud.keep)), 1.5, 40.0)
     some: Int = np.array([3, 60, 61, 62, 200])
-    few = replace(cloud, x_mm=cloud.x_mm[some], z_mm=cloud.z_mm[some], keep=cloud.keep[some],
-                  pass_index=cloud.pass_index[some])  # fmt: skip
+    few = replace(
+        cloud, x_mm=cloud.x_mm[some], z_mm=cloud.z_mm[some], keep=cloud.keep[some], pass_index=cloud.pass_index[some]
+    )
     assert find_faces(few, 1.5, 40.0).seen.all()
 
 

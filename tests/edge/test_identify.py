@@ -20,8 +20,9 @@ def outline(root_mm: float = ROOT_MM, bevel_deg: float = BEVEL_DEG, upper_mm: fl
     return np.array([[-back - upper_mm, THICKNESS_MM], [-back, THICKNESS_MM], [0, root_mm], [0, 0], [-12, 0]])
 
 
-def profile(corners: Float, elevation_deg: float, side: int, sense: int, seed: int = 0,
-            table: bool = True) -> tuple[Float, Float]:  # fmt: skip
+def profile(
+    corners: Float, elevation_deg: float, side: int, sense: int, seed: int = 0, table: bool = True
+) -> tuple[Float, Float]:
     """x (rising) and z of the returns: the sensor looks from `elevation_deg`, lower side at rising side * x."""
     view = np.array([math.cos(elevation_deg * DEG), math.sin(elevation_deg * DEG)])
     lateral = side * (corners @ [view[1], -view[0]])
@@ -50,8 +51,10 @@ def read(x: Float, z: Float, cut: tuple[bool, bool] = (False, False)) -> list[Ca
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize(("elevation_deg", "upper", "lower"), [(60, True, False), (35, True, False), (12, True, False),
-                                                               (0, False, False), (-25, False, True)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("elevation_deg", "upper", "lower"),
+    [(60, True, False), (35, True, False), (12, True, False), (0, False, False), (-25, False, True)],
+)
 def test_every_view(elevation_deg: float, upper: bool, lower: bool, side: int, sense: int) -> None:
     """From above with the upper surface, square with neither, from below with the lower one; mirrored; z reversed."""
     found = read(*profile(outline(), elevation_deg, side, sense))

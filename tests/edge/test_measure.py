@@ -27,8 +27,18 @@ def truth_at(scan: Any, s: Float) -> tuple[Truth, Float]:
 @pytest.mark.parametrize("elevation_deg", [40.0, -25.0])
 def test_frames_bracket_the_root_size(scanned: Scans, elevation_deg: float, oblique_deg: float) -> None:
     """It lies between the last return on the root face and the next column, or, from below, at the measured corner."""
-    scan = scanned(part=WAVES, passes=[{"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": elevation_deg,
-                                        "oblique_deg": oblique_deg, "skew_mm": [-1.0, 1.0]}])  # fmt: skip
+    scan = scanned(
+        part=WAVES,
+        passes=[
+            {
+                "from_mm": 5.0,
+                "to_mm": 55.0,
+                "elevation_deg": elevation_deg,
+                "oblique_deg": oblique_deg,
+                "skew_mm": [-1.0, 1.0],
+            }
+        ],
+    )
     f = scan.measured.ends
     assert np.isfinite(f.low).mean() > 0.95
     seen = np.flatnonzero(np.isfinite(f.low))
@@ -48,18 +58,24 @@ def test_frames_bracket_the_root_size(scanned: Scans, elevation_deg: float, obli
 @pytest.mark.parametrize("oblique_deg", [15.0, -15.0])
 def test_drift_of_the_faces_does_not_bend_what_oblique_frames_see(scanned: Scans, oblique_deg: float) -> None:
     """Root size and angle drift against each other: an oblique frame's bevel would turn by 0.1 deg."""
-    scan = scanned(part={"length_mm": 60.0, "root_mm": {"start": 1.2, "end": 1.8},
-                         "bevel_deg": {"start": 42.0, "end": 38.0}},
-                   scanner={"columns": 500, "noise": {"sd_mm": 0.002}},
-                   passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg,
-                            "skew_mm": [-1, 1]}])  # fmt: skip
+    scan = scanned(
+        part={"length_mm": 60.0, "root_mm": {"start": 1.2, "end": 1.8}, "bevel_deg": {"start": 42.0, "end": 38.0}},
+        scanner={"columns": 500, "noise": {"sd_mm": 0.002}},
+        passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg, "skew_mm": [-1, 1]}],
+    )
     edge = scan.edge
     error = edge.bevel.value / DEG - scan.truth.bevel_deg_at(edge.position_mm)
     assert abs(np.nanmean(error[edge.seen])) < 0.03
 
 
-@pytest.mark.parametrize("curve", [{"shape": "straight"}, {"shape": "arc", "radius_mm": 300.0},
-                                   {"shape": "arc", "radius_mm": 300.0, "sense": "concave"}])  # fmt: skip
+@pytest.mark.parametrize(
+    "curve",
+    [
+        {"shape": "straight"},
+        {"shape": "arc", "radius_mm": 300.0},
+        {"shape": "arc", "radius_mm": 300.0, "sense": "concave"},
+    ],
+)
 def test_the_lower_edge_is_where_it_was_built(scanned: Scans, curve: dict[str, Any]) -> None:
     """Poses are exact here: the measured curve lies within some hundredths of a mm of the true edge."""
     scan = scanned(part={"length_mm": 60.0, "curve": curve})
@@ -103,8 +119,14 @@ def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:
 def test_too_few_frames_are_refused(scanned: Scans, count: int) -> None:
     cloud = scanned().cloud
     chosen = slice(0, 100 * count, 100)
-    few = replace(cloud, x_mm=cloud.x_mm[chosen], z_mm=cloud.z_mm[chosen], keep=cloud.keep[chosen],
-                  base_from_profiler=cloud.base_from_profiler[chosen], time_s=cloud.time_s[chosen],
-                  pass_index=cloud.pass_index[chosen])  # fmt: skip
+    few = replace(
+        cloud,
+        x_mm=cloud.x_mm[chosen],
+        z_mm=cloud.z_mm[chosen],
+        keep=cloud.keep[chosen],
+        base_from_profiler=cloud.base_from_profiler[chosen],
+        time_s=cloud.time_s[chosen],
+        pass_index=cloud.pass_index[chosen],
+    )
     with pytest.raises(InputError, match="expected"):
         segment(few)

@@ -15,8 +15,20 @@ from workbench.errors import InputError
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]
-PARTS = [("paper", 1), ("arc", 1), ("wavy", 1), ("oblique", 1), ("reversed", 1), ("two_pass", 1), ("partial_view", 1),
-         ("partial_view", 2), ("clamps", 1), ("clamps", 2), ("outliers_5", 3), ("robot_error", 1)]  # fmt: skip
+PARTS = [
+    ("paper", 1),
+    ("arc", 1),
+    ("wavy", 1),
+    ("oblique", 1),
+    ("reversed", 1),
+    ("two_pass", 1),
+    ("partial_view", 1),
+    ("partial_view", 2),
+    ("clamps", 1),
+    ("clamps", 2),
+    ("outliers_5", 3),
+    ("robot_error", 1),
+]
 
 
 def angle_between(a: Float, b: Float) -> Float:

@@ -31,8 +31,10 @@ def values(inspection: Inspection, name: str) -> Float:
 @pytest.mark.parametrize(("condition", "seed"), [("paper", 7), ("arc", 8), ("two_pass", 9), ("outliers_5", 8)])
 def test_scan_lines_give_what_the_grid_gives(drawn, condition: str, seed: int):
     scan = drawn(condition, seed)
-    nominal = {"root_nominal_mm": round(float(scan.truth.root_mm.mean()), 1),
-               "bevel_nominal_deg": float(scan.truth.bevel_deg.mean().round())}  # fmt: skip
+    nominal = {
+        "root_nominal_mm": round(float(scan.truth.root_mm.mean()), 1),
+        "bevel_nominal_deg": float(scan.truth.bevel_deg.mean().round()),
+    }
     cloud, edge = segment_cloud(PointSet(points_of(scan.cloud), "a.ply"), **nominal)
     found, gridded = sections(edge), sections(scan.edge)
     assert (np.bincount(cloud.pass_index) > 5).sum() == len(np.unique(scan.cloud.pass_index))

@@ -59,8 +59,13 @@ def test_a_declared_type_that_is_not_excluded_is_taken() -> None:
 
 @pytest.mark.parametrize("kind", ["milled", "raw"])
 def test_a_plates_edge_is_no_groove(kind: str) -> None:
-    recipe = {"format": "bevel-recipe", "version": 1, "seed": 5, "part": {"kind": kind, "length_mm": 50.0},
-              "passes": [{"from_mm": 5.0, "to_mm": 45.0}]}  # fmt: skip
+    recipe = {
+        "format": "bevel-recipe",
+        "version": 1,
+        "seed": 5,
+        "part": {"kind": kind, "length_mm": 50.0},
+        "passes": [{"from_mm": 5.0, "to_mm": 45.0}],
+    }
     recording, _ = simulate_recording(parse_recipe(recipe))
     with pytest.raises(InputError, match="groove"):
         segment_groove(denoise(fuse(recording)))

@@ -144,8 +144,9 @@ def test_labels_name_the_faces(scanned: Scans) -> None:
 @pytest.mark.parametrize("side", ["lower", "upper"])
 def test_burrs_are_reported_and_move_no_edge(scanned: Scans, side: str) -> None:
     burr = {"edge": side, "from_mm": 20.0, "to_mm": 32.0, "height_mm": 0.4, "width_mm": 0.4}
-    plain, burred = (segment_raw(scanned(part=RAW | {"burrs": ridge}, passes=[ABOVE]).cloud, upper_side=UP)
-                     for ridge in ([], [burr]))  # fmt: skip
+    plain, burred = (
+        segment_raw(scanned(part=RAW | {"burrs": ridge}, passes=[ABOVE]).cloud, upper_side=UP) for ridge in ([], [burr])
+    )
     assert plain.burr_stations.size == 0
     at = burred.arc_length_mm[burred.burr_stations] + 5.0
     assert at.size >= 5
@@ -160,8 +161,11 @@ def test_burrs_are_reported_and_move_no_edge(scanned: Scans, side: str) -> None:
 
 def test_square_on_the_sense_of_z_must_be_told(scanned: Scans) -> None:
     """Only the end face returns: nothing tells front from back but z_away, which then decides n."""
-    scan = scanned(part=RAW, scanner={"columns": 400, "beam": "parallel", "max_incidence_deg": 75.0},
-                   passes=[ABOVE | {"elevation_deg": 1.0, "aim_mm": [0.0, 4.0]}])  # fmt: skip
+    scan = scanned(
+        part=RAW,
+        scanner={"columns": 400, "beam": "parallel", "max_incidence_deg": 75.0},
+        passes=[ABOVE | {"elevation_deg": 1.0, "aim_mm": [0.0, 4.0]}],
+    )
     with pytest.raises(InputError, match="z_away"):
         segment_raw(scan.cloud, upper_side=UP)
     edge = segment_raw(scan.cloud, upper_side=UP, z_away=True)
@@ -181,11 +185,14 @@ def test_upper_side_turned_round_turns_the_edge_round(scanned: Scans) -> None:
     assert abs(float((other.position_mm[10] - one.upper_position_mm[10])[2])) < 0.05
 
 
-@pytest.mark.parametrize(("upper_side", "message"), [
-    ((0.0, 0.0, 0.0), "expected a direction"),
-    ((1.0, 0.1, 0.2), "runs along the edge"),
-    ((0.0, 1.0, 0.0), r"edge not in view|no raw edge"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("upper_side", "message"),
+    [
+        ((0.0, 0.0, 0.0), "expected a direction"),
+        ((1.0, 0.1, 0.2), "runs along the edge"),
+        ((0.0, 1.0, 0.0), r"edge not in view|no raw edge"),
+    ],
+)
 def test_unusable_upper_sides_are_refused(scanned: Scans, upper_side: tuple[float, float, float], message: str) -> None:
     cloud = scanned(part=RAW, passes=[ABOVE]).cloud
     with pytest.raises(InputError, match=message) as refusal:
@@ -207,8 +214,13 @@ def test_a_milled_edge_is_no_raw_edge(scanned: Scans) -> None:
 
 def test_too_few_frames_and_an_empty_view_are_refused(scanned: Scans) -> None:
     cloud = scanned(part=RAW, passes=[ABOVE]).cloud
-    few = replace(cloud, **{name: getattr(cloud, name)[:2] for name in
-                            ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index")})  # fmt: skip
+    few = replace(
+        cloud,
+        **{
+            name: getattr(cloud, name)[:2]
+            for name in ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index")
+        },
+    )
     with pytest.raises(InputError, match="at least 3 frames"):
         segment_raw(few, upper_side=UP)
     with pytest.raises(InputError):

@@ -19,9 +19,12 @@ AT = np.array([10.0, 50.0, 90.0])
 
 
 def course(value: float, u: float, slope_u: float = 0.0) -> Course:
-    return SimpleNamespace(value=lambda s: np.full(np.shape(s), value), u=lambda s: np.full(np.shape(s), u),
-                           slope=lambda s: np.zeros(np.shape(s)),
-                           slope_u=lambda s: np.full(np.shape(s), slope_u))  # type: ignore[return-value]  # fmt: skip
+    return SimpleNamespace(
+        value=lambda s: np.full(np.shape(s), value),
+        u=lambda s: np.full(np.shape(s), u),
+        slope=lambda s: np.zeros(np.shape(s)),
+        slope_u=lambda s: np.full(np.shape(s), slope_u),
+    )  # type: ignore[return-value]
 
 
 def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel: float = 0.0) -> SimpleNamespace:
@@ -31,12 +34,23 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
     def lines(run: float) -> SimpleNamespace:
         return SimpleNamespace(run=np.full(frames.size, run))
 
-    faces = SimpleNamespace(root=lines(run_root), bevel=lines(run_bevel), root_course=course(tilt, u["root"]),
-                            bevel_course=course(tilt - beta, u["bevel"]), opening_course=course(beta, 9.0),
-                            follows=0.0)  # fmt: skip
-    return SimpleNamespace(faces=faces, end=SimpleNamespace(course=course(ROOT_MM, u["end"], u.get("drift", 0.0))),
-                           upper_s=frames, lever_mm=np.full(frames.size, LEVER_MM), root_turn=np.zeros(frames.size),
-                           bevel_turn=np.zeros(frames.size), shift=0.0)  # fmt: skip
+    faces = SimpleNamespace(
+        root=lines(run_root),
+        bevel=lines(run_bevel),
+        root_course=course(tilt, u["root"]),
+        bevel_course=course(tilt - beta, u["bevel"]),
+        opening_course=course(beta, 9.0),
+        follows=0.0,
+    )
+    return SimpleNamespace(
+        faces=faces,
+        end=SimpleNamespace(course=course(ROOT_MM, u["end"], u.get("drift", 0.0))),
+        upper_s=frames,
+        lever_mm=np.full(frames.size, LEVER_MM),
+        root_turn=np.zeros(frames.size),
+        bevel_turn=np.zeros(frames.size),
+        shift=0.0,
+    )
 
 
 def budget(beta: float, u: dict[str, float], tangent_u: float = 0.0, runs: tuple[float, float] = (0.0, 0.0)):  # type: ignore[no-untyped-def]
@@ -45,11 +59,14 @@ def budget(beta: float, u: dict[str, float], tangent_u: float = 0.0, runs: tuple
 
 
 @pytest.mark.parametrize("beta_deg", [30.0, 40.0, 60.0])
-@pytest.mark.parametrize("u", [
-    {"root": 2e-3, "bevel": 3e-4, "end": 2e-3},
-    {"root": 2e-3, "bevel": 0.0, "end": 0.0},
-    {"root": 0.0, "bevel": 1e-3, "end": 0.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "u",
+    [
+        {"root": 2e-3, "bevel": 3e-4, "end": 2e-3},
+        {"root": 2e-3, "bevel": 0.0, "end": 0.0},
+        {"root": 0.0, "bevel": 1e-3, "end": 0.0},
+    ],
+)
 def test_directions_and_end_add_up_as_a_trial_of_the_section_says(beta_deg: float, u: dict[str, float]) -> None:
     """In the section: lines turned about their centroids, the corner where they cross, the end along the root face."""
     beta = np.radians(beta_deg)

@@ -33,8 +33,14 @@ def parse(dfd: bytes, dfx: bytes):
 
 @pytest.fixture
 def named(inspected):
-    part = Part(part_id="A-7\x14\x0f\r\nK9999 x", drawing="D 1/B é", sensor="LPS 36", sensor_serial="12",
-                recorded_at="2026-03-31T14:05", simulated=True)  # fmt: skip
+    part = Part(
+        part_id="A-7\x14\x0f\r\nK9999 x",
+        drawing="D 1/B é",
+        sensor="LPS 36",
+        sensor_serial="12",
+        recorded_at="2026-03-31T14:05",
+        simulated=True,
+    )
     return replace(inspected.inspection, part=part)
 
 

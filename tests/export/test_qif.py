@@ -27,8 +27,16 @@ def schemas():
 
 @pytest.fixture
 def named(inspected):
-    part = Part(part_id="A-7 <b>&", drawing="D 1/B", operator="A. Smith", recorded_at="2026-03-31T14:05+02:00",
-                sensor="LPS 36", sensor_serial="12", robot="IRB 6700", simulated=False)  # fmt: skip
+    part = Part(
+        part_id="A-7 <b>&",
+        drawing="D 1/B",
+        operator="A. Smith",
+        recorded_at="2026-03-31T14:05+02:00",
+        sensor="LPS 36",
+        sensor_serial="12",
+        robot="IRB 6700",
+        simulated=False,
+    )
     return replace(inspected.inspection, part=part)
 
 

@@ -125,8 +125,12 @@ def test_noise_over_centimetres_is_found_where_its_length_is_said() -> None:
     for seed in range(60):
         rng = np.random.default_rng([seed, 9108])
         s = np.arange(0.0, 3 * LENGTH_MM, PITCH_MM)
-        course = fit_course(s, 1.0 + np.repeat(rng.normal(0.0, SIGMA, s.size // 15 + 1), 15)[: s.size],
-                            np.full(s.size, 0.02**2), together_mm=10.0)  # fmt: skip
+        course = fit_course(
+            s,
+            1.0 + np.repeat(rng.normal(0.0, SIGMA, s.size // 15 + 1), 15)[: s.size],
+            np.full(s.size, 0.02**2),
+            together_mm=10.0,
+        )
         z.append(float(((course.value(AT[3:4]) - 1.0) / course.u(AT[3:4]))[0]))
     within(float(np.square(z).sum()), len(z), 2.0)
 

@@ -13,8 +13,14 @@ def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DE
     n = len(position)
     quaternion = np.tile([1.0, 0, 0, 0], (n, 1)) if quaternion is None else quaternion
     given = {"chord_mm": 0.01, "angle": 0.05 * DEG, "feed_share": np.full(n, 0.1)} | tolerances
-    return merge_poses(position, quaternion, np.ones(n) if feed is None else feed,
-                       np.zeros(n, int) if label is None else label, least_sweep=least_sweep, **given)  # fmt: skip
+    return merge_poses(
+        position,
+        quaternion,
+        np.ones(n) if feed is None else feed,
+        np.zeros(n, int) if label is None else label,
+        least_sweep=least_sweep,
+        **given,
+    )
 
 
 def ring(radius, degrees, n=200):

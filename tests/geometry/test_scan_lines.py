@@ -25,8 +25,16 @@ class Written:
     pose: Float  # (N, 4, 4)
 
 
-def written(frames: int = 60, columns: int = 200, step_mm: float = 0.2, noise_mm: float = 0.02, lost: float = 0.05,
-            turn_deg: float = 5.0, sense: float = 1.0, offset_mm: float = 0.0) -> Written:  # fmt: skip
+def written(
+    frames: int = 60,
+    columns: int = 200,
+    step_mm: float = 0.2,
+    noise_mm: float = 0.02,
+    lost: float = 0.05,
+    turn_deg: float = 5.0,
+    sense: float = 1.0,
+    offset_mm: float = 0.0,
+) -> Written:
     """A ridge of two planes scanned by a profiler that slowly turns, from anywhere; some returns missing or stray."""
     rng = np.random.default_rng(4)
     x = (np.arange(columns) - columns / 2) * PITCH_MM

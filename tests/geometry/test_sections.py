@@ -150,8 +150,15 @@ def test_variances_are_those_of_noisy_points() -> None:
     exact, slope = plane_lines(pose, edge, np.tile([0.0, -0.8, 0.6], (3000, 1)), np.random.default_rng(5))
     sigma, x = 0.02, np.linspace(-2, 2, 40)
     z = slope[:, None] * x + rng.normal(0, sigma, (3000, 40))
-    noisy = FaceLines(exact.count, np.full(3000, 1.0), slope * 1 + exact.z_mean - slope * exact.x_mean + z.mean(axis=1),
-                      np.full(3000, x @ x), z @ x, (z**2).sum(axis=1), exact.columns)  # fmt: skip
+    noisy = FaceLines(
+        exact.count,
+        np.full(3000, 1.0),
+        slope * 1 + exact.z_mean - slope * exact.x_mean + z.mean(axis=1),
+        np.full(3000, x @ x),
+        z @ x,
+        (z**2).sum(axis=1),
+        exact.columns,
+    )
     made = section_lines(noisy, slope, pose, np.ones(3000), np.full(3000, sigma), curve, np.full(3000, 30.0))
     assert np.var(made.angle) == pytest.approx(made.angle_variance[0], rel=0.12)
     lean = np.array([-np.sin(made.angle.mean()), np.cos(made.angle.mean())])

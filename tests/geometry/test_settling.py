@@ -39,8 +39,9 @@ def test_vibration_of_the_columns_is_left_alone() -> None:
     phase = 0.0031 * S + rng.normal(0, 0.05, S.size)
     column = np.floor((1.52 - phase) / STEP_MM)
     low = phase + STEP_MM * column
-    made, wide, _, weight = settled(low, np.full(S.size, STEP_MM), np.full(S.size, 0.002), column.astype(np.int64),
-                                    np.zeros(S.size, np.int64))  # fmt: skip
+    made, wide, _, weight = settled(
+        low, np.full(S.size, STEP_MM), np.full(S.size, 0.002), column.astype(np.int64), np.zeros(S.size, np.int64)
+    )
     np.testing.assert_allclose(made, low, rtol=0, atol=0.002)
     np.testing.assert_allclose(wide, STEP_MM, rtol=0, atol=0.002)
     assert (weight > 0.9).all()

@@ -44,8 +44,13 @@ def frames(
     phase = rng.uniform(0.0, 1.0) + skew_columns * s / LENGTH_MM
     column = np.floor(truth(s) / step - phase) - (rng.geometric(1.0 - missing, s.size) - 1.0)
     low = (column + phase) * step + rng.normal(0.0, sigma, s.size)
-    low, steps, noise, weight = settled(low, np.full(s.size, step), np.full(s.size, max(sigma, 1e-3)),
-                                        column.astype(np.int64), np.zeros(s.size, np.int64))  # fmt: skip
+    low, steps, noise, weight = settled(
+        low,
+        np.full(s.size, step),
+        np.full(s.size, max(sigma, 1e-3)),
+        column.astype(np.int64),
+        np.zeros(s.size, np.int64),
+    )
     nan = np.full(s.size, np.nan)
     return Ends(s, low, steps, np.maximum(noise, 1e-3), np.full(s.size, max(missing, 0.02)), weight, nan, nan)
 
@@ -93,11 +98,20 @@ ONE_PHASE = pytest.mark.xfail(strict=True, reason="between phases that hardly ch
 @pytest.mark.parametrize(
     ("truth", "skew_columns"),
     [
-        (constant, 0.5), (constant, 3.3), (constant, 9.3), (constant, 40.0),
-        (drift, 0.5), pytest.param(drift, 3.3, marks=ONE_PHASE), (drift, 9.3), (drift, 40.0),
-        pytest.param(wave, 0.5, marks=ONE_PHASE), (wave, 3.3), (wave, 9.3), (wave, 40.0),
+        (constant, 0.5),
+        (constant, 3.3),
+        (constant, 9.3),
+        (constant, 40.0),
+        (drift, 0.5),
+        pytest.param(drift, 3.3, marks=ONE_PHASE),
+        (drift, 9.3),
+        (drift, 40.0),
+        pytest.param(wave, 0.5, marks=ONE_PHASE),
+        (wave, 3.3),
+        (wave, 9.3),
+        (wave, 40.0),
     ],
-)  # fmt: skip
+)
 def test_errors_are_as_large_as_u_says(truth: Truth, skew_columns: float) -> None:
     """The drift is one of 3.6 columns: 3.3 of skew leave the frames at nearly one phase."""
     z = []
@@ -145,8 +159,12 @@ def test_corners_are_values() -> None:
     """Where a frame shows the corner itself, its step is 0, and the end is a weighted mean."""
     rng = np.random.default_rng(9203)
     ends = frames(drift, 3, 9.3)
-    corners = replace(ends, low=drift(ends.s) + rng.normal(0.0, 0.01, ends.s.size), step=np.zeros(ends.s.size),
-                      sigma=np.full(ends.s.size, 0.01))  # fmt: skip
+    corners = replace(
+        ends,
+        low=drift(ends.s) + rng.normal(0.0, 0.01, ends.s.size),
+        step=np.zeros(ends.s.size),
+        sigma=np.full(ends.s.size, 0.01),
+    )
     end = found(corners).course
     plain = fit_course(corners.s, corners.low, corners.sigma**2)
     np.testing.assert_allclose(end.value(INSIDE), plain.value(INSIDE), rtol=0, atol=2.0 * plain.u(INSIDE).max())
@@ -181,8 +199,12 @@ def test_the_place_of_the_count_does_not_matter() -> None:
 def test_few_frames(count: int) -> None:
     ends = frames(constant, 7, 9.3)
     on = np.arange(count)
-    few = Ends(*(v[on] for v in (ends.s, ends.low, ends.step, ends.sigma, ends.missing, ends.weight, ends.fill,
-                                 ends.fill_sigma)))  # fmt: skip
+    few = Ends(
+        *(
+            v[on]
+            for v in (ends.s, ends.low, ends.step, ends.sigma, ends.missing, ends.weight, ends.fill, ends.fill_sigma)
+        )
+    )
     end = found(few).course
     at = few.s
     assert np.isfinite(end.value(at)).all()

@@ -53,8 +53,9 @@ class Pass:
     labels: AnyArray | None = None
 
 
-def scene(seed: int = 1, side: int = 1, rises: bool = True, upper: bool = True, lower: bool = False,
-          start_mm: float = -12.5) -> Pass:  # fmt: skip
+def scene(
+    seed: int = 1, side: int = 1, rises: bool = True, upper: bool = True, lower: bool = False, start_mm: float = -12.5
+) -> Pass:
     """An edge that wanders by a mm or so over the pass, its faces turning and the root size changing a little."""
     rng = np.random.default_rng(seed)
     at = np.linspace(0, 1, FRAMES)
@@ -93,8 +94,21 @@ def followed(made: Pass, keys: tuple[int, ...] = (10, 40)) -> Pass:
     at: Int = np.array(keys)
     made.sums, made.end = np.zeros((FRAMES, 4, 8)), np.full((FRAMES, 5), np.nan)
     made.seen, made.labels = np.zeros(FRAMES, bool), np.zeros(made.x.shape, np.uint8)
-    follow(made.x, made.z, made.keep, made.side, at, made.states[at].copy(), np.full(4, NOISE_MM), NAMES, 0.0,
-           made.sums, made.end, made.seen, made.labels)  # fmt: skip
+    follow(
+        made.x,
+        made.z,
+        made.keep,
+        made.side,
+        at,
+        made.states[at].copy(),
+        np.full(4, NOISE_MM),
+        NAMES,
+        0.0,
+        made.sums,
+        made.end,
+        made.seen,
+        made.labels,
+    )
     return made
 
 
@@ -132,8 +146,9 @@ def test_sums_are_those_of_the_points_named() -> None:
             good = np.abs(z - made.lines[i, f, 0] * x - made.lines[i, f, 1]) < 4 * NOISE_MM
             assert row[COUNT] == good.sum() == columns.size
             dx, dz = x - x.mean(), z - z.mean()
-            np.testing.assert_allclose(row[[X_MEAN, Z_MEAN, SXX, SXZ, SZZ]],
-                                       [x.mean(), z.mean(), dx @ dx, dx @ dz, dz @ dz], rtol=1e-6)  # fmt: skip
+            np.testing.assert_allclose(
+                row[[X_MEAN, Z_MEAN, SXX, SXZ, SZZ]], [x.mean(), z.mean(), dx @ dx, dx @ dz, dz @ dz], rtol=1e-6
+            )
 
 
 @pytest.mark.parametrize("side", [1, -1])

@@ -40,8 +40,9 @@ class Ros:
         count = {"seq": 0} if self.kind == "rosbag1" else {}
         return self.make("std_msgs/Header", stamp=stamp, frame_id=frame, **count)
 
-    def cloud(self, time_s: float, fields: dict[str, AnyArray], frame: str = "laser", big: bool = False,
-              padding: int = 0) -> Any:  # fmt: skip
+    def cloud(
+        self, time_s: float, fields: dict[str, AnyArray], frame: str = "laser", big: bool = False, padding: int = 0
+    ) -> Any:
         """A PointCloud2 of the fields by name, each (W,) or (H, W); `padding` bytes before fields, after rows."""
         shape = np.atleast_2d(next(iter(fields.values()))).shape
         codes = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
@@ -58,20 +59,43 @@ class Ros:
             for byte in range(values.itemsize):
                 data[:, field.offset + byte : shape[1] * offset : offset] = raw[..., byte]
         return self.make(
-            "sensor_msgs/PointCloud2", header=self.header(time_s, frame), height=shape[0], width=shape[1], fields=made,
-            is_bigendian=big, point_step=offset, row_step=data.shape[1], data=data.ravel(), is_dense=False,
-        )  # fmt: skip
+            "sensor_msgs/PointCloud2",
+            header=self.header(time_s, frame),
+            height=shape[0],
+            width=shape[1],
+            fields=made,
+            is_bigendian=big,
+            point_step=offset,
+            row_step=data.shape[1],
+            data=data.ravel(),
+            is_dense=False,
+        )
 
     def scan(self, time_s: float, angle_min: float, step: float, ranges: Float, far: float = 10.0) -> Any:
         """A LaserScan."""
         return self.make(
-            "sensor_msgs/LaserScan", header=self.header(time_s, "laser"), angle_min=angle_min,
-            angle_max=angle_min + step * (len(ranges) - 1), angle_increment=step, time_increment=0.0, scan_time=0.0,
-            range_min=0.01, range_max=far, ranges=ranges.astype(np.float32), intensities=np.zeros(0, np.float32),
-        )  # fmt: skip
+            "sensor_msgs/LaserScan",
+            header=self.header(time_s, "laser"),
+            angle_min=angle_min,
+            angle_max=angle_min + step * (len(ranges) - 1),
+            angle_increment=step,
+            time_increment=0.0,
+            scan_time=0.0,
+            range_min=0.01,
+            range_max=far,
+            ranges=ranges.astype(np.float32),
+            intensities=np.zeros(0, np.float32),
+        )
 
-    def pose(self, name: str, time_s: float, position_m: Float, q_wxyz: Float, parent: str = "base_link",
-             child: str = "tool0") -> Any:  # fmt: skip
+    def pose(
+        self,
+        name: str,
+        time_s: float,
+        position_m: Float,
+        q_wxyz: Float,
+        parent: str = "base_link",
+        child: str = "tool0",
+    ) -> Any:
         """A PoseStamped, TransformStamped or Odometry."""
         w, x, y, z = map(float, q_wxyz)
         px, py, pz = map(float, position_m)
@@ -88,10 +112,12 @@ class Ros:
         none = self.make("geometry_msgs/Vector3", x=0.0, y=0.0, z=0.0)
         still = self.make("geometry_msgs/Twist", linear=none, angular=none)
         return self.make(
-            "nav_msgs/Odometry", header=header, child_frame_id=child,
+            "nav_msgs/Odometry",
+            header=header,
+            child_frame_id=child,
             pose=self.make("geometry_msgs/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
             twist=self.make("geometry_msgs/TwistWithCovariance", twist=still, covariance=np.zeros(36)),
-        )  # fmt: skip
+        )
 
     def tf(self, *transforms: Any) -> Any:
         return self.make("tf2_msgs/TFMessage", transforms=list(transforms))
@@ -99,9 +125,13 @@ class Ros:
     def joints(self, time_s: float, named: dict[str, float]) -> Any:
         none = np.zeros(0)
         return self.make(
-            "sensor_msgs/JointState", header=self.header(time_s, ""), name=list(named),
-            position=np.array(list(named.values()), float), velocity=none, effort=none,
-        )  # fmt: skip
+            "sensor_msgs/JointState",
+            header=self.header(time_s, ""),
+            name=list(named),
+            position=np.array(list(named.values()), float),
+            velocity=none,
+            effort=none,
+        )
 
     def write(self, path: Path, entries: Iterable[Entry], compression: tuple[Any, ...] = ()) -> Path:
         """Write a bag in the order of recording; returns what to import (a directory for rosbag2).

@@ -43,11 +43,17 @@ def recording() -> Recording:
     frames, poses = slice(100, 130), slice(150, 320)
     x_mm, z_mm = whole.x_mm[frames, 200:300], whole.z_mm[frames, 200:300]
     return replace(
-        whole, time_s=whole.time_s[frames], x_mm=np.where(np.isnan(z_mm), np.nan, x_mm), z_mm=z_mm,
-        pass_index=whole.pass_index[frames], intensity=np.arange(3000).reshape(30, 100).astype(np.uint16),
-        robot_time_s=whole.robot_time_s[poses], robot_position_mm=whole.robot_position_mm[poses],
-        robot_quaternion_wxyz=whole.robot_quaternion_wxyz[poses], robot_pass=whole.robot_pass[poses],
-    )  # fmt: skip
+        whole,
+        time_s=whole.time_s[frames],
+        x_mm=np.where(np.isnan(z_mm), np.nan, x_mm),
+        z_mm=z_mm,
+        pass_index=whole.pass_index[frames],
+        intensity=np.arange(3000).reshape(30, 100).astype(np.uint16),
+        robot_time_s=whole.robot_time_s[poses],
+        robot_position_mm=whole.robot_position_mm[poses],
+        robot_quaternion_wxyz=whole.robot_quaternion_wxyz[poses],
+        robot_pass=whole.robot_pass[poses],
+    )
 
 
 def imported(path: Path, **bag: Any) -> Imported:

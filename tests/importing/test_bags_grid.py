@@ -38,5 +38,6 @@ def test_many_blocks_are_laid_out_alike() -> None:
     assert made.x_mm.shape == (2000, 101)
     np.testing.assert_allclose(np.nanmax(made.x_mm, axis=0), x, atol=1e-6)
     np.testing.assert_allclose(np.nanmin(made.x_mm, axis=0), x, atol=1e-6)
-    np.testing.assert_array_equal(made.intensity[1999][np.isfinite(made.z_mm[1999])],
-                                  np.flatnonzero(np.isfinite(made.z_mm[1999])))  # fmt: skip
+    np.testing.assert_array_equal(
+        made.intensity[1999][np.isfinite(made.z_mm[1999])], np.flatnonzero(np.isfinite(made.z_mm[1999]))
+    )

@@ -75,9 +75,13 @@ def by_joints(ros: Ros, recording: Recording) -> tuple[list[Entry], dict[str, An
 
 @pytest.mark.parametrize(("kind", "write"), [("mcap", by_pose), ("sqlite3", by_frames), ("rosbag1", by_joints)])
 def test_the_inspection_is_the_same(
-    original: Recording, expected: Float, tmp_path: Path, command: Callable[..., Outcome], kind: Kind,
+    original: Recording,
+    expected: Float,
+    tmp_path: Path,
+    command: Callable[..., Outcome],
+    kind: Kind,
     write: Callable[[Ros, Recording], tuple[list[Entry], dict[str, Any]]],
-) -> None:  # fmt: skip
+) -> None:
     """The profiler's clock is 1,000 s ahead, and the mapping says so. All numbers agree to 1e-6 mm and deg."""
     ros = Ros(kind)
     entries, bag = write(ros, original)
@@ -102,9 +106,11 @@ def test_frames_outside_the_poses_are_refused_or_trimmed(
 ) -> None:
     ros, keep = Ros("mcap"), slice(100, 551)  # poses of the middle only
     middle = replace(
-        original, robot_time_s=original.robot_time_s[keep], robot_position_mm=original.robot_position_mm[keep],
+        original,
+        robot_time_s=original.robot_time_s[keep],
+        robot_position_mm=original.robot_position_mm[keep],
         robot_quaternion_wxyz=original.robot_quaternion_wxyz[keep],
-    )  # fmt: skip
+    )
     path = ros.write(tmp_path / "b", [*profile_entries(ros, original), *pose_entries(ros, middle)])
     arguments = ("import", path, "--out", tmp_path / "r.h5")
     refused = command(*arguments)

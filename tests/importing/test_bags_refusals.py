@@ -114,9 +114,11 @@ def test_a_type_with_a_strange_definition_is_refused(tmp_path: Path, kind: Kind)
     del ros.store.fielddefs[POSE]
     ros.store.register(types)
     message = ros.store.types[POSE](
-        header=ros.header(1.0, "base"), extra=1.0, where=ros.make("geometry_msgs/Point", x=1.0, y=0.0, z=0.0),
+        header=ros.header(1.0, "base"),
+        extra=1.0,
+        where=ros.make("geometry_msgs/Point", x=1.0, y=0.0, z=0.0),
         turn=ros.make("geometry_msgs/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-    )  # fmt: skip
+    )
     path = ros.write(tmp_path / ("b.bag" if kind == "rosbag1" else "b"), [("/flange", POSE, 1, message)])
     refused(path, r"/flange: expected the standard definition of geometry_msgs/msg/PoseStamped")
 

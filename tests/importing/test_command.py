@@ -68,7 +68,7 @@ REFUSED = {
     "two sources wrong": (["a.h5x", "c.csv"], "sources: (1) a.h5x: no such file"),
     "no such folder": (["a.csv", "--mapping", "map.json", "--out", "none/a.h5"], "none/a.h5: cannot be written"),
     "an unknown option": (["a.csv", "--maping", "map.json"], "unknown option '--maping'; did you mean '--mapping'"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)

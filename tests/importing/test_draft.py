@@ -56,9 +56,15 @@ def write(tmp_path: Path, recording: Recording, convention: str, delimiter: str,
 @pytest.mark.parametrize("convention", NAMES)
 @pytest.mark.parametrize(("delimiter", "decimal", "unit_mm"), [(",", ".", 1.0), (";", ",", 1000.0), ("\t", ".", 1.0)])
 def test_a_drafted_mapping_brings_it_in(
-    convention: str, delimiter: str, decimal: str, unit_mm: float, milled: Recording,
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording],
-) -> None:  # fmt: skip
+    convention: str,
+    delimiter: str,
+    decimal: str,
+    unit_mm: float,
+    milled: Recording,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    imported: Callable[..., Recording],
+) -> None:
     sources = write(tmp_path, milled, convention, delimiter, decimal, unit_mm)
     tree, _ = drafted(tmp_path, capsys, *sources)
     assert tree["poses"]["convention"] == convention

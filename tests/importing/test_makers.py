@@ -105,7 +105,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str, str, str]] = {
     "index back": (makers.write_gopxl, "\n5,", "\n3,", r"line 7: expected an index that rises"),
     "intensity": (makers.write_gopxl, ",105,", ",70000,", r"line 7: column 'Intensity': expected a whole number"),
     "a cell lost": (makers.write_gopxl, ",105,", ",", r"line 7: expected 5 cells, found 4"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)

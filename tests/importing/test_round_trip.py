@@ -36,9 +36,13 @@ def scan(tmp_path_factory: pytest.TempPathFactory, milled: Recording) -> Path:
 
 @pytest.mark.parametrize("convention", ORIENTATIONS)
 def test_every_convention_gives_the_recording_back(
-    convention: str, scan: Path, tmp_path: Path, milled: Recording, mapped: Callable[..., Path],
+    convention: str,
+    scan: Path,
+    tmp_path: Path,
+    milled: Recording,
+    mapped: Callable[..., Path],
     imported: Callable[..., Recording],
-) -> None:  # fmt: skip
+) -> None:
     robot = write_poses(tmp_path / "robot.csv", milled, convention)
     mapping = mapped(profiles=profiles_part(), poses=poses_part(convention), hand_eye=hand_eye(milled))
     made = imported(scan, robot, mapping=mapping)
@@ -53,9 +57,14 @@ def test_every_convention_gives_the_recording_back(
 
 @pytest.mark.parametrize(("unit", "unit_mm"), [("m", 1000.0), ("inch", 25.4)])
 def test_inspection_of_the_import_gives_the_same_numbers(
-    unit: str, unit_mm: float, scan: Path, tmp_path: Path, milled: Recording, mapped: Callable[..., Path],
+    unit: str,
+    unit_mm: float,
+    scan: Path,
+    tmp_path: Path,
+    milled: Recording,
+    mapped: Callable[..., Path],
     imported: Callable[..., Recording],
-) -> None:  # fmt: skip
+) -> None:
     robot = write_poses(tmp_path / "robot.csv", milled, "kuka_abc", unit_mm)
     mapping = mapped(profiles=profiles_part(), poses=poses_part("kuka_abc", length_unit=unit))
     made, want = inspected(imported(scan, robot, mapping=mapping), milled), inspected(milled, milled)

@@ -103,9 +103,13 @@ print(points, (after - before) * 1024 / points - 8)
     csv.write_csv(content, tmp_path / "large.csv", csv.WriteOptions(quoting_style="none"))
     del content, x, number
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True,
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=True,
         env={"PYTHONPATH": str(Path(__file__).parents[2]), "PATH": "/usr/bin"},
-    )  # fmt: skip
+    )
     points, beyond = map(float, done.stdout.split())
     assert points == frames * columns
     slab = 8 * table.SLAB_BYTES / points  # what a stretch takes, whatever the size of the file

@@ -27,42 +27,72 @@ def light(milled: Recording) -> Recording:
 Write = Callable[[Path, Recording], Path]
 CASES: dict[str, tuple[Write, Write, dict[str, Any], dict[str, Any], str, str]] = {
     "metres declared as mm": (
-        write_profiles, lambda p, r: write_poses(p, r, unit_mm=1000.0), {}, {},
-        r"robot.csv: the flange is at most 1\.9\d* mm from the robot's base: m read as mm\?", "length_unit",
+        write_profiles,
+        lambda p, r: write_poses(p, r, unit_mm=1000.0),
+        {},
+        {},
+        r"robot.csv: the flange is at most 1\.9\d* mm from the robot's base: m read as mm\?",
+        "length_unit",
     ),
     "inches declared as mm": (
-        write_profiles, lambda p, r: write_poses(p, r, unit_mm=25.4), {}, {},
-        r"75\.\d+ mm from .*: inch read as mm\?", "length_unit",
+        write_profiles,
+        lambda p, r: write_poses(p, r, unit_mm=25.4),
+        {},
+        {},
+        r"75\.\d+ mm from .*: inch read as mm\?",
+        "length_unit",
     ),
     "mm declared as metres": (
-        write_profiles, write_poses, {}, {"length_unit": "m"},
-        r"1\.9\d*e\+06 mm from .*: mm read as m\?", "length_unit",
+        write_profiles,
+        write_poses,
+        {},
+        {"length_unit": "m"},
+        r"1\.9\d*e\+06 mm from .*: mm read as m\?",
+        "length_unit",
     ),
     "profiles in mm declared as micrometres": (
-        write_profiles, write_poses, {"length_unit": "um"}, {}, r"scan.csv: profiles would be 0\.0\d+ mm wide: .*mm",
+        write_profiles,
+        write_poses,
+        {"length_unit": "um"},
+        {},
+        r"scan.csv: profiles would be 0\.0\d+ mm wide: .*mm",
         "length_unit",
     ),
     "radians declared as degrees": (
-        write_profiles, lambda p, r: write_poses(p, r, "ur"), {}, {"angle_unit": "deg"},
-        r"all angles are within \d\.\d+ deg of 0: radians declared as deg\?", "angle_unit",
+        write_profiles,
+        lambda p, r: write_poses(p, r, "ur"),
+        {},
+        {"angle_unit": "deg"},
+        r"all angles are within \d\.\d+ deg of 0: radians declared as deg\?",
+        "angle_unit",
     ),
     "milliseconds declared as seconds": (
         lambda p, r: write_profiles(p, replace(r, time_s=r.time_s * 1000)),
-        lambda p, r: write_poses(p, replace(r, robot_time_s=r.robot_time_s * 1000)), {}, {},
-        r"pass 0: the flange would move at 0\.0126 mm/s: is a unit of time or a rate wrong\?", "time_unit",
+        lambda p, r: write_poses(p, replace(r, robot_time_s=r.robot_time_s * 1000)),
+        {},
+        {},
+        r"pass 0: the flange would move at 0\.0126 mm/s: is a unit of time or a rate wrong\?",
+        "time_unit",
     ),
     "a flange that stands still": (
         write_profiles,
-        lambda p, r: write_poses(p, replace(r, robot_position_mm=np.tile(r.robot_position_mm[:1], (2, 1)))), {}, {},
-        r"pass 0: the flange does not move over 30 frames", "still",
+        lambda p, r: write_poses(p, replace(r, robot_position_mm=np.tile(r.robot_position_mm[:1], (2, 1)))),
+        {},
+        {},
+        r"pass 0: the flange does not move over 30 frames",
+        "still",
     ),
     "metres read as mm, far from the base": (
         write_profiles,
         lambda p, r: write_poses(
             p, replace(r, robot_position_mm=500 + (r.robot_position_mm - r.robot_position_mm[0]) / 1000)
-        ), {}, {}, r"pass 0: the flange moves 0\.07\d+ mm over 30 frames: metres or inches read as mm\?", "length_unit",
+        ),
+        {},
+        {},
+        r"pass 0: the flange moves 0\.07\d+ mm over 30 frames: metres or inches read as mm\?",
+        "length_unit",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -50,16 +50,18 @@ def one_pass(recording: Recording, number: int) -> Recording:
 
 def frame_poses(recording: Recording) -> np.ndarray:
     """Pose of the flange at every frame, pass after pass."""
-    return np.concatenate([
-        interpolate_poses(
-            recording.time_s[recording.pass_index == n],
-            *(
-                values[recording.robot_pass == n]
-                for values in (recording.robot_time_s, recording.robot_position_mm, recording.robot_quaternion_wxyz)
-            ),
-        )
-        for n in np.unique(recording.pass_index)
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            interpolate_poses(
+                recording.time_s[recording.pass_index == n],
+                *(
+                    values[recording.robot_pass == n]
+                    for values in (recording.robot_time_s, recording.robot_position_mm, recording.robot_quaternion_wxyz)
+                ),
+            )
+            for n in np.unique(recording.pass_index)
+        ]
+    )
 
 
 @pytest.fixture(scope="module")

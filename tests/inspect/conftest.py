@@ -40,12 +40,21 @@ class EdgeMaker:
         same = [np.tile(axis, (at.size, 1)) for axis in np.eye(3)]
         whole = np.ones(at.size)
         return MilledEdge(
-            faces={}, labels=np.zeros((frames.size, 1), np.uint8), pass_index=np.zeros(frames.size, np.int64),
-            frame_arc_length_mm=frames, tangent_u=0.0 * whole, arc_length_mm=at, position_mm=position,
-            tangent=same[0], normal=-same[1], across=same[2], seen=seen, burr_stations=np.empty(0, np.int64),
+            faces={},
+            labels=np.zeros((frames.size, 1), np.uint8),
+            pass_index=np.zeros(frames.size, np.int64),
+            frame_arc_length_mm=frames,
+            tangent_u=0.0 * whole,
+            arc_length_mm=at,
+            position_mm=position,
+            tangent=same[0],
+            normal=-same[1],
+            across=same[2],
+            seen=seen,
+            burr_stations=np.empty(0, np.int64),
             root=Quantity(self.root(at), {END: self.root_u_mm[0] * whole, DIRECTIONS: self.root_u_mm[1] * whole}),
             bevel=Quantity(self.bevel(at), {DIRECTIONS: self.bevel_u[0] * whole, TANGENT: self.bevel_u[1] * whole}),
-        )  # fmt: skip
+        )
 
 
 @pytest.fixture

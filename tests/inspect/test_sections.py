@@ -88,8 +88,12 @@ def test_a_part_at_the_limit_is_undecided(edge: Maker) -> None:
 
 def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     part = edge(root=lambda s: 2.4 + 0 * s, bevel=lambda s: 35 * DEG + 0 * s)
-    own = {"root_nominal_mm": 2.5, "root_tolerance_mm": (-0.2, 0.0), "bevel_nominal_deg": 35.0,
-           "bevel_tolerance_deg": (-2.0, 2.0)}  # fmt: skip
+    own = {
+        "root_nominal_mm": 2.5,
+        "root_tolerance_mm": (-0.2, 0.0),
+        "bevel_nominal_deg": 35.0,
+        "bevel_tolerance_deg": (-2.0, 2.0),
+    }
     made = verdict(part, **own)
     assert made.verdict == "pass"
     assert (made.requirements.root_nominal_mm, made.requirements.root_tolerance_mm) == (2.5, (-0.2, 0.0))

@@ -82,8 +82,10 @@ def test_tables_tell_what_fell_short():
     assert summary.ratio == pytest.approx(2)
     short = list(summary.shortcomings)
     assert [words.split(": ")[1] for words in short] == [
-        "1 sound sets refused", "error over its bound", "coverage of the ellipsoid",
-    ]  # fmt: skip
+        "1 sound sets refused",
+        "error over its bound",
+        "coverage of the ellipsoid",
+    ]
     text = calibration_tables([summary], "the command")
     assert "**2.000**" in text
     assert "Not met: " + "; ".join(short) in text

@@ -15,15 +15,60 @@ from bench.coverage.parts import ANALYTIC, SWEPT, is_raw, part
 from bench.coverage.table import ratios, tables, worst
 
 SEED = 17  # drawn once; nothing was chosen by what it gives
-SOUND = ("paper", "straight", "arc", "wavy", "oblique", "two_pass", "outliers_5", "missing_20", "noisy", "correlated",
-         "robot_error", "clamps", "swept_plain", "swept_two_poses", "swept_arc", "swept_space_wave", "swept_texture",
-         "swept_wavy_root", "swept_correlated", "swept_one_phase", "swept_sway", "swept_stop_and_go", "swept_drift",
-         "swept_there_and_back", "swept_clamps")  # fmt: skip
-HARD = ("swept_rounded", "swept_lost_edge", "swept_burr_in", "swept_burr_out", "swept_bowed", "swept_ghosts",
-        "swept_lost_blocks", "swept_fixed_pattern", "swept_time_offset", "swept_mixed")  # fmt: skip
+SOUND = (
+    "paper",
+    "straight",
+    "arc",
+    "wavy",
+    "oblique",
+    "two_pass",
+    "outliers_5",
+    "missing_20",
+    "noisy",
+    "correlated",
+    "robot_error",
+    "clamps",
+    "swept_plain",
+    "swept_two_poses",
+    "swept_arc",
+    "swept_space_wave",
+    "swept_texture",
+    "swept_wavy_root",
+    "swept_correlated",
+    "swept_one_phase",
+    "swept_sway",
+    "swept_stop_and_go",
+    "swept_drift",
+    "swept_there_and_back",
+    "swept_clamps",
+)
+HARD = (
+    "swept_rounded",
+    "swept_lost_edge",
+    "swept_burr_in",
+    "swept_burr_out",
+    "swept_bowed",
+    "swept_ghosts",
+    "swept_lost_blocks",
+    "swept_fixed_pattern",
+    "swept_time_offset",
+    "swept_mixed",
+)
 SHAPES = ("swept_twist", "swept_helix", "swept_saddle", "swept_ring", "swept_reversal")
-RAW = ("raw_straight", "raw_arc", "raw_wavy", "raw_drift", "raw_missing_20", "raw_two_pass", "swept_raw_plain",
-       "swept_raw_arc", "swept_raw_space_wave", "swept_raw_twist", "swept_raw_saddle", "swept_raw_texture")  # fmt: skip
+RAW = (
+    "raw_straight",
+    "raw_arc",
+    "raw_wavy",
+    "raw_drift",
+    "raw_missing_20",
+    "raw_two_pass",
+    "swept_raw_plain",
+    "swept_raw_arc",
+    "swept_raw_space_wave",
+    "swept_raw_twist",
+    "swept_raw_saddle",
+    "swept_raw_texture",
+)
 RAW_QUANTITIES = ("normal_mm", "across_mm", "axis_deg")
 
 # What the estimator does not do yet. An entry that has come to hold fails as such, and is to be struck out.
@@ -91,9 +136,13 @@ def test_the_same_part_again_and_from_the_cache(tmp_path: Path) -> None:
 
 
 def test_a_table_counts_what_is_beyond() -> None:
-    good = Result("swept_plain", 0, error={"root_mm": np.array([0.01, 0.02]), "bevel_deg": np.array([0.0, np.nan])},
-                  u={"root_mm": np.array([0.01, 0.004]), "bevel_deg": np.array([0.01, np.nan])},
-                  wanted=np.array([True, True]))  # fmt: skip
+    good = Result(
+        "swept_plain",
+        0,
+        error={"root_mm": np.array([0.01, 0.02]), "bevel_deg": np.array([0.0, np.nan])},
+        u={"root_mm": np.array([0.01, 0.004]), "bevel_deg": np.array([0.01, np.nan])},
+        wanted=np.array([True, True]),
+    )
     refused = Result("swept_plain", 1, refused="no edge")
     text = tables([good, refused])
     row = next(line for line in text.splitlines() if line.startswith("| swept_plain"))

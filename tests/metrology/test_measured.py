@@ -9,13 +9,25 @@ from bench.metrology.measured.summary import MEASURED_CONDITIONS, SINE, summaris
 from bench.metrology.measured.table import measured_tables
 
 
-def part(seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01,
-         inspected: float = 0.004) -> MeasuredResult:  # fmt: skip
+def part(
+    seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01, inspected: float = 0.004
+) -> MeasuredResult:
     places = {"root_mm": root, "root_blind_mm": blind, "bevel_deg": bevel, "correction_u_mm": u}
-    sections = {"root_mm": root + inspected, "root_u_mm": 0.005, "root_true_mm": root, "bevel_deg": bevel,
-                "bevel_u_deg": 0.02, "bevel_true_deg": bevel}  # fmt: skip
-    return MeasuredResult("repeating", seed, places={k: [v] * 20 for k, v in places.items()},
-                          sections={k: [v] * 9 for k, v in sections.items()}, seconds={"milling": 2.0})  # fmt: skip
+    sections = {
+        "root_mm": root + inspected,
+        "root_u_mm": 0.005,
+        "root_true_mm": root,
+        "bevel_deg": bevel,
+        "bevel_u_deg": 0.02,
+        "bevel_true_deg": bevel,
+    }
+    return MeasuredResult(
+        "repeating",
+        seed,
+        places={k: [v] * 20 for k, v in places.items()},
+        sections={k: [v] * 9 for k, v in sections.items()},
+        seconds={"milling": 2.0},
+    )
 
 
 def test_figures_of_known_parts() -> None:

@@ -41,10 +41,16 @@ def toolpath(truth, every=2, lift_mm=0.0, turn=0.0, cutting=None, mirrored=False
     k = len(e)
     cutting = np.ones(k, bool) if cutting is None else cutting
     layer = Layer(
-        index=1, height_mm=0.0, arc_length_mm=truth.arc_length_mm[::every], position_mm=position,
-        quaternion_wxyz=quaternion_from_rotation(frames), feed_mm_s=np.ones(k), cutting=cutting,
-        measured=np.ones(k, bool), width_mm=np.full(k, 8.0),
-    )  # fmt: skip
+        index=1,
+        height_mm=0.0,
+        arc_length_mm=truth.arc_length_mm[::every],
+        position_mm=position,
+        quaternion_wxyz=quaternion_from_rotation(frames),
+        feed_mm_s=np.ones(k),
+        cutting=cutting,
+        measured=np.ones(k, bool),
+        width_mm=np.full(k, 8.0),
+    )
     return Toolpath(Cutter(), (layer,), (), ROOT, 40.0, 1.0, 1.0, float(truth.arc_length_mm[-1]))
 
 
@@ -90,16 +96,23 @@ def test_errors_of_the_edge(truth):
     k = len(truth.arc_length_mm)
     turn = math.radians(0.05)
     edge = RawEdge(
-        faces={}, labels=np.zeros((0, 0), np.uint8), pass_index=np.zeros(0, int),
+        faces={},
+        labels=np.zeros((0, 0), np.uint8),
+        pass_index=np.zeros(0, int),
         frame_arc_length_mm=np.zeros(0),
         tangent_u=np.full(k, 1e-4),
         arc_length_mm=truth.arc_length_mm,
-        position_mm=truth.position_mm + 0.01 * truth.normal - 0.02 * truth.across, tangent=truth.tangent,
-        normal=truth.normal * math.cos(turn) + truth.across * math.sin(turn), across=truth.across,
-        seen=np.ones(k, bool), burr_stations=np.zeros(0, int),
-        position_u_mm=np.tile([0.006, 0.005], (k, 1)), normal_u=np.full(k, math.radians(0.04)),
-        upper_position_mm=truth.position_mm, upper_inward=-truth.normal,
-    )  # fmt: skip
+        position_mm=truth.position_mm + 0.01 * truth.normal - 0.02 * truth.across,
+        tangent=truth.tangent,
+        normal=truth.normal * math.cos(turn) + truth.across * math.sin(turn),
+        across=truth.across,
+        seen=np.ones(k, bool),
+        burr_stations=np.zeros(0, int),
+        position_u_mm=np.tile([0.006, 0.005], (k, 1)),
+        normal_u=np.full(k, math.radians(0.04)),
+        upper_position_mm=truth.position_mm,
+        upper_inward=-truth.normal,
+    )
     result = PlanResult("raw_straight", 0)
     compare_edge(result, edge, truth)
     assert len(result.normal_error_mm) == pytest.approx(13, abs=1)

@@ -49,8 +49,16 @@ def test_a_trial_is_measured_against_the_truth():
 
 
 def trial(seed, error, nees):
-    return StiffnessResult("planned", seed, loads=[40, 6], error=[error] * 6, bound=[0.02] * 6, stated=[0.02] * 6,
-                           nees=nees, seconds={"identify": 0.01})  # fmt: skip
+    return StiffnessResult(
+        "planned",
+        seed,
+        loads=[40, 6],
+        error=[error] * 6,
+        bound=[0.02] * 6,
+        stated=[0.02] * 6,
+        nees=nees,
+        seconds={"identify": 0.01},
+    )
 
 
 def test_what_falls_short_is_told():

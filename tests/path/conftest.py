@@ -44,12 +44,23 @@ def true_edge(truth: Truth, cloud: Cloud) -> tuple[RawEdge, float]:
     upper = position + np.interp(at, s, truth.thickness_mm)[:, None] * m
     position[~here], upper[~here] = np.nan, np.nan
     edge = RawEdge(
-        faces={}, labels=_labels(truth, cloud), pass_index=cloud.pass_index,
+        faces={},
+        labels=_labels(truth, cloud),
+        pass_index=cloud.pass_index,
         frame_arc_length_mm=_crossings(truth, cloud) - low,
-        tangent_u=np.zeros(at.size), arc_length_mm=at - low, position_mm=position, tangent=t, normal=n, across=m,
-        seen=here, burr_stations=np.empty(0, np.int64), upper_position_mm=upper, upper_inward=-n,
-        position_u_mm=np.zeros((at.size, 2)), normal_u=np.zeros(at.size),
-    )  # fmt: skip
+        tangent_u=np.zeros(at.size),
+        arc_length_mm=at - low,
+        position_mm=position,
+        tangent=t,
+        normal=n,
+        across=m,
+        seen=here,
+        burr_stations=np.empty(0, np.int64),
+        upper_position_mm=upper,
+        upper_inward=-n,
+        position_u_mm=np.zeros((at.size, 2)),
+        normal_u=np.zeros(at.size),
+    )
     return edge, float(low)
 
 
@@ -64,8 +75,11 @@ def _labels(truth: Truth, cloud: Cloud) -> AnyArray:
     n, m = ((off * getattr(truth, name)[nearest]).sum(axis=1) for name in ("normal", "across"))
     thick = truth.thickness_mm[nearest]
     on_end, inside = (np.abs(n) < 0.4) & (m > -0.4) & (m < thick + 0.4), n < 0.4
-    faces = np.select([on_end, inside & (np.abs(m - thick) < 0.4), inside & (np.abs(m) < 0.4)],
-                      [ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE], UNLABELLED)  # fmt: skip
+    faces = np.select(
+        [on_end, inside & (np.abs(m - thick) < 0.4), inside & (np.abs(m) < 0.4)],
+        [ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE],
+        UNLABELLED,
+    )
     labels = np.zeros(cloud.keep.shape, np.uint8)
     labels[known] = faces
     return labels
@@ -85,10 +99,14 @@ def raw() -> Callable[..., Raw]:
     @functools.cache
     def make(changes: str) -> Raw:
         document: dict[str, Any] = {
-            "format": "bevel-recipe", "version": 1, "seed": 5, "scanner": {"columns": 500},
-            "robot": {"frame_pitch_mm": 0.4}, "part": {"kind": "raw", "length_mm": 64.0},
+            "format": "bevel-recipe",
+            "version": 1,
+            "seed": 5,
+            "scanner": {"columns": 500},
+            "robot": {"frame_pitch_mm": 0.4},
+            "part": {"kind": "raw", "length_mm": 64.0},
             "passes": [{"from_mm": 2.0, "to_mm": 62.0}],
-        }  # fmt: skip
+        }
         for key, value in json.loads(changes).items():
             document[key] = {**document.get(key, {}), **value} if isinstance(value, dict) else value
         recording, truth = simulate_recording(parse_recipe(document))

@@ -47,11 +47,13 @@ def turned(layer: Layer, axis: int, angle_deg: float) -> Float:
         {},
         CLAMPED,
         {"part": {"roughness_mm": 0.2, "table_gap_mm": 3}},
-        {"part": {"curve": {"shape": "arc", "radius_mm": 300, "sense": "concave"}},
-         "passes": [{"from_mm": 2.0, "to_mm": 62.0, "motion": "stream", "follow": "edge"}]},
+        {
+            "part": {"curve": {"shape": "arc", "radius_mm": 300, "sense": "concave"}},
+            "passes": [{"from_mm": 2.0, "to_mm": 62.0, "motion": "stream", "follow": "edge"}],
+        },
         {"part": {"thickness_mm": {"start": 6, "end": 9}}},
     ],
-)  # fmt: skip
+)
 def test_a_sound_path_passes(raw: Callable[..., Raw], changes: dict[str, Any]) -> None:
     scan = raw(**changes)
     gate = check(planned(scan), scan.edge, scan.cloud)
@@ -65,11 +67,18 @@ def test_a_path_in_the_work_objects_frame_passes(raw: Callable[..., Raw]) -> Non
 
     def moved(points: Any) -> Any:
         turn = work[:3, :3].T @ rotation_from_quaternion(points.quaternion_wxyz)
-        return replace(points, position_mm=(points.position_mm - work[:3, 3]) @ work[:3, :3],
-                       quaternion_wxyz=same_sign(quaternion_from_rotation(turn)))  # fmt: skip
+        return replace(
+            points,
+            position_mm=(points.position_mm - work[:3, 3]) @ work[:3, :3],
+            quaternion_wxyz=same_sign(quaternion_from_rotation(turn)),
+        )
 
-    there = replace(path, layers=tuple(moved(p) for p in path.layers), travels=tuple(moved(p) for p in path.travels),
-                    base_from_workobject=work)  # fmt: skip
+    there = replace(
+        path,
+        layers=tuple(moved(p) for p in path.layers),
+        travels=tuple(moved(p) for p in path.travels),
+        base_from_workobject=work,
+    )
     gate = check(there, scan.edge, scan.cloud)
     assert gate.passed, gate.reason
     assert not check(replace(there, base_from_workobject=None), scan.edge, scan.cloud).passed
@@ -80,10 +89,16 @@ def mirrored(edge: Edge) -> Edge:
     assert edge.upper_position_mm is not None
     back = slice(None, None, -1)
     return replace(
-        edge, position_mm=edge.upper_position_mm[back], upper_position_mm=edge.position_mm[back],
-        across=-edge.across[back], tangent=-edge.tangent[back], normal=edge.normal[back], seen=edge.seen[back],
-        upper_inward=-edge.normal[back], frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
-    )  # fmt: skip
+        edge,
+        position_mm=edge.upper_position_mm[back],
+        upper_position_mm=edge.position_mm[back],
+        across=-edge.across[back],
+        tangent=-edge.tangent[back],
+        normal=edge.normal[back],
+        seen=edge.seen[back],
+        upper_inward=-edge.normal[back],
+        frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
+    )
 
 
 def inverted(edge: Edge) -> Edge:
@@ -91,49 +106,82 @@ def inverted(edge: Edge) -> Edge:
     assert edge.upper_position_mm is not None
     back = slice(None, None, -1)
     return replace(
-        edge, position_mm=edge.position_mm[back], upper_position_mm=edge.upper_position_mm[back],
-        across=edge.across[back], tangent=-edge.tangent[back], normal=-edge.normal[back], seen=edge.seen[back],
-        upper_inward=edge.normal[back], frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
-    )  # fmt: skip
+        edge,
+        position_mm=edge.position_mm[back],
+        upper_position_mm=edge.upper_position_mm[back],
+        across=edge.across[back],
+        tangent=-edge.tangent[back],
+        normal=-edge.normal[back],
+        seen=edge.seen[back],
+        upper_inward=edge.normal[back],
+        frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
+    )
 
 
 FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
     "tilt about z, as the paper prints it": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 40)), "does not move along the edge"),
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 40)),
+        "does not move along the edge",
+    ),
     "no tilt": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 40)), "axis out of the bevel face"),
     "tilt about x": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 0, 40)), "does not move along the edge"),
     "tilt the other way": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 80)), "axis out of the bevel face"),
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 80)),
+        "axis out of the bevel face",
+    ),
     "tip and shank exchanged": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 180)), "axis out of the bevel face"),
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 180)),
+        "axis out of the bevel face",
+    ),
     "out of the material": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 180)), "does not face the material"),
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 180)),
+        "does not face the material",
+    ),
     "a tenth of a degree": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 0.1)), "axis out of the bevel face"),
+        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 0.1)),
+        "axis out of the bevel face",
+    ),
     "below the finished bevel": (
-        lambda p: replace(p, layers=(*p.layers[:-1], lowered(p.layers[-1]))), "layer 5 lies below the finished bevel"),
+        lambda p: replace(p, layers=(*p.layers[:-1], lowered(p.layers[-1]))),
+        "layer 5 lies below the finished bevel",
+    ),
     "final layer missing": (lambda p: replace(p, layers=p.layers[:-1], travels=p.travels[:-1]), "not the final one"),
     "layers in another order": (
-        lambda p: replace(p, layers=(p.layers[1], p.layers[0], *p.layers[2:])), "cutting order"),
+        lambda p: replace(p, layers=(p.layers[1], p.layers[0], *p.layers[2:])),
+        "cutting order",
+    ),
     "a layer left out": (
-        lambda p: replace(p, layers=(p.layers[0], *p.layers[2:]), travels=p.travels[:-1]), "deeper than the depth"),
+        lambda p: replace(p, layers=(p.layers[0], *p.layers[2:]), travels=p.travels[:-1]),
+        "deeper than the depth",
+    ),
     "a layer in the air": (
-        lambda p: replace(p, layers=(in_the_air(p.layers[0]), *p.layers[1:])), "layer 1 cuts nothing but air"),
+        lambda p: replace(p, layers=(in_the_air(p.layers[0]), *p.layers[1:])),
+        "layer 1 cuts nothing but air",
+    ),
     "a key point left out": (lambda p: change(p, **without(20)), "no point every mm"),
     "the end left out": (lambda p: change(p, **without(slice(-14, None))), "from one end of the edge to the other"),
     "cutting what was not measured": (
-        lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)), "nothing was measured"),
+        lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)),
+        "nothing was measured",
+    ),
     "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),
     "too fast in the material": (
-        lambda p: change(p, feed_mm_s=lambda q: q.feed_mm_s + 0.01), "cuts faster than 1 mm/s"),
+        lambda p: change(p, feed_mm_s=lambda q: q.feed_mm_s + 0.01),
+        "cuts faster than 1 mm/s",
+    ),
     "a jump of the feed": (
-        lambda p: change(p, feed_mm_s=lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)), "changes by more"),
+        lambda p: change(p, feed_mm_s=lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)),
+        "changes by more",
+    ),
     "a quaternion's sign": (
         lambda p: change(p, quaternion_wxyz=lambda q: q.quaternion_wxyz * np.sign(q.arc_length_mm[:, None] - 9.5)),
-        "continuous in sign"),
+        "continuous in sign",
+    ),
     "back and forth": (
-        lambda p: change(p, position_mm=lambda q: swapped(q.position_mm, 25)), "crosses itself|not in the section"),
-}  # fmt: skip
+        lambda p: change(p, position_mm=lambda q: swapped(q.position_mm, 25)),
+        "crosses itself|not in the section",
+    ),
+}
 
 
 def lowered(layer: Layer) -> Layer:
@@ -188,8 +236,12 @@ def test_a_wrong_edge_is_found_by_the_cloud_alone(raw: Callable[..., Raw]) -> No
 
 def test_a_clamp_that_the_plan_did_not_know_is_found(raw: Callable[..., Raw]) -> None:
     scan = raw(**CLAMPED)
-    blind = replace(scan.edge, seen=np.ones_like(scan.edge.seen), position_mm=filled(scan.edge.position_mm),
-                    upper_position_mm=filled(scan.edge.upper_position_mm))  # fmt: skip
+    blind = replace(
+        scan.edge,
+        seen=np.ones_like(scan.edge.seen),
+        position_mm=filled(scan.edge.position_mm),
+        upper_position_mm=filled(scan.edge.upper_position_mm),
+    )
     nothing = replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep))
     gate = check(layers(blind, nothing), blind, scan.cloud)
     assert not gate.passed
@@ -206,8 +258,9 @@ def test_a_travel_through_the_plate_is_found(raw: Callable[..., Raw]) -> None:
     scan = raw()
     path = planned(scan)
     low = replace(path.travels[1], position_mm=path.travels[1].position_mm - 13 * bevel_normal_of(scan))
-    gate = check(replace(path, travels=(path.travels[0], low, *path.travels[2:])), scan.edge, scan.cloud,
-                 acceleration_mm_s2=1e5)  # fmt: skip
+    gate = check(
+        replace(path, travels=(path.travels[0], low, *path.travels[2:])), scan.edge, scan.cloud, acceleration_mm_s2=1e5
+    )
     assert not gate.passed
     assert "in a travel move" in gate.reason
 

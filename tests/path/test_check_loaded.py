@@ -74,8 +74,10 @@ def test_a_great_deflection_is_refused_whatever_allows_for_it(raw: Callable[...,
 
 def test_the_commanded_path_is_held_against_clamps_too(raw: Callable[..., Raw]) -> None:
     """The loaded cutter would come where it should, over the clamp; unloaded it would be in it."""
-    scan = raw(part={"length_mm": 94.0, "clamps": [{"from_mm": 40, "to_mm": 54, "height_mm": 12}]},
-               passes=[{"from_mm": 2.0, "to_mm": 92.0}])  # fmt: skip
+    scan = raw(
+        part={"length_mm": 94.0, "clamps": [{"from_mm": 40, "to_mm": 54, "height_mm": 12}]},
+        passes=[{"from_mm": 2.0, "to_mm": 92.0}],
+    )
     path = planned(scan)
     over = PathDeflection({k.index: np.where(k.measured[:, None], 0.0, [-12.0, 0, 0]) for k in path.layers})
     gate = check(compensate(path, over), scan.edge, scan.cloud, over)
@@ -105,8 +107,17 @@ def test_a_travel_through_thick_stock_is_seen_with_a_thin_cutter(raw: Callable[.
     path = feed(layers(scan.edge, scan.cloud, cutter_diameter_mm=2.4, depth_of_cut_mm=1.0), scan.cloud, scan.edge)
     assert check(path, scan.edge, scan.cloud).passed
     last = path.layers[-1]
-    ends = [replace(t, position_mm=last.position_mm[[15, -15]], quaternion_wxyz=last.quaternion_wxyz[[15, -15]],
-                    feed_mm_s=np.full(2, 1.0)) if i == 0 else t for i, t in enumerate(path.travels)]  # fmt: skip
+    ends = [
+        replace(
+            t,
+            position_mm=last.position_mm[[15, -15]],
+            quaternion_wxyz=last.quaternion_wxyz[[15, -15]],
+            feed_mm_s=np.full(2, 1.0),
+        )
+        if i == 0
+        else t
+        for i, t in enumerate(path.travels)
+    ]
     gate = check(replace(path, travels=tuple(ends)), scan.edge, scan.cloud)
     assert not gate.passed
     assert "the stock" in gate.reason

@@ -116,11 +116,18 @@ def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw,
     """The cut lies 0.2 mm deeper; the tool gave way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm."""
     final = plan.layers[-1]
     width = np.where(final.cutting, final.width_mm, np.nan)
-    gave = PathDeflection({
-        layer.index: np.stack([np.nan_to_num(-0.1 * (2.0 if layer is not final else 1.0) * layer.width_mm / width),
-                               *np.zeros((2, len(width)))], axis=1)
-        for layer in plan.layers
-    })  # fmt: skip
+    gave = PathDeflection(
+        {
+            layer.index: np.stack(
+                [
+                    np.nan_to_num(-0.1 * (2.0 if layer is not final else 1.0) * layer.width_mm / width),
+                    *np.zeros((2, len(width))),
+                ],
+                axis=1,
+            )
+            for layer in plan.layers
+        }
+    )
     cut = inspected(scan, FIRST_ROOT - 0.2 / SINE)
     _, found = correct(cut, plan, gave, **QUIET)
     assert plan.finishing is not None

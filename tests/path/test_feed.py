@@ -105,8 +105,10 @@ def test_feed_is_slow_in_the_material_and_respects_the_acceleration(
 
 
 def test_feed_above_a_clamp_knows_the_clamp(raw: Callable[..., Raw]) -> None:
-    clamped = {"part": {"length_mm": 94.0, "clamps": [{"from_mm": 35, "to_mm": 59, "height_mm": 12}]},
-               "passes": [{"from_mm": 2.0, "to_mm": 92.0}]}  # fmt: skip
+    clamped = {
+        "part": {"length_mm": 94.0, "clamps": [{"from_mm": 35, "to_mm": 59, "height_mm": 12}]},
+        "passes": [{"from_mm": 2.0, "to_mm": 92.0}],
+    }
     scan = raw(**clamped)
     path = feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge)
     final = path.layers[-1]

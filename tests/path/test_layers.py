@@ -183,9 +183,11 @@ def test_a_station_that_was_not_seen_costs_no_more_than_its_neighbours(raw: Call
 
 
 def test_travels_go_round_a_convex_arc(raw: Callable[..., Raw]) -> None:
-    scan = raw(part={"length_mm": 224.0, "curve": {"shape": "arc", "radius_mm": 150, "sense": "convex"}},
-               robot={"frame_pitch_mm": 1.0},
-               passes=[{"from_mm": 2.0, "to_mm": 222.0, "motion": "stream", "follow": "edge"}])  # fmt: skip
+    scan = raw(
+        part={"length_mm": 224.0, "curve": {"shape": "arc", "radius_mm": 150, "sense": "convex"}},
+        robot={"frame_pitch_mm": 1.0},
+        passes=[{"from_mm": 2.0, "to_mm": 222.0, "motion": "stream", "follow": "edge"}],
+    )
     path = layers(scan.edge, scan.cloud)
     assert len(path.travels) == len(path.layers) + 1
     plate = scan.truth.position_mm + 8 * scan.truth.across - 3 * scan.truth.normal
@@ -205,19 +207,34 @@ def rounded_edge(radius_mm: float) -> RawEdge:
     up = np.tile([0.0, 0.0, 1.0], (s.size, 1))
     position = -radius_mm * inwards + [1000.0, 0, 500]
     return RawEdge(
-        faces={}, labels=np.zeros((1, 1), np.uint8), pass_index=np.zeros(1, np.int64),
-        frame_arc_length_mm=np.zeros(1), tangent_u=0.0 * s, arc_length_mm=s,
-        position_mm=position, tangent=np.cross(up, inwards), normal=inwards, across=up, seen=np.ones(s.size, bool),
-        burr_stations=np.empty(0, np.int64), upper_position_mm=position + 8 * up, upper_inward=-inwards,
-        position_u_mm=np.zeros((s.size, 2)), normal_u=0.0 * s,
-    )  # fmt: skip
+        faces={},
+        labels=np.zeros((1, 1), np.uint8),
+        pass_index=np.zeros(1, np.int64),
+        frame_arc_length_mm=np.zeros(1),
+        tangent_u=0.0 * s,
+        arc_length_mm=s,
+        position_mm=position,
+        tangent=np.cross(up, inwards),
+        normal=inwards,
+        across=up,
+        seen=np.ones(s.size, bool),
+        burr_stations=np.empty(0, np.int64),
+        upper_position_mm=position + 8 * up,
+        upper_inward=-inwards,
+        position_u_mm=np.zeros((s.size, 2)),
+        normal_u=0.0 * s,
+    )
 
 
 def test_a_concave_edge_tighter_than_the_cutter_is_refused_with_its_place(raw: Callable[..., Raw]) -> None:
     cloud = replace(
-        raw().cloud, keep=np.zeros((1, 1), bool), x_mm=np.zeros((1, 1), np.float32), z_mm=np.zeros((1, 1), np.float32),
-        base_from_profiler=np.eye(4)[None], pass_index=np.zeros(1, np.int64),
-    )  # fmt: skip
+        raw().cloud,
+        keep=np.zeros((1, 1), bool),
+        x_mm=np.zeros((1, 1), np.float32),
+        z_mm=np.zeros((1, 1), np.float32),
+        base_from_profiler=np.eye(4)[None],
+        pass_index=np.zeros(1, np.int64),
+    )
     with pytest.raises(InputError, match=r"arc length .* mm: concave with a radius of 12\.0 mm"):
         layers(rounded_edge(12), cloud, cutter_diameter_mm=20)
     assert len(layers(rounded_edge(60), cloud, cutter_diameter_mm=20).layers) == 5

@@ -41,10 +41,14 @@ def plan(request: pytest.FixtureRequest) -> Toolpath:
 def milled(**part: Any) -> Milled:
     """The same plate, milled with the given root face and bevel angle."""
     recipe = {
-        "format": "bevel-recipe", "version": 1, "seed": 3, "scanner": {"columns": 500},
+        "format": "bevel-recipe",
+        "version": 1,
+        "seed": 3,
+        "scanner": {"columns": 500},
         "robot": {"frame_pitch_mm": 0.4},
-        "part": {"length_mm": 94.0, **part}, "passes": LENGTH["passes"],
-    }  # fmt: skip
+        "part": {"length_mm": 94.0, **part},
+        "passes": LENGTH["passes"],
+    }
     recording, truth = simulate_recording(parse_recipe(recipe))
     cloud = denoise(fuse(recording))
     edge = segment(cloud)

@@ -176,8 +176,9 @@ def way(moves, k):
 def with_points(path: Toolpath, position, quaternion) -> Toolpath:
     """A path of one layer through poses, without travels."""
     n = len(position)
-    layer = Layer(1, 0.0, np.arange(float(n)), position, quaternion, np.ones(n), np.ones(n, bool), np.ones(n, bool),
-                  np.ones(n))  # fmt: skip
+    layer = Layer(
+        1, 0.0, np.arange(float(n)), position, quaternion, np.ones(n), np.ones(n, bool), np.ones(n, bool), np.ones(n)
+    )
     return replace(path, layers=(layer,), travels=())
 
 

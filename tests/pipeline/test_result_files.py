@@ -25,8 +25,17 @@ def a_result() -> Inspection:
     values = np.array([1.5, np.nan])
     profile = EdgeProfile(np.array([0.0, 10.0]), np.array([[0, 0, 0], [10.0, 0, 0]]), values, values, values, values)
     checks = (Check("obliquity_deg", 3.0, (0.0, 20.0), True, "why"),)
-    return Inspection((seen, hidden), profile, Requirements(), 1.645, "undecided", "hidden", "whole edge",
-                      part=Part(part_id="A-7"), checks=checks)  # fmt: skip
+    return Inspection(
+        (seen, hidden),
+        profile,
+        Requirements(),
+        1.645,
+        "undecided",
+        "hidden",
+        "whole edge",
+        part=Part(part_id="A-7"),
+        checks=checks,
+    )
 
 
 @pytest.mark.parametrize("name", RESULT_FILES)

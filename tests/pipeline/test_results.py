@@ -13,9 +13,16 @@ def layer(index: int, height_mm: float) -> Layer:
     turn = np.tile([0.5, 0.5, -0.5, 0.5], (3, 1))
     place = np.array([[-1.0, 0, height_mm], [0, 0, height_mm], [1, 0, height_mm]])
     return Layer(
-        index, height_mm, np.array([-1.0, 0, 1]), place, turn, np.array([20.0, 1, 1]), np.array([False, True, False]),
-        np.array([True, True, False]), np.array([0.0, 4, 0]),
-    )  # fmt: skip
+        index,
+        height_mm,
+        np.array([-1.0, 0, 1]),
+        place,
+        turn,
+        np.array([20.0, 1, 1]),
+        np.array([False, True, False]),
+        np.array([True, True, False]),
+        np.array([0.0, 4, 0]),
+    )
 
 
 @pytest.fixture
@@ -31,9 +38,14 @@ def test_a_path_has_the_contracts_keys(path: Toolpath) -> None:
     assert document["cutter"]["flutes"] == 4
     assert [one["index"] for one in document["layers"]] == [1, 2]
     assert document["layers"][0]["points"][1] == {
-        "arc_length_mm": 0.0, "position_mm": [0.0, 0.0, 1.0], "quaternion_wxyz": [0.5, 0.5, -0.5, 0.5],
-        "feed_mm_s": 1.0, "cutting": True, "measured": True, "width_mm": 4.0,
-    }  # fmt: skip
+        "arc_length_mm": 0.0,
+        "position_mm": [0.0, 0.0, 1.0],
+        "quaternion_wxyz": [0.5, 0.5, -0.5, 0.5],
+        "feed_mm_s": 1.0,
+        "cutting": True,
+        "measured": True,
+        "width_mm": 4.0,
+    }
     assert "base_from_workobject" not in document
     assert len(document["travels"]) == 3
 

@@ -45,11 +45,15 @@ class Judge:
         self.data = self.model.createData()
         self.tip = pose(self.cell["tool"]["flange_from_cutter"])
         self.links = [
-            (link.get("name"), self._placed(c)) for link in ElementTree.parse(urdf).getroot().iter("link")
+            (link.get("name"), self._placed(c))
+            for link in ElementTree.parse(urdf).getroot().iter("link")
             for c in link.findall("collision")
-        ]  # fmt: skip
-        self.truth = {k: np.array(v, float) for k, v in json.loads(truth.read_text()).items()
-                      if k in ("position_mm", "normal", "across", "tangent")}  # fmt: skip
+        ]
+        self.truth = {
+            k: np.array(v, float)
+            for k, v in json.loads(truth.read_text()).items()
+            if k in ("position_mm", "normal", "across", "tangent")
+        }
         self.root_mm, self.bevel = root_mm, np.radians(bevel_deg)
 
     def _placed(self, collision: ElementTree.Element) -> tuple[np.ndarray, fcl.CollisionGeometry]:

@@ -78,8 +78,10 @@ def travel(points, quaternions) -> Travel:
 def all_points(path: Toolpath):
     """Positions, quaternions and feeds of all points in the order of motion."""
     parts = [part for pair in zip_longest(path.travels, path.layers) for part in pair if part is not None]
-    return tuple(np.concatenate([getattr(part, name) for part in parts])
-                 for name in ("position_mm", "quaternion_wxyz", "feed_mm_s"))  # fmt: skip
+    return tuple(
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("position_mm", "quaternion_wxyz", "feed_mm_s")
+    )
 
 
 def circle(start, via, target):
@@ -87,8 +89,9 @@ def circle(start, via, target):
     axis = np.cross(via - start, target - start)
     axis /= np.linalg.norm(axis)
     planes = np.array([via - start, target - start, axis])
-    centre = np.linalg.solve(planes, [(via - start) @ (via + start) / 2, (target - start) @ (target + start) / 2,
-                                      axis @ start])  # fmt: skip
+    centre = np.linalg.solve(
+        planes, [(via - start) @ (via + start) / 2, (target - start) @ (target + start) / 2, axis @ start]
+    )
     a, b = start - centre, target - centre
     return centre, axis, np.arctan2(np.cross(a, b) @ axis, a @ b) % (2 * np.pi)
 

@@ -33,11 +33,14 @@ def cell_of(robot: str, folder: Path, tool: str | None = None, place: str | None
     """A cell with one of the robots, a spindle at its side and a turntable."""
     urdf = DATA / "irb6700_150_320.urdf" if robot == "irb6700" else URDFS / f"{robot}.urdf"
     tree = {
-        "format": "robot-cell", "version": 1, "tool": {"flange_from_cutter": CUTTER, "controller_name": tool},
-        "robot": {"urdf": str(urdf), "base_frame": ROBOTS[robot][0]}, "controller": controller or None,
+        "format": "robot-cell",
+        "version": 1,
+        "tool": {"flange_from_cutter": CUTTER, "controller_name": tool},
+        "robot": {"urdf": str(urdf), "base_frame": ROBOTS[robot][0]},
+        "controller": controller or None,
         "work_object": place and {"pose": {"position_mm": [900, 100, 50]}, "controller_name": place},
         "turntable": {"base_from_turntable": {"position_mm": [1500, 0, 300]}},
-    }  # fmt: skip
+    }
     file = folder / f"{robot}.json"
     file.write_text(json.dumps(tree))
     return read_cell(file)
@@ -65,12 +68,21 @@ def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves
     targets = forward_kinematics(cell.chain, joints) @ flange_from_point
     table = turned * np.linspace(0, 1, len(frames))
     made = Postures(
-        toolpath=path, layer=points.layer, cutting=points.cutting, measured=points.measured,
-        position_mm=targets[:, :3, 3], quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
-        feed_mm_s=points.feed_mm_s, cutter_rotation=np.zeros(len(frames)), turntable=table, joints=joints,
-        displacement_mm=np.zeros((len(frames), 3)), clearance_mm=np.zeros(len(frames)),
-        flange_from_point=flange_from_point, has_turntable=isinstance(cell.turntable, Turntable),
-    )  # fmt: skip
+        toolpath=path,
+        layer=points.layer,
+        cutting=points.cutting,
+        measured=points.measured,
+        position_mm=targets[:, :3, 3],
+        quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
+        feed_mm_s=points.feed_mm_s,
+        cutter_rotation=np.zeros(len(frames)),
+        turntable=table,
+        joints=joints,
+        displacement_mm=np.zeros((len(frames), 3)),
+        clearance_mm=np.zeros(len(frames)),
+        flange_from_point=flange_from_point,
+        has_turntable=isinstance(cell.turntable, Turntable),
+    )
     return simplify(path, made)
 
 

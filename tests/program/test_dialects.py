@@ -157,9 +157,13 @@ def test_fanuc_says_the_configuration_and_the_level_joint(cells) -> None:
 
 @settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
-    case=st.sampled_from(CASES), bend=st.sampled_from([0.0, 1 / 150, -1 / 400]), length=st.integers(20, 70),
-    zone=st.sampled_from([0.0, 0.3, 2.0]), turned=st.sampled_from([0.0, 0.4]), layers=st.integers(1, 2),
-)  # fmt: skip
+    case=st.sampled_from(CASES),
+    bend=st.sampled_from([0.0, 1 / 150, -1 / 400]),
+    length=st.integers(20, 70),
+    zone=st.sampled_from([0.0, 0.3, 2.0]),
+    turned=st.sampled_from([0.0, 0.4]),
+    layers=st.integers(1, 2),
+)
 def test_any_path_comes_back(cells, case, bend, length, zone, turned, layers) -> None:
     controller, robot = case
     cell = cells[robot]
@@ -224,8 +228,11 @@ def test_a_program_for_another_controller_than_the_cells_says_so(tmp_path: Path)
 
 def test_a_trajectory_over_sparse_points_is_refused(made, cells) -> None:
     """Between postures 40 mm apart joints in step leave the straight travel; the optimiser's lie 5 mm apart."""
-    gate, *_ = [one for one in write(made["irb6700"], passed(made["irb6700"].toolpath), cells["irb6700"],
-                                     controller="trajectory") if isinstance(one, PathGate)]  # fmt: skip
+    gate, *_ = [
+        one
+        for one in write(made["irb6700"], passed(made["irb6700"].toolpath), cells["irb6700"], controller="trajectory")
+        if isinstance(one, PathGate)
+    ]
     assert not gate.passed
     assert "the tool leaves the travel before the first layer" in gate.reason
 
@@ -245,17 +252,43 @@ def test_a_cell_that_names_no_controller_is_refused(made, cells) -> None:
 
 
 EDITS = {
-    "kuka": [("LIN XP3", "LIN XP999"), ("  LIN XP3", "  SLIN XP3"), ("$VEL.CP=0.02", "$VEL.CP=fast"),
-             ("  PTP XSTART", "  LIN XP2"), ("$BASE={", "$BASE=WORLD;{"), ("END\n", ""), (",E1 0.0", ",E1 0.0,E2 1.0"),
-             ("$ORI_TYPE=#VAR", "$ORI_TYPE=#CONSTANT"), ("DECL E6POS XP3", "DECL E6POS XP2"), ("ENDDAT", "")],
-    "fanuc": [("  10:", "  11:"), ("FINE", "CNT100"), ("L P[3]", "L P[900]"), ("UTOOL_NUM=9", "UTOOL_NUM=2"),
-              ("LINE_COUNT = ", "LINE_COUNT = 1"), ("CONFIG : 'N", "CONFIG : 'X"), ("mm/sec", "cm/min"), ("/END", ""),
-              ("DEFAULT_GROUP = 1,1", "DEFAULT_GROUP = 1,*"), ("20% FINE", "200% FINE"), ("W = ", "V = ")],
-    "ur": [("movel(p[", "movep(p["), ("mode=0", "mode=1"), ("v=0.35", "v=35"), ("set_tcp", "set_tool"),
-           ("movej([", "movej(p["), ("\nend\n", "\nmovel()\nend\n"), ("blocking=True", "blocking=False"),
-           ("a=0.5, v=0.02", "a=0.5, v=-0.02")],
+    "kuka": [
+        ("LIN XP3", "LIN XP999"),
+        ("  LIN XP3", "  SLIN XP3"),
+        ("$VEL.CP=0.02", "$VEL.CP=fast"),
+        ("  PTP XSTART", "  LIN XP2"),
+        ("$BASE={", "$BASE=WORLD;{"),
+        ("END\n", ""),
+        (",E1 0.0", ",E1 0.0,E2 1.0"),
+        ("$ORI_TYPE=#VAR", "$ORI_TYPE=#CONSTANT"),
+        ("DECL E6POS XP3", "DECL E6POS XP2"),
+        ("ENDDAT", ""),
+    ],
+    "fanuc": [
+        ("  10:", "  11:"),
+        ("FINE", "CNT100"),
+        ("L P[3]", "L P[900]"),
+        ("UTOOL_NUM=9", "UTOOL_NUM=2"),
+        ("LINE_COUNT = ", "LINE_COUNT = 1"),
+        ("CONFIG : 'N", "CONFIG : 'X"),
+        ("mm/sec", "cm/min"),
+        ("/END", ""),
+        ("DEFAULT_GROUP = 1,1", "DEFAULT_GROUP = 1,*"),
+        ("20% FINE", "200% FINE"),
+        ("W = ", "V = "),
+    ],
+    "ur": [
+        ("movel(p[", "movep(p["),
+        ("mode=0", "mode=1"),
+        ("v=0.35", "v=35"),
+        ("set_tcp", "set_tool"),
+        ("movej([", "movej(p["),
+        ("\nend\n", "\nmovel()\nend\n"),
+        ("blocking=True", "blocking=False"),
+        ("a=0.5, v=0.02", "a=0.5, v=-0.02"),
+    ],
     "trajectory": [("time_s,", "time,"), ("\n0.0,", "\n1.0,"), (",0\n", ",x\n")],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("controller", "robot"), CASES[:4])

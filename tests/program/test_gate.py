@@ -177,13 +177,16 @@ def test_a_refusal_counts_whatever_came_after_it(path: Toolpath, tmp_path: Path)
         assert not again(file).passed
 
 
-@pytest.mark.parametrize("edit", [
-    lambda d: d["layers"][0]["points"][20]["position_mm"].__setitem__(2, 0.0),
-    lambda d: d["layers"][-1]["points"][20].__setitem__("feed_mm_s", 1.1),
-    lambda d: d["cutter"].__setitem__("diameter_mm", 10.5),
-    lambda d: d["travels"].pop(),
-    lambda d: d["check"].__setitem__("sha256", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda d: d["layers"][0]["points"][20]["position_mm"].__setitem__(2, 0.0),
+        lambda d: d["layers"][-1]["points"][20].__setitem__("feed_mm_s", 1.1),
+        lambda d: d["cutter"].__setitem__("diameter_mm", 10.5),
+        lambda d: d["travels"].pop(),
+        lambda d: d["check"].__setitem__("sha256", None),
+    ],
+)
 def test_a_path_that_was_changed_after_its_check_is_refused(
     path: Toolpath, tmp_path: Path, edit: Callable[[Any], Any]
 ) -> None:
@@ -237,8 +240,15 @@ def test_a_path_that_cuts_below_its_own_final_layer_is_refused(path: Toolpath) -
 
 def test_a_travel_through_the_finished_part_is_refused(path: Toolpath) -> None:
     """Straight back at the height of the final layer's ends, on an edge that bends outwards."""
-    low = [replace(t, position_mm=t.position_mm[[0, -1]], quaternion_wxyz=t.quaternion_wxyz[[0, -1]],
-                   feed_mm_s=t.feed_mm_s[[0, -1]]) for t in path.travels]  # fmt: skip
+    low = [
+        replace(
+            t,
+            position_mm=t.position_mm[[0, -1]],
+            quaternion_wxyz=t.quaternion_wxyz[[0, -1]],
+            feed_mm_s=t.feed_mm_s[[0, -1]],
+        )
+        for t in path.travels
+    ]
     last = path.layers[-1]
     through = replace(low[1], position_mm=last.position_mm[[12, -12]], quaternion_wxyz=last.quaternion_wxyz[[12, -12]])
     gate = check_file(replace(path, travels=(path.travels[0], through, path.travels[2])))

@@ -46,25 +46,44 @@ def fault():
 
 def stages(case: dict[str, Any]) -> list[dict[str, Any]]:
     return [
-        {"stage": "scan.read", "recording": "part.h5"}, {"stage": "scan.fuse"}, {"stage": "cloud.denoise"},
+        {"stage": "scan.read", "recording": "part.h5"},
+        {"stage": "scan.fuse"},
+        {"stage": "cloud.denoise"},
         {"stage": "edge.segment_raw", "upper_side": [0, 0, 1]},
-        {"stage": "path.layers", "root_mm": case["root_mm"], "bevel_deg": case["bevel_deg"], "depth_of_cut_mm": 2,
-         "flute_length_mm": FLUTE_MM, "v_slow_mm_s": 2},
+        {
+            "stage": "path.layers",
+            "root_mm": case["root_mm"],
+            "bevel_deg": case["bevel_deg"],
+            "depth_of_cut_mm": 2,
+            "flute_length_mm": FLUTE_MM,
+            "v_slow_mm_s": 2,
+        },
         {"stage": "path.feed"},
         *([{"stage": "fault.sink", "layer": case["layer"], "by_mm": case["sink_mm"]}] if case["sink_mm"] else []),
         {"stage": "path.check"},
-        {"stage": "robot.cell", "cell": "cell.json"}, {"stage": "stiffness.read"}, {"stage": "stiffness.force"},
-        {"stage": "stiffness.posture", "step_deg": 10, "sampled_points": 12, "whole_map": False,
-         "turntable_deg": [-90, 90]},
-        {"stage": "path.simplify"}, {"stage": "program.write"},
-    ]  # fmt: skip
+        {"stage": "robot.cell", "cell": "cell.json"},
+        {"stage": "stiffness.read"},
+        {"stage": "stiffness.force"},
+        {
+            "stage": "stiffness.posture",
+            "step_deg": 10,
+            "sampled_points": 12,
+            "whole_map": False,
+            "turntable_deg": [-90, 90],
+        },
+        {"stage": "path.simplify"},
+        {"stage": "program.write"},
+    ]
 
 
 def run(case: dict[str, Any], folder: Path) -> tuple[int, list[str] | None]:
     """Exit status, and what the judge finds wrong with the program; None: none was written."""
     recipe, cell = copy.deepcopy(RECIPE), copy.deepcopy(CELL)
-    recipe["part"] |= {"length_mm": 40, "thickness_mm": case["thickness_mm"],
-                       "curve": {"shape": "arc", "radius_mm": case["radius_mm"], "sense": case["sense"]}}  # fmt: skip
+    recipe["part"] |= {
+        "length_mm": 40,
+        "thickness_mm": case["thickness_mm"],
+        "curve": {"shape": "arc", "radius_mm": case["radius_mm"], "sense": case["sense"]},
+    }
     place = np.array(recipe["part"]["base_from_part"]["position_mm"]) + case["place_mm"]
     recipe["part"]["base_from_part"] = {"position_mm": place.tolist(), "rpy_deg": [case["turn_deg"], 2.5, -1.5]}
     recipe["seed"], recipe["scanner"]["columns"], recipe["passes"][0]["to_mm"] = case["seed"], 400, 38
@@ -83,20 +102,33 @@ def run(case: dict[str, Any], folder: Path) -> tuple[int, list[str] | None]:
 
 
 SOUND: dict[str, Any] = {
-    "thickness_mm": 7.0, "radius_mm": 900, "sense": "convex", "place_mm": [0, 0, 0], "turn_deg": 35, "seed": 1,
-    "limits_deg": [-180, 180], "boxes": [], "root_mm": 1.5, "bevel_deg": 40, "sink_mm": 0.0, "layer": 0,
-}  # fmt: skip
+    "thickness_mm": 7.0,
+    "radius_mm": 900,
+    "sense": "convex",
+    "place_mm": [0, 0, 0],
+    "turn_deg": 35,
+    "seed": 1,
+    "limits_deg": [-180, 180],
+    "boxes": [],
+    "root_mm": 1.5,
+    "bevel_deg": 40,
+    "sink_mm": 0.0,
+    "layer": 0,
+}
 
 
 def test_a_sound_part_in_an_empty_cell(tmp_path):
     assert run(SOUND, tmp_path) == (0, [])
 
 
-@pytest.mark.parametrize(("change", "status", "words"), [
-    ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
-    ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "'box 0'"),
-    ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "unreachable 100%"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "status", "words"),
+    [
+        ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
+        ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "'box 0'"),
+        ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "unreachable 100%"),
+    ],
+)
 def test_a_fault_gives_no_program_and_the_reason(change, status, words, tmp_path, capsys):
     assert run(SOUND | change, tmp_path) == (status, None)
     assert words in "".join(capsys.readouterr())
@@ -130,8 +162,13 @@ def test_a_rejected_path_gives_no_program_by_way_of_its_file(tmp_path, capsys):
     """It is written for the report, marked as refused; whoever reads it back is told so."""
     pipeline, out = plan(tmp_path, sink_mm=0.3, layer=-1), tmp_path / "plan"
     assert main(["run", str(pipeline), "--out", str(out)]) == 1
-    again = [{"stage": "path.read", "toolpath": "plan/toolpath.json"}, {"stage": "path.check_file"},
-             {"stage": "path.simplify"}, {"stage": "program.write"}, {"stage": "program.csv"}]  # fmt: skip
+    again = [
+        {"stage": "path.read", "toolpath": "plan/toolpath.json"},
+        {"stage": "path.check_file"},
+        {"stage": "path.simplify"},
+        {"stage": "program.write"},
+        {"stage": "program.csv"},
+    ]
     (tmp_path / "again.json").write_text(json.dumps({"version": 1, "stages": again}))
     capsys.readouterr()
     assert main(["run", str(tmp_path / "again.json"), "--out", str(tmp_path / "programs")]) == 1
@@ -147,17 +184,28 @@ def test_what_changes_a_path_after_its_check_takes_the_release_with_it(tmp_path,
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize(("entries", "words"), [
-    ([{"stage": "path.simplify"}, {"stage": "program.write"}], "needs a PathGate"),
-    ([{"stage": "path.simplify"}, {"stage": "program.write", "from": {"gate": "inspect.gate"}}], "makes no PathGate"),
-    ([{"stage": "path.simplify"}, {"stage": "program.write", "gate": True}], "no such parameter"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ([{"stage": "path.simplify"}, {"stage": "program.write"}], "needs a PathGate"),
+        (
+            [{"stage": "path.simplify"}, {"stage": "program.write", "from": {"gate": "inspect.gate"}}],
+            "makes no PathGate",
+        ),
+        ([{"stage": "path.simplify"}, {"stage": "program.write", "gate": True}], "no such parameter"),
+    ],
+)
 def test_other_gates_are_refused_before_anything_runs(entries, words, tmp_path, capsys):
     """That a part was inspected says nothing about a path."""
-    first = [{"stage": "path.read", "toolpath": str(ROOT / "data/synthetic/paths/raw_arc.json")},
-             {"stage": "scan.read", "recording": str(ROOT / "data/synthetic/milled_edge.h5")}, {"stage": "scan.fuse"},
-             {"stage": "cloud.denoise"}, {"stage": "edge.segment"}, {"stage": "inspect.sections"},
-             {"stage": "inspect.gate"}]  # fmt: skip
+    first = [
+        {"stage": "path.read", "toolpath": str(ROOT / "data/synthetic/paths/raw_arc.json")},
+        {"stage": "scan.read", "recording": str(ROOT / "data/synthetic/milled_edge.h5")},
+        {"stage": "scan.fuse"},
+        {"stage": "cloud.denoise"},
+        {"stage": "edge.segment"},
+        {"stage": "inspect.sections"},
+        {"stage": "inspect.gate"},
+    ]
     (tmp_path / "x.json").write_text(json.dumps({"version": 1, "stages": [*first, *entries]}))
     assert main(["validate", str(tmp_path / "x.json")]) == 2
     assert words in capsys.readouterr().err
@@ -180,20 +228,34 @@ def vectors(low: float, high: float) -> st.SearchStrategy[list[float]]:
     return st.lists(st.floats(low, high), min_size=3, max_size=3)
 
 
-CASES = st.fixed_dictionaries({
-    "thickness_mm": st.floats(4, 8), "radius_mm": st.floats(400, 2000), "sense": st.sampled_from(["convex", "concave"]),
-    "place_mm": vectors(-120, 120), "turn_deg": st.floats(0, 70), "seed": st.integers(0, 10**6),
-    "limits_deg": st.sampled_from([[-180, 180], [-60, 60], [0, 30]]),
-    "boxes": st.lists(st.tuples(vectors(-500, 500), vectors(40, 400)), max_size=3),
-    "root_mm": st.floats(0.5, 4.5), "bevel_deg": st.floats(20, 50),
-    "sink_mm": st.sampled_from([0, 0, 0, 0.2, 1.0]), "layer": st.integers(0, 5),
-})  # fmt: skip
+CASES = st.fixed_dictionaries(
+    {
+        "thickness_mm": st.floats(4, 8),
+        "radius_mm": st.floats(400, 2000),
+        "sense": st.sampled_from(["convex", "concave"]),
+        "place_mm": vectors(-120, 120),
+        "turn_deg": st.floats(0, 70),
+        "seed": st.integers(0, 10**6),
+        "limits_deg": st.sampled_from([[-180, 180], [-60, 60], [0, 30]]),
+        "boxes": st.lists(st.tuples(vectors(-500, 500), vectors(40, 400)), max_size=3),
+        "root_mm": st.floats(0.5, 4.5),
+        "bevel_deg": st.floats(20, 50),
+        "sink_mm": st.sampled_from([0, 0, 0, 0.2, 1.0]),
+        "layer": st.integers(0, 5),
+    }
+)
 
 
 @pytest.mark.slow
 @seed(20261120)
-@settings(max_examples=25, deadline=None, database=None, derandomize=False, print_blob=False,
-          suppress_health_check=list(HealthCheck))  # fmt: skip
+@settings(
+    max_examples=25,
+    deadline=None,
+    database=None,
+    derandomize=False,
+    print_blob=False,
+    suppress_health_check=list(HealthCheck),
+)
 @given(case=CASES)
 def test_whatever_is_written_passes_the_judge(case, tmp_path_factory):
     status, faults = run(case, tmp_path_factory.mktemp("case"))

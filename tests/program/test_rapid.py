@@ -97,8 +97,12 @@ def test_tool_and_work_object_of_the_controller(moves: Moves, irb6700: Cell) -> 
     """By name alone: the tool is the cutter's tip, and targets are in the measured frame."""
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = Rotation.from_rotvec([0.1, 0.2, -2]).as_matrix(), [100, 200, 300]
-    known = replace(irb6700, controller_tools={"tSpindle": irb6700.flange_from_cutter}, base_from_workobject=frame,
-                    controller_frames={"woTable": frame})  # fmt: skip
+    known = replace(
+        irb6700,
+        controller_tools={"tSpindle": irb6700.flange_from_cutter},
+        base_from_workobject=frame,
+        controller_frames={"woTable": frame},
+    )
     program = parse_rapid(text(moves, cell=known))
     assert (program.tools, program.work_objects) == ({}, {})
     assert {(move.tool, move.work_object) for move in program.moves} == {("tSpindle", "woTable")}
@@ -145,9 +149,31 @@ def test_nothing_is_written_for_a_path_that_failed_its_checks(moves: Moves, irb6
 
 @pytest.mark.parametrize(
     "name",
-    ["", "1a", "a b", "a-b", "ä", "a\n", "a" * 33, "MODULE", "endproc", "MoveL", "robtarget", "tool0", "V100", "z10",
-     "fine", "p1", "Via22", "feed3", "ZonePath", "a;", 'a"', "a!"],
-)  # fmt: skip
+    [
+        "",
+        "1a",
+        "a b",
+        "a-b",
+        "ä",
+        "a\n",
+        "a" * 33,
+        "MODULE",
+        "endproc",
+        "MoveL",
+        "robtarget",
+        "tool0",
+        "V100",
+        "z10",
+        "fine",
+        "p1",
+        "Via22",
+        "feed3",
+        "ZonePath",
+        "a;",
+        'a"',
+        "a!",
+    ],
+)
 @pytest.mark.parametrize("key", ["name", "procedure", "tool_name", "work_object_name"])
 def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, key: str, name: str) -> None:
     with pytest.raises(PipelineError, match=rf"program\.write\.{key}: expected a "):

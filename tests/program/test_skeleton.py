@@ -27,11 +27,17 @@ from .postured import CUTTER, cell_of, postured
 OFF = ",tMill\\WObj:=woEdge;\n    SetDO doCoolant,0;"  # behind a move
 HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
 FULL: dict[str, Any] = {
-    "home": {"joints_deg": HOME, "turntable_deg": 5.0}, "approach_mm": 60.0, "retract_mm": 40.0,
+    "home": {"joints_deg": HOME, "turntable_deg": 5.0},
+    "approach_mm": 60.0,
+    "retract_mm": 40.0,
     "spindle": {"on_signal": "doSpindle", "at_speed_signal": "diAtSpeed", "wait_s": 15.0},
-    "coolant_signal": "doCoolant", "mechanical_unit": "STN1", "before": ["CheckTool"], "after": ["BlowOff"],
-    "stop_between_layers": True, "feed": {"override_percent": 50.0, "most_mm_s": 8.0},
-}  # fmt: skip
+    "coolant_signal": "doCoolant",
+    "mechanical_unit": "STN1",
+    "before": ["CheckTool"],
+    "after": ["BlowOff"],
+    "stop_between_layers": True,
+    "feed": {"override_percent": 50.0, "most_mm_s": 8.0},
+}
 
 
 def cell_with(folder: Path, process: dict[str, Any], **more: Any) -> Cell:
@@ -77,8 +83,17 @@ def test_all_that_the_process_says_comes_back(layers: Moves, cell: Cell) -> None
     assert [event.value for event in program.events if event.kind == "restart"] == ["layer1", "layer2"]
     (stop,) = [event for event in program.events if event.kind == "stop"]
     around = [event.kind for event in program.events if event.before == stop.before]
-    assert around == ["coolant_off", "spindle_off", "stop", "restart", "activate_axis", "feed_limits", "spindle_on",
-                      "wait_speed", "coolant_on"]  # fmt: skip
+    assert around == [
+        "coolant_off",
+        "spindle_off",
+        "stop",
+        "restart",
+        "activate_axis",
+        "feed_limits",
+        "spindle_on",
+        "wait_speed",
+        "coolant_on",
+    ]
     home, start, *path, retract, last = program.moves
     assert [move.kind for move in (home, start, last)] == ["J", "J", "J"]
     for move in (home, last):
@@ -103,8 +118,9 @@ def test_it_is_judged_with_home_and_retract(layers: Moves, cell: Cell) -> None:
     remarks = " ".join(document.content.decode().replace("!", " ").split())
     assert "NOT CHECKED: what these routines do: CheckTool, BlowOff" in remarks
     assert "the program does none of it" not in remarks
-    far = np.linalg.norm((forward_kinematics(cell.chain, np.radians(HOME)) @ cell.flange_from_cutter)[:3, 3]
-                         - layers.position_mm[0])  # fmt: skip
+    far = np.linalg.norm(
+        (forward_kinematics(cell.chain, np.radians(HOME)) @ cell.flange_from_cutter)[:3, 3] - layers.position_mm[0]
+    )
     bare = judge(replace(cell, process=None), back(text(layers, cell), layers, cell))
     assert bare.length_mm > 1.5 * far  # out and back
 
@@ -114,13 +130,16 @@ def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) ->
     joints = judge(cell, back(text(layers, cell), layers, cell)).program.moves
     half = (joints[0].joints + joints[1].joints) / 2
     tip = (forward_kinematics(cell.chain, half) @ cell.flange_from_cutter)[:3, 3]
-    shape = {"pose": {"position_mm": [215, 0, 140], "quaternion_wxyz": [0.7071067811865476, 0, 0.7071067811865476, 0]},
-             "cylinder_mm": [5, 90], "body": "cutter"}  # fmt: skip
+    shape = {
+        "pose": {"position_mm": [215, 0, 140], "quaternion_wxyz": [0.7071067811865476, 0, 0.7071067811865476, 0]},
+        "cylinder_mm": [5, 90],
+        "body": "cutter",
+    }
     tree = {
         "tool": {"flange_from_cutter": CUTTER, "shapes": [shape]},
         "fixtures": [{"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [30, 30, 30]}],
         "may_touch": [["cutter", "workpiece"]],
-    }  # fmt: skip
+    }
     assert "cutter" in refused(layers, cell_with(tmp_path, FULL, **tree))
 
 

@@ -149,29 +149,54 @@ def make_part(
     rng = np.random.default_rng(seed)
     s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
     cloud = Cloud(
-        x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
-        source="milled_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers - 3, "mixed pixel": 3},
-    )  # fmt: skip
+        x,
+        z,
+        keep,
+        poses,
+        np.arange(frames) / 50.0,
+        np.zeros(frames, np.int64),
+        source="milled_edge.h5",
+        part=Part(part_id=part_id),
+        rejected={"isolated": outliers - 3, "mixed pixel": 3},
+    )
     s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
     seen = ~((s >= clamp[0]) & (s <= clamp[1]))
     p, t, n, m = edge_frames(s, radius_mm)
     hide = np.where(seen, 0.0, np.nan)
     edge = edge_of(
-        MilledEdge, labels=labels, frame_arc_length_mm=s_seen,
-        arc_length_mm=s, position_mm=p + hide[:, None], tangent=t, normal=n, across=m, seen=seen,
+        MilledEdge,
+        labels=labels,
+        frame_arc_length_mm=s_seen,
+        arc_length_mm=s,
+        position_mm=p + hide[:, None],
+        tangent=t,
+        normal=n,
+        across=m,
+        seen=seen,
         burr_stations=np.array([31, 32, 170]),
         warnings=() if seen.all() else (f"edge hidden from {clamp[0]:.0f} to {clamp[1]:.0f} mm",),
-    )  # fmt: skip
+    )
     unsure = 1.0 + 0.3 * np.sin(s / 9) ** 2
     profile = EdgeProfile(
-        s, p, root_at(s) + rng.normal(0, 0.004, len(s)) + hide, 0.0062 * unsure + hide,
-        angle_deg_at(s) + rng.normal(0, 0.03, len(s)) + hide, 0.045 * unsure + hide,
-    )  # fmt: skip
+        s,
+        p,
+        root_at(s) + rng.normal(0, 0.004, len(s)) + hide,
+        0.0062 * unsure + hide,
+        angle_deg_at(s) + rng.normal(0, 0.03, len(s)) + hide,
+        0.045 * unsure + hide,
+    )
     measured = tuple(sections_of(sections, radius_mm, s_seen, clamp, lambda i: verdict if i in (2, 5) else "pass"))
     inspection = Inspection(
-        measured, profile, Requirements(), 1.645, verdict, f"the part is made to {verdict}", "whole edge",
-        part=cloud.part, warnings=("the tilt of the root face rests on 1.5 mm of width",),
-    )  # fmt: skip
+        measured,
+        profile,
+        Requirements(),
+        1.645,
+        verdict,
+        f"the part is made to {verdict}",
+        "whole edge",
+        part=cloud.part,
+        warnings=("the tilt of the root face rests on 1.5 mm of width",),
+    )
     return Inspected(cloud, edge, inspection)
 
 
@@ -198,10 +223,16 @@ def layer_by_formula(index, height_mm, radius_mm, clamp, bevel_deg):
     z = np.sin(beta) * normal - np.cos(beta) * across
     axes = np.stack([np.cross(tangent, z), tangent, z], axis=2)
     return Layer(
-        index, height_mm, s, position + u[:, None] * normal + v[:, None] * across,
-        Rotation.from_matrix(axes).as_quat(scalar_first=True), np.where(cutting, 1.0, 10.0), cutting, ~hidden,
+        index,
+        height_mm,
+        s,
+        position + u[:, None] * normal + v[:, None] * across,
+        Rotation.from_matrix(axes).as_quat(scalar_first=True),
+        np.where(cutting, 1.0, 10.0),
+        cutting,
+        ~hidden,
         np.where(cutting, np.linalg.norm(high - low), 0.0),
-    )  # fmt: skip
+    )
 
 
 def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG, **known):
@@ -212,28 +243,54 @@ def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG,
     back = Travel(np.vstack([last, first]), layers[0].quaternion_wxyz[[-1, 0]], np.array([20.0, 20.0]))
     out = Travel(last, layers[0].quaternion_wxyz[[-1]], np.array([20.0]))
     return Toolpath(
-        Cutter(), layers, (*[back] * len(layers), out), ROOT_MM, bevel_deg, depth_of_cut_mm=1.0, v_slow_mm_s=1.0,
-        edge_length_mm=LENGTH_MM, part=Part(part_id="B-17"), **known,
-    )  # fmt: skip
+        Cutter(),
+        layers,
+        (*[back] * len(layers), out),
+        ROOT_MM,
+        bevel_deg,
+        depth_of_cut_mm=1.0,
+        v_slow_mm_s=1.0,
+        edge_length_mm=LENGTH_MM,
+        part=Part(part_id="B-17"),
+        **known,
+    )
 
 
 def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0), part_id="B-17", seed=2):
     rng = np.random.default_rng(seed)
     s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
     cloud = Cloud(
-        x, z, keep, poses, np.arange(frames) / 50.0, np.zeros(frames, np.int64),
-        source="raw_edge.h5", part=Part(part_id=part_id), rejected={"isolated": outliers},
-    )  # fmt: skip
+        x,
+        z,
+        keep,
+        poses,
+        np.arange(frames) / 50.0,
+        np.zeros(frames, np.int64),
+        source="raw_edge.h5",
+        part=Part(part_id=part_id),
+        rejected={"isolated": outliers},
+    )
     s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
     seen = ~((s >= clamp[0]) & (s <= clamp[1]))
     p, t, n, m = edge_frames(s, radius_mm)
     hide = np.where(seen, 0.0, np.nan)[:, None]
     edge = edge_of(
-        RawEdge, labels=labels, frame_arc_length_mm=s_seen, arc_length_mm=s,
-        position_mm=p + hide, tangent=t, normal=n, across=m, seen=seen, burr_stations=np.arange(0),
-        upper_position_mm=p + THICKNESS_MM * m + hide, upper_inward=-n,
-        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)), normal_u=np.full(len(s), 0.0005), warnings=(),
-    )  # fmt: skip
+        RawEdge,
+        labels=labels,
+        frame_arc_length_mm=s_seen,
+        arc_length_mm=s,
+        position_mm=p + hide,
+        tangent=t,
+        normal=n,
+        across=m,
+        seen=seen,
+        burr_stations=np.arange(0),
+        upper_position_mm=p + THICKNESS_MM * m + hide,
+        upper_inward=-n,
+        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)),
+        normal_u=np.full(len(s), 0.0005),
+        warnings=(),
+    )
     return Planned(cloud, edge, path_by_formula(radius_mm=radius_mm, clamp=clamp))
 
 

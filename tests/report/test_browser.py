@@ -204,9 +204,12 @@ def test_it_turns_moves_zooms_and_comes_back(scene, opened):
         mouse.up()
 
     acts = [
-        lambda: drag(120, 40), lambda: keys.press("ArrowLeft"), lambda: keys.press("Shift+ArrowUp"),
-        lambda: keys.press("+"), lambda: mouse.wheel(0, 240),
-    ]  # fmt: skip
+        lambda: drag(120, 40),
+        lambda: keys.press("ArrowLeft"),
+        lambda: keys.press("Shift+ArrowUp"),
+        lambda: keys.press("+"),
+        lambda: mouse.wheel(0, 240),
+    ]
     for act in acts:
         act()
         seen.append(scene.picture())

@@ -17,12 +17,26 @@ S = np.arange(-5.0, 66.0)
 def found(refused: str | None = None) -> PathCorrection:
     full = np.ones(len(S))
     return PathCorrection(
-        arc_length_mm=S, cut=(S >= 0) & (S <= 60), displacement_mm=0.31 * full, displacement_u_mm=0.02 * full,
-        turn=0.01 * DEG * full, turn_u=0.03 * DEG * full, shift_mm=(0.0 if refused else -0.31) * full, tilt=0.0 * full,
-        stock_mm=0.81 * full, bevel=40 * DEG, length_mm=60.0, allowance_mm=0.5, repeatability_mm=0.03, moved_mm=0.004,
-        variation_mm=0.0, comes=PathDeflection({}), reason="shift corrected by -0.310 to -0.310 mm", refused=refused,
+        arc_length_mm=S,
+        cut=(S >= 0) & (S <= 60),
+        displacement_mm=0.31 * full,
+        displacement_u_mm=0.02 * full,
+        turn=0.01 * DEG * full,
+        turn_u=0.03 * DEG * full,
+        shift_mm=(0.0 if refused else -0.31) * full,
+        tilt=0.0 * full,
+        stock_mm=0.81 * full,
+        bevel=40 * DEG,
+        length_mm=60.0,
+        allowance_mm=0.5,
+        repeatability_mm=0.03,
+        moved_mm=0.004,
+        variation_mm=0.0,
+        comes=PathDeflection({}),
+        reason="shift corrected by -0.310 to -0.310 mm",
+        refused=refused,
         checks=(Check("edge_moved_mm", 0.004, 0.3, refused is None, "why", refused or ""),),
-    )  # fmt: skip
+    )
 
 
 def part(root_mm: float, verdict: str) -> Inspection:

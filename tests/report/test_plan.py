@@ -20,9 +20,19 @@ PASSED = Gate(True, "frames, spacing and clearances hold")
 def moves_of(path, targets):
     nothing = np.full((targets, 4), np.nan)
     return Moves(
-        nothing[:, :3], nothing, np.arange(targets) < 5, nothing[:, :3], nothing, np.ones(targets),
-        np.ones(targets, bool), np.ones(targets, int), path, 1300, 0.01, 0.05,
-    )  # fmt: skip
+        nothing[:, :3],
+        nothing,
+        np.arange(targets) < 5,
+        nothing[:, :3],
+        nothing,
+        np.ones(targets),
+        np.ones(targets, bool),
+        np.ones(targets, int),
+        path,
+        1300,
+        0.01,
+        0.05,
+    )
 
 
 def engagement_of(path):

@@ -73,8 +73,11 @@ def loop_page(part, planned, by_formula, provenance):
     )
     who = Part(part_id=LONG, sensor=LONG, robot=LONG, hand_eye=LONG, simulated=True)
     measured = dataclasses.replace(made.inspection, uncertainty=told, part=who, reason=LONG)
-    chapters = (closed_loop(measured, by_formula()), plan(raw.cloud, raw.edge, raw.toolpath),
-                inspection(made.cloud, made.edge, measured))  # fmt: skip
+    chapters = (
+        closed_loop(measured, by_formula()),
+        plan(raw.cloud, raw.edge, raw.toolpath),
+        inspection(made.cloud, made.edge, measured),
+    )
     return html(chapters, provenance).content.decode()
 
 
@@ -85,10 +88,30 @@ def batch_page():
         "bevel_nominal_deg": 40,
         "bevel_tolerance_deg": [-1, 1],
     }
-    rows = tuple({"index": k, "arc_length_mm": 9.0 * k, "root_mm": 1.5, "root_u_mm": 0.006, "bevel_deg": 40.0,
-                  "bevel_u_deg": 0.04, "verdict": "undecided"} for k in range(1, 10))  # fmt: skip
-    parts = [Record(f"{LONG} {k}", "r.h5", "rejected", verdict="undecided", requirements=needs, sections=rows,
-                    identity={"simulated": True}) for k in range(MOST_PARTS + 20)]  # fmt: skip
+    rows = tuple(
+        {
+            "index": k,
+            "arc_length_mm": 9.0 * k,
+            "root_mm": 1.5,
+            "root_u_mm": 0.006,
+            "bevel_deg": 40.0,
+            "bevel_u_deg": 0.04,
+            "verdict": "undecided",
+        }
+        for k in range(1, 10)
+    )
+    parts = [
+        Record(
+            f"{LONG} {k}",
+            "r.h5",
+            "rejected",
+            verdict="undecided",
+            requirements=needs,
+            sections=rows,
+            identity={"simulated": True},
+        )
+        for k in range(MOST_PARTS + 20)
+    ]
     return fleet_page([*parts, *(Record(f"{LONG} x{k}", "x.h5", "failed") for k in range(20))], "Fleet")
 
 

@@ -31,8 +31,13 @@ class Pin:
 
     def jacobian(self, q: Float, point_m: Float) -> Float:
         """Of a point of the flange, base axes."""
-        frame = pin.Frame("p", 6, self.flange, self.model.frames[self.flange].placement
-                          * pin.SE3(np.eye(3), point_m), pin.FrameType.OP_FRAME)  # fmt: skip
+        frame = pin.Frame(
+            "p",
+            6,
+            self.flange,
+            self.model.frames[self.flange].placement * pin.SE3(np.eye(3), point_m),
+            pin.FrameType.OP_FRAME,
+        )
         model = self.model.copy()
         index = model.addFrame(frame)
         return np.array(pin.computeFrameJacobian(model, model.createData(), q, index, pin.LOCAL_WORLD_ALIGNED))

@@ -35,8 +35,9 @@ def shifted(pose: Float, by: Sequence[float], turn_deg: Sequence[float] = (0, 0,
 def program(cell: Cell, *moves: ProgramMove, joints: Float = START, turntable: float | None = None) -> ProgramMoves:
     """From a posture on, lines from 2."""
     first = ProgramMove(1, "J", "t", "base", joints=joints, turntable=turntable)
-    return ProgramMoves("abb", "by hand", (first, *moves), {"t": ProgramTool(cell.flange_from_cutter)},
-                        {"base": np.eye(4)})  # fmt: skip
+    return ProgramMoves(
+        "abb", "by hand", (first, *moves), {"t": ProgramTool(cell.flange_from_cutter)}, {"base": np.eye(4)}
+    )
 
 
 def driven(cell: Cell, made: ProgramMoves, step_mm: float = 0.5) -> tuple[Float, Float]:
@@ -57,8 +58,16 @@ def driven(cell: Cell, made: ProgramMoves, step_mm: float = 0.5) -> tuple[Float,
             continue
         assert move.pose is not None
         turn = (Rotation.from_matrix(here[:3, :3]).inv() * Rotation.from_matrix(move.pose[:3, :3])).magnitude()
-        count = int(max(np.linalg.norm(move.pose[:3, 3] - here[:3, 3]) / step_mm, np.degrees(turn) / 0.1,
-                        np.degrees(abs(end_table - table)) / 0.1)) + 2  # fmt: skip
+        count = (
+            int(
+                max(
+                    np.linalg.norm(move.pose[:3, 3] - here[:3, 3]) / step_mm,
+                    np.degrees(turn) / 0.1,
+                    np.degrees(abs(end_table - table)) / 0.1,
+                )
+            )
+            + 2
+        )
         f = np.linspace(0, 1, count)
         turns = Slerp([0, 1], Rotation.from_matrix([here[:3, :3], move.pose[:3, :3]]))(f).as_matrix()
         poses = np.tile(np.eye(4), (count, 1, 1))
@@ -77,7 +86,10 @@ def driven(cell: Cell, made: ProgramMoves, step_mm: float = 0.5) -> tuple[Float,
 def outsiders_least(cell: Cell, joints: Float, tables: Float) -> tuple[float, float]:
     """The least clearance, mm, and the least distance from a joint limit, rad, of all samples."""
     model = CollisionModel(cell)
-    gaps = [gap.distance_mm for q, angle in zip(joints, tables.tolist(), strict=True)
-            if (gap := model.clearance(q, angle)) is not None]  # fmt: skip
+    gaps = [
+        gap.distance_mm
+        for q, angle in zip(joints, tables.tolist(), strict=True)
+        if (gap := model.clearance(q, angle)) is not None
+    ]
     low, high = cell.chain.limits.T
     return min(gaps), float(np.minimum(joints - low, high - joints).min())

@@ -14,10 +14,13 @@ def crowded(tree: Any) -> None:
     """Boxes on the turntable and on the base, a mesh for a workpiece, a tool with a box and a sphere."""
     tree["fixtures"] += [
         {"name": "clamp", "on": "turntable", "pose": {"position_mm": [200, 0, 150]}, "box_mm": [100, 300, 300]},
-        {"name": "rail", "pose": {"position_mm": [900, -900, 1400], "quaternion_wxyz": [0.8, 0, 0.6, 0]},
-         "box_mm": [600, 80, 80]},
+        {
+            "name": "rail",
+            "pose": {"position_mm": [900, -900, 1400], "quaternion_wxyz": [0.8, 0, 0.6, 0]},
+            "box_mm": [600, 80, 80],
+        },
         {"name": "lamp", "pose": {"position_mm": [1500, 800, 1800]}, "sphere_mm": 200},
-    ]  # fmt: skip
+    ]
     tree["margin_mm"] = 0
     tree["workpiece"] = {"mesh": "cube.stl", "pose": {"position_mm": [-300, -100, 0]}}
     tree["tool"]["shapes"] += [{"box_mm": [60, 200, 90], "pose": {"position_mm": [0, 0, 60]}}]

@@ -65,8 +65,11 @@ def test_capsules_against_our_own_distance(cell: Cell, postures: Any) -> None:
     """fcl's verdict on the capsules of the arm: two segments' distance less two radii."""
     model = CollisionModel(cell)
     shapes = cell.shapes
-    pairs = [(a, b) for a, b in model.pairs if {shapes[a].kind, shapes[b].kind} == {"capsule"}
-             and shapes[a].link >= 0 and shapes[b].link >= 0]  # fmt: skip
+    pairs = [
+        (a, b)
+        for a, b in model.pairs
+        if {shapes[a].kind, shapes[b].kind} == {"capsule"} and shapes[a].link >= 0 and shapes[b].link >= 0
+    ]
     checked = 0
     for q in postures(60, 21):
         model._place(q, 0.0)

@@ -84,6 +84,10 @@ def test_dh_convention_is_the_standard_dh_chain(chain: Chain) -> None:
     pose = np.eye(4)
     for t, length, offset, twist in zip(theta, a, d, alpha, strict=True):
         (c, s), (ca, sa) = (np.cos(t), np.sin(t)), (np.cos(twist), np.sin(twist))
-        pose = pose @ [[c, -s * ca, s * sa, length * c], [s, c * ca, -c * sa, length * s], [0, sa, ca, offset],
-                       [0, 0, 0, 1]]  # fmt: skip
+        pose = pose @ [
+            [c, -s * ca, s * sa, length * c],
+            [s, c * ca, -c * sa, length * s],
+            [0, sa, ca, offset],
+            [0, 0, 0, 1],
+        ]
     assert np.abs(forward_kinematics(chain, abb_angles(theta, "dh")) - pose).max() < 1e-9

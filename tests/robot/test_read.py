@@ -50,14 +50,16 @@ BAD: list[tuple[Change, str]] = [
     (lambda t: t["robot"].update(urdf="cell.json"), "expected a URDF"),
     (lambda t: t["workpiece"].update(mesh="plate.stl"), "plate.stl': no such file"),
     (lambda t: t.update(turntabel=t.pop("turntable")), "did you mean 'turntable'?"),
-    (lambda t: t["tool"].update(flange_from_cutter=[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
-     "expected a rigid motion"),
+    (
+        lambda t: t["tool"].update(flange_from_cutter=[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+        "expected a rigid motion",
+    ),
     (lambda t: t["fixtures"][0].update(sphere_mm=3), "exactly one of box_mm"),
     (lambda t: t["fixtures"][0].update(box_mm=[1, -1, 1]), "$.fixtures"),
     (lambda t: t.update(may_touch=[["link_1", "flor"]]), "did you mean 'floor'?"),
     (lambda t: t["loading"].update(force_noise_n=0), "$.loading.force_noise_n"),
     (lambda t: (t.update(turntable=None), t["fixtures"][0].update(on="turntable")), "the cell has no turntable"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("change", "message"), BAD)
@@ -84,7 +86,7 @@ def test_what_is_no_strict_json_is_refused(tmp_path: Path, text: str) -> None:
         ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"', "expected a URDF"),
         ('lower="-6.283185307179586"', 'lower="7"', "lower < upper"),
     ],
-)  # fmt: skip
+)
 def test_other_robots(cell_file: Any, old: str, new: str, message: str, capfd: Any) -> None:
     path = cell_file()
     urdf = path.parent / "irb6700_150_320.urdf"

@@ -23,9 +23,11 @@ ROBOTS = {"kr210": "base_link", "m20ia": "base", "ur10e": "base", "puma": "base_
 def cell_with(folder: Path, urdf: str, text: str | None = None, **robot: Any) -> Path:
     (folder / "robot.urdf").write_text(text or (URDFS / f"{urdf}.urdf").read_text())
     tree = {
-        "format": "robot-cell", "version": 1, "tool": {"flange_from_cutter": {"position_mm": [100, 0, 100]}},
+        "format": "robot-cell",
+        "version": 1,
+        "tool": {"flange_from_cutter": {"position_mm": [100, 0, 100]}},
         "robot": {"urdf": "robot.urdf", **robot},
-    }  # fmt: skip
+    }
     (folder / "cell.json").write_text(json.dumps(tree))
     return folder / "cell.json"
 

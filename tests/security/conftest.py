@@ -15,8 +15,12 @@ from workbench.synthetic import parse_recipe, simulate_recording
 
 ROOT = Path(__file__).resolve().parents[2]
 SCANNED: dict[str, Any] = {
-    "format": "bevel-recipe", "version": 1, "seed": 5, "robot": {"frame_pitch_mm": 0.5}, "scanner": {"columns": 400},
-}  # fmt: skip
+    "format": "bevel-recipe",
+    "version": 1,
+    "seed": 5,
+    "robot": {"frame_pitch_mm": 0.5},
+    "scanner": {"columns": 400},
+}
 PARTS = {
     "milled": {"part": {"kind": "milled", "length_mm": 40.0}, "passes": [{"from_mm": 2.0, "to_mm": 38.0}]},
     "raw": {

@@ -29,8 +29,9 @@ class Page(HTMLParser):
     def handle_starttag(self, tag, attrs):
         self.scripts += tag == "script" and dict(attrs).get("type") != "application/json"
         self.active += [(tag, name) for name, value in attrs if name.startswith("on") or "javascript:" in (value or "")]
-        self.active += [(tag, value[:40]) for name, value in attrs
-                        if name == "src" and not (value or "").startswith("data:")]  # fmt: skip
+        self.active += [
+            (tag, value[:40]) for name, value in attrs if name == "src" and not (value or "").startswith("data:")
+        ]
 
     def handle_data(self, data):
         self.text += data

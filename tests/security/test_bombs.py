@@ -205,9 +205,19 @@ def a_python_pickle(file, path, secret):
     file[path] = np.void(b"cos\nsystem\n(S'touch owned'\ntR.")
 
 
-HDF5 = [external_link, external_link_of_a_group, soft_link_in_a_circle, soft_link_into_an_external_one, virtual,
-        external_storage, declared_not_stored, packed_bomb, chunk_of_another_size, an_object_reference,
-        a_python_pickle]  # fmt: skip
+HDF5 = [
+    external_link,
+    external_link_of_a_group,
+    soft_link_in_a_circle,
+    soft_link_into_an_external_one,
+    virtual,
+    external_storage,
+    declared_not_stored,
+    packed_bomb,
+    chunk_of_another_size,
+    an_object_reference,
+    a_python_pickle,
+]
 
 
 @pytest.mark.parametrize("damage", HDF5, ids=lambda f: f.__name__)
@@ -231,8 +241,13 @@ def test_numbers_that_no_part_has(value, path, pipeline_file, command, part_file
         values = opened[path][...]
         values.reshape(-1)[values.size // 2] = value
         opened[path][...] = values
-    stages = [*READ, {"stage": "scan.fuse"}, {"stage": "cloud.denoise"}, {"stage": "edge.segment"},
-              {"stage": "inspect.sections"}]  # fmt: skip
+    stages = [
+        *READ,
+        {"stage": "scan.fuse"},
+        {"stage": "cloud.denoise"},
+        {"stage": "edge.segment"},
+        {"stage": "inspect.sections"},
+    ]
     outcome = command("run", pipeline_file(*stages, file=str(file)), "--out", tmp_path / "out")
     if outcome.status:
         assert_refused(outcome, "part.h5")

@@ -65,17 +65,26 @@ def test_a_part_that_is_milled(name, hostile_part, pipeline_file, command, tmp_p
     assert texts["plate"] == texts[name]
 
 
-@pytest.mark.parametrize("file_name", ["=1+2.h5", "a\nerror: forged\n.h5", "<img src=x onerror=alert(1)>.h5", "%%%!.h5",
-                                       "-out.h5", "${x}.h5"])  # fmt: skip
+@pytest.mark.parametrize(
+    "file_name",
+    ["=1+2.h5", "a\nerror: forged\n.h5", "<img src=x onerror=alert(1)>.h5", "%%%!.h5", "-out.h5", "${x}.h5"],
+)
 def test_a_recording_with_a_hostile_file_name(file_name, hostile_part, pipeline_file, command, tmp_path):
     path = hostile_part("milled", "plate", file_name)
-    outcome = command("run", pipeline_file(*INSPECT, *TABLES, recording="x"), "--out", tmp_path / "out",
-                      "--input", f"recording={path}")  # fmt: skip
+    outcome = command(
+        "run",
+        pipeline_file(*INSPECT, *TABLES, recording="x"),
+        "--out",
+        tmp_path / "out",
+        "--input",
+        f"recording={path}",
+    )
     assert outcome.status in (0, 1), outcome.err
     assert_plain_lines(outcome.out + outcome.err)
     path.write_bytes(b"not HDF5")
-    outcome = command("run", pipeline_file(*INSPECT, recording="x"), "--out", tmp_path / "out2",
-                      "--input", f"recording={path}")  # fmt: skip
+    outcome = command(
+        "run", pipeline_file(*INSPECT, recording="x"), "--out", tmp_path / "out2", "--input", f"recording={path}"
+    )
     assert_refused(outcome, "part" if "part" in file_name else file_name.partition("\n")[0])
     assert not (tmp_path / "out2").exists()
 
@@ -103,8 +112,10 @@ def test_every_text_of_a_chapter_is_escaped(stranger, text, pipeline_file, comma
     text = text.replace("${", "$ {")  # in a pipeline that is a reference to an input
     pipeline = pipeline_file(
         {"stage": "hostile.page", "title": text, "warning": text, "summary": text, "part": text},
-        {"stage": "hostile.page", "id": "other", "title": "b"}, {"stage": "report.html"}, title=text,
-    )  # fmt: skip
+        {"stage": "hostile.page", "id": "other", "title": "b"},
+        {"stage": "report.html"},
+        title=text,
+    )
     outcome = command("run", pipeline, "--out", tmp_path / "out")
     assert outcome.status == 0, outcome.err
     assert_plain_lines(outcome.out + outcome.err)
@@ -115,24 +126,53 @@ def test_every_text_of_a_chapter_is_escaped(stranger, text, pipeline_file, comma
         assert str(7 * 191 * 1000003) not in page.text  # no template ran it
 
 
-@pytest.mark.parametrize("html", [
-    "<script>alert(1)</script>", "<img src='http://a/b.png'>", "<p onclick='x()'>y</p>",
-    "<a href='javascript:x()'>y</a>",
-    "<iframe srcdoc='x'></iframe>", "<meta http-equiv=refresh content='0;url=http://a'>", "<base href='http://a'>",
-    "<svg><image xlink:href='http://a/b'/></svg>", "<form action='http://a'></form>", "<SCRIPT>x</SCRIPT>",
-    "<p style='background:url(http://a)'>x</p>", "<p style='background:URL(http://a)'>x</p>",
-    "<style>@import 'http://a'</style>", "<style>p{background:u\\72l(http://a)}</style>",
-    "<a href='data:text/html,<script>alert(1)</script>'>x</a>", "<button formaction='javascript:x()'>x</button>",
-    "<a ping='http://a' href='#b'>x</a>",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "html",
+    [
+        "<script>alert(1)</script>",
+        "<img src='http://a/b.png'>",
+        "<p onclick='x()'>y</p>",
+        "<a href='javascript:x()'>y</a>",
+        "<iframe srcdoc='x'></iframe>",
+        "<meta http-equiv=refresh content='0;url=http://a'>",
+        "<base href='http://a'>",
+        "<svg><image xlink:href='http://a/b'/></svg>",
+        "<form action='http://a'></form>",
+        "<SCRIPT>x</SCRIPT>",
+        "<p style='background:url(http://a)'>x</p>",
+        "<p style='background:URL(http://a)'>x</p>",
+        "<style>@import 'http://a'</style>",
+        "<style>p{background:u\\72l(http://a)}</style>",
+        "<a href='data:text/html,<script>alert(1)</script>'>x</a>",
+        "<button formaction='javascript:x()'>x</button>",
+        "<a ping='http://a' href='#b'>x</a>",
+    ],
+)
 def test_html_that_reaches_outside_is_refused(stranger, html, pipeline_file, command, tmp_path):
     pipeline = pipeline_file({"stage": "hostile.page", "title": "a", "html": html}, {"stage": "report.html"})
     assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "complete in itself")
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["../x", "a/b", "/tmp/x", "..", ".", "", ".hidden", "a\\b", "run.json", "a\nb",
-                                  "a\x00b", "\x1b[31m", "C:\\x", "a\u202eb"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../x",
+        "a/b",
+        "/tmp/x",
+        "..",
+        ".",
+        "",
+        ".hidden",
+        "a\\b",
+        "run.json",
+        "a\nb",
+        "a\x00b",
+        "\x1b[31m",
+        "C:\\x",
+        "a\u202eb",
+    ],
+)
 def test_a_result_can_only_be_a_visible_file_in_the_folder(stranger, name, pipeline_file, command, tmp_path):
     before = files_below(tmp_path)
     outcome = command("run", pipeline_file({"stage": "hostile.file", "name": name}), "--out", tmp_path / "out")
@@ -140,12 +180,23 @@ def test_a_result_can_only_be_a_visible_file_in_the_folder(stranger, name, pipel
     assert files_below(tmp_path) - before == {"pipeline.json"}
 
 
-@pytest.mark.parametrize("change", [
-    {"id": "../x"}, {"id": "a b"}, {"id": PROGRAM}, {"id": MARKUP}, {"stage": "../../os.system"},
-    {"stage": "os.system"},
-    {"stage": "subprocess.run"}, {"stage": "workbench.cli.main"}, {"stage": MARKUP}, {"from": {PROGRAM: "x"}},
-    {PROGRAM: 1}, {"__class__": 1},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"id": "../x"},
+        {"id": "a b"},
+        {"id": PROGRAM},
+        {"id": MARKUP},
+        {"stage": "../../os.system"},
+        {"stage": "os.system"},
+        {"stage": "subprocess.run"},
+        {"stage": "workbench.cli.main"},
+        {"stage": MARKUP},
+        {"from": {PROGRAM: "x"}},
+        {PROGRAM: 1},
+        {"__class__": 1},
+    ],
+)
 def test_names_in_a_pipeline_that_are_none(stranger, change, pipeline_file, command, tmp_path):
     """Only registered stages run: no name is looked up as a module of anybody's choice."""
     pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt", **change})

@@ -11,9 +11,27 @@ import workbench
 PACKAGE = Path(workbench.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__", "os.system", "os.popen", "input", "breakpoint"}
-FORBIDDEN_MODULES = {"cPickle", "dill", "joblib", "cloudpickle", "marshal", "shelve", "code", "runpy", "imp",
-                     "telnetlib", "ftplib", "smtplib", "requests", "urllib3", "httpx", "aiohttp", "lxml", "paramiko",
-                     "ssl"}  # fmt: skip
+FORBIDDEN_MODULES = {
+    "cPickle",
+    "dill",
+    "joblib",
+    "cloudpickle",
+    "marshal",
+    "shelve",
+    "code",
+    "runpy",
+    "imp",
+    "telnetlib",
+    "ftplib",
+    "smtplib",
+    "requests",
+    "urllib3",
+    "httpx",
+    "aiohttp",
+    "lxml",
+    "paramiko",
+    "ssl",
+}
 MAY = {  # who may do what docs/security.md tells of
     "subprocess": {"batch/processes.py", "cloud/read.py", "compare/mesh_file.py", "offscreen.py"},
     "multiprocessing": {"batch/processes.py", "batch/worker.py"},
@@ -101,13 +119,27 @@ def test_no_source_runs_what_files_say_nor_listens_nor_calls_out() -> None:
     assert {name: what for name, what in found.items() if what} == {}
 
 
-@pytest.mark.parametrize("text", [
-    "eval('1')", "import pickle", "from pickle import loads", "import os\nos.system('x')", "import subprocess",
-    "import yaml\nyaml.load('a')", "import yaml\nyaml.load('a', yaml.Loader)", "f(x, shell=True)", "f(x, shell=flag)",
-    "import numpy as np\nnp.load('a', allow_pickle=True)", "import socket",
-    "import os\nos.fork()", "from http.server import HTTPServer",
-    "import urllib.request", "from jinja2 import Environment\nEnvironment()", "import xml.etree.ElementTree as E",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "eval('1')",
+        "import pickle",
+        "from pickle import loads",
+        "import os\nos.system('x')",
+        "import subprocess",
+        "import yaml\nyaml.load('a')",
+        "import yaml\nyaml.load('a', yaml.Loader)",
+        "f(x, shell=True)",
+        "f(x, shell=flag)",
+        "import numpy as np\nnp.load('a', allow_pickle=True)",
+        "import socket",
+        "import os\nos.fork()",
+        "from http.server import HTTPServer",
+        "import urllib.request",
+        "from jinja2 import Environment\nEnvironment()",
+        "import xml.etree.ElementTree as E",
+    ],
+)
 def test_this_test_finds_what_it_looks_for(text: str) -> None:
     assert faults(text, "somewhere.py")
 

@@ -29,8 +29,13 @@ def test_the_plate_is_in_the_way_of_the_tool(screens: Any) -> None:
     cell = screens["plate"].cell
     joints, table = collision.near_the_workpiece(cell, np.random.default_rng(6), 200)
     model = CollisionModel(cell)
-    met = {body for q, angle in zip(joints, table, strict=True) for gap in model.gaps(q, angle)[:1]
-           if gap.distance_mm == 0 for body in gap.pair}  # fmt: skip
+    met = {
+        body
+        for q, angle in zip(joints, table, strict=True)
+        for gap in model.gaps(q, angle)[:1]
+        if gap.distance_mm == 0
+        for body in gap.pair
+    }
     assert "plate" in met
     assert "tool" in met
 

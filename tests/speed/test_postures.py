@@ -36,10 +36,28 @@ def test_clutter_is_clutter() -> None:
 
 
 def test_rows_compare_with_their_goals() -> None:
-    found = {"points": 60, "branches": 4, "traversal_s": 0.31104, "open_s": 0.3, "open_cells": 64, "cluttered_s": 11.0,
-             "cluttered_cells": 960, "bound_s": 1e-6, "certified": 0.7, "screen_s": 1e-5, "colliding": 0.2,
-             "clik_s": 1.6e-3, "closed_s": 1.5e-4, "eaik_s": 4e-5, "eaik_branches": 8.0, "converged": 1.0,
-             "law_s": 6.0, "law_points": 1016, "law_gap": 0.0, "law_gain": 0.004}  # fmt: skip
+    found = {
+        "points": 60,
+        "branches": 4,
+        "traversal_s": 0.31104,
+        "open_s": 0.3,
+        "open_cells": 64,
+        "cluttered_s": 11.0,
+        "cluttered_cells": 960,
+        "bound_s": 1e-6,
+        "certified": 0.7,
+        "screen_s": 1e-5,
+        "colliding": 0.2,
+        "clik_s": 1.6e-3,
+        "closed_s": 1.5e-4,
+        "eaik_s": 4e-5,
+        "eaik_branches": 8.0,
+        "converged": 1.0,
+        "law_s": 6.0,
+        "law_points": 1016,
+        "law_gap": 0.0,
+        "law_gain": 0.004,
+    }
     rows = list(traversed(found))
     assert [row.met for row in rows] == [True, True, None, True, True, True, False, True, None, None]
     assert np.isclose(rows[1].factor, 100)

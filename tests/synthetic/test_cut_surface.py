@@ -58,8 +58,9 @@ def test_rays_stop_where_the_body_begins(curve, roughness_mm):
         start = target + 14 * away
         a, face, u, _, cosine = raycast.enter(surface, np.array([x, y, ty, -tx]), tuple(start), tuple(-away), 0.0, 30.0)
         along = raycast.project_all(surface, start - ways[:, None] * away)
-        values = np.array([raycast.body(surface, *at[:2], z)[0] for at, z in
-                           zip(along, start[2] - ways * away[2], strict=True)])  # fmt: skip
+        values = np.array(
+            [raycast.body(surface, *at[:2], z)[0] for at, z in zip(along, start[2] - ways * away[2], strict=True)]
+        )
         first = ways[np.argmax(values <= 0)] if (values <= 0).any() else np.inf
         if np.isinf(first) and np.isinf(a):
             continue

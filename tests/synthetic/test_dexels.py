@@ -25,8 +25,9 @@ def swept(frames, positions, step=0.1, radius=RADIUS, floor=-50.0, start=np.inf)
     frames, positions = np.array(frames, float), np.array(positions, float)
     pieces = len(positions) - 1
     columns = np.zeros(pieces, np.int64), np.full(pieces, SIZE[0])
-    sweep = Sweep(positions, frames[:, :, 0].copy(), frames[:, :, 2].copy(), np.full(len(frames), radius), RADIUS, TIP,
-                  *columns)  # fmt: skip
+    sweep = Sweep(
+        positions, frames[:, :, 0].copy(), frames[:, :, 2].copy(), np.full(len(frames), radius), RADIUS, TIP, *columns
+    )
     height = np.full(SIZE, start)
     cut_lines(height, lines(floor), sweep, step)
     return height
@@ -93,9 +94,16 @@ def test_skipping_columns_changes_nothing():
     once = swept([LYING, LYING], low)
     lean = Rotation.from_rotvec([0.0, 0.25, 0.3]).as_matrix() @ LYING
     second = swept([lean, lean], [[-2.0, 0.5, -1.4], [2.0, -0.5, -0.8]])
-    sweep = Sweep(np.array([[-2.0, 0.5, -1.4], [2.0, -0.5, -0.8]]), np.tile(lean[:, 0], (2, 1)),
-                  np.tile(lean[:, 2], (2, 1)), np.full(2, RADIUS), RADIUS, TIP, np.zeros(1, np.int64),
-                  np.full(1, SIZE[0]))  # fmt: skip
+    sweep = Sweep(
+        np.array([[-2.0, 0.5, -1.4], [2.0, -0.5, -0.8]]),
+        np.tile(lean[:, 0], (2, 1)),
+        np.tile(lean[:, 2], (2, 1)),
+        np.full(2, RADIUS),
+        RADIUS,
+        TIP,
+        np.zeros(1, np.int64),
+        np.full(1, SIZE[0]),
+    )
     both = once.copy()
     cut_lines(both, lines(), sweep, 0.1)
     assert np.abs(both - np.minimum(once, second)).max() < 1e-12

@@ -80,10 +80,16 @@ def swept_document(kind: str, **groove: Any) -> dict[str, Any]:
         "simulator": "swept",
         "part": {"kind": "groove", "groove": kind} | names | groove,
         "passes": [{"way_mm": [3, 57], "follow": "line", "motion": "two_poses", **LOOK}],
-        "scanner": {"columns": 400, "pitch_mm": 0.09, "noise": {"sd_mm": 0, "speckle": 0}, "apex_mm": None,
-                    "footprint": 0, "max_incidence_deg": 85},
+        "scanner": {
+            "columns": 400,
+            "pitch_mm": 0.09,
+            "noise": {"sd_mm": 0, "speckle": 0},
+            "apex_mm": None,
+            "footprint": 0,
+            "max_incidence_deg": 85,
+        },
         "robot": {"frame_pitch_mm": 1.5},
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("kind", TYPES)
@@ -103,12 +109,16 @@ def test_both_simulators_see_the_same_plate(kind: str) -> None:
     if kind == "milled":
         sizes |= {"root_mm": {"start": 1.2, "end": 1.8}, "bevel_deg": {"start": 38, "end": 42, "amplitude": 0.3}}
     look = {"elevation_deg": 40, "aim_mm": [-2, 4], "oblique_deg": 5, "lead_deg": -4}
-    first, truth = simulate_recording(parse_recipe({
-        "part": {"kind": kind, "length_mm": 60, "base_from_part": PLACE, **sizes},
-        "passes": [{"from_mm": 3, "to_mm": 57, **look}],
-        "scanner": {"columns": 400, "noise": {"sd_mm": 0}},
-        "robot": {"frame_pitch_mm": 1.5},
-    }))  # fmt: skip
+    first, truth = simulate_recording(
+        parse_recipe(
+            {
+                "part": {"kind": kind, "length_mm": 60, "base_from_part": PLACE, **sizes},
+                "passes": [{"from_mm": 3, "to_mm": 57, **look}],
+                "scanner": {"columns": 400, "noise": {"sd_mm": 0}},
+                "robot": {"frame_pitch_mm": 1.5},
+            }
+        )
+    )
     document = swept_document("V")
     document["part"] = {"kind": kind, "spine": {"length_mm": 60}, "base_from_part": PLACE, "reach_mm": 150, **sizes}
     document["passes"][0] |= look

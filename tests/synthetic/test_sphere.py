@@ -123,8 +123,12 @@ def test_clock_runs_ahead_by_its_offset():
 
 def test_file_is_read_as_a_calibration_recording(tmp_path, capsys):
     path = tmp_path / "ball.json"
-    document = {"format": "sphere-recipe", "robot": {"clock": "own"}, "passes": [PASSES[0] | {"repeats": 3}, PASSES[1]],
-                "sphere": {"stated_diameter_mm": 10.1}}  # fmt: skip
+    document = {
+        "format": "sphere-recipe",
+        "robot": {"clock": "own"},
+        "passes": [PASSES[0] | {"repeats": 3}, PASSES[1]],
+        "sphere": {"stated_diameter_mm": 10.1},
+    }
     path.write_text(json.dumps(document))
     assert main(["simulate", str(path), "--out", str(tmp_path / "ball.h5")]) == 0
     found = read(recording=tmp_path / "ball.h5")
@@ -136,12 +140,15 @@ def test_file_is_read_as_a_calibration_recording(tmp_path, capsys):
     assert truth["time_offset_s"] == 0.0
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"sphere": {"diameter": 3}}, "did you mean 'diameter_mm'"),
-    ({"robot": {"clock_offset_s": 1}}, "needs clock 'own'"),
-    ({"passes": []}, "passes"),
-    ({"format": "bevel-recipe"}, "sphere-recipe"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"sphere": {"diameter": 3}}, "did you mean 'diameter_mm'"),
+        ({"robot": {"clock_offset_s": 1}}, "needs clock 'own'"),
+        ({"passes": []}, "passes"),
+        ({"format": "bevel-recipe"}, "sphere-recipe"),
+    ],
+)
 def test_bad_recipes_are_refused(change, words):
     with pytest.raises(InputError, match=words):
         recipe(**change)

@@ -42,8 +42,9 @@ def perfect_path(recipe, root_mm=1.5, bevel_deg=40.0, depth_of_cut_mm=1.0, heigh
     lead = np.arange(1, LEAD_MM + 1)
     s = np.concatenate([-lead[::-1], np.arange(0, length, 1.0), [length], length + lead])
     at = np.clip(s, 0, length)
-    t, n, m, lower = (CubicSpline(truth.arc_length_mm, a)(at) for a in
-                      (truth.tangent, truth.normal, truth.across, truth.position_mm))  # fmt: skip
+    t, n, m, lower = (
+        CubicSpline(truth.arc_length_mm, a)(at) for a in (truth.tangent, truth.normal, truth.across, truth.position_mm)
+    )
     z = -np.cos(bevel) * m + np.sin(bevel) * n
     b = np.cos(bevel) * n + np.sin(bevel) * m
     quaternion = quaternion_from_rotation(np.stack([-b, t, z], axis=-1))
@@ -60,8 +61,19 @@ def perfect_path(recipe, root_mm=1.5, bevel_deg=40.0, depth_of_cut_mm=1.0, heigh
         width = np.maximum(thickness - foot, 0) / np.cos(bevel)
         position = lower + foot * m - (width / 2)[:, None] * z + (rise * (CLEAR_MM - h))[:, None] * b
         cutting = (share == 0) & (width > 0)
-        layers.append(Layer(index, float(h), s, position, quaternion, np.ones(len(s)), cutting,
-                            np.ones(len(s), bool), np.where(cutting, width, 0.0)))  # fmt: skip
+        layers.append(
+            Layer(
+                index,
+                float(h),
+                s,
+                position,
+                quaternion,
+                np.ones(len(s)),
+                cutting,
+                np.ones(len(s), bool),
+                np.where(cutting, width, 0.0),
+            )
+        )
     return Toolpath(Cutter(), tuple(layers), (), root_mm, bevel_deg, depth_of_cut_mm, 1.0, float(length))
 
 

@@ -27,8 +27,10 @@ def written(tmp_path, text, name="bent.csv"):
 def test_csv_and_json_say_the_same(tmp_path, recipe):
     layers = perfect_path(recipe).layers
     table = written(tmp_path, "# by hand\n" + HEADER + "1,0,0.1,0,-0.2\n5,7,0.3,0,0\n")
-    rows = [{"layer": 1, "point": 0, "dx_mm": 0.1, "dy_mm": 0, "dz_mm": -0.2},
-            {"layer": 5, "point": 7, "dx_mm": 0.3, "dy_mm": 0, "dz_mm": 0}]  # fmt: skip
+    rows = [
+        {"layer": 1, "point": 0, "dx_mm": 0.1, "dy_mm": 0, "dz_mm": -0.2},
+        {"layer": 5, "point": 7, "dx_mm": 0.3, "dy_mm": 0, "dz_mm": 0},
+    ]
     for path in (table, written(tmp_path, json.dumps(rows), "bent.json")):
         found = read_deflections(path, layers)
         assert found[1][0] == pytest.approx([0.1, 0, -0.2])

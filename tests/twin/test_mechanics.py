@@ -13,8 +13,17 @@ ZERO = np.zeros(3)
 
 
 def mechanics(**more):
-    perfect = {"base_from_path": np.eye(4), "offset_mm": ZERO, "rotation": ZERO, "noise_mm": 0.0, "repeating_mm": 0.0,
-               "noise_length_mm": 20.0, "deflection_mm": ZERO, "deflections_mm": {}, "seed": (3,)}  # fmt: skip
+    perfect = {
+        "base_from_path": np.eye(4),
+        "offset_mm": ZERO,
+        "rotation": ZERO,
+        "noise_mm": 0.0,
+        "repeating_mm": 0.0,
+        "noise_length_mm": 20.0,
+        "deflection_mm": ZERO,
+        "deflections_mm": {},
+        "seed": (3,),
+    }
     return Mechanics(**(perfect | more))
 
 

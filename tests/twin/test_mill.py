@@ -89,9 +89,14 @@ def mirrored(position, rotation, origin, normal):
 
 @pytest.mark.parametrize(
     "mistake",
-    [tilted_about_the_cutters_axis, tilted_the_other_way, inverted_normal, mirrored_to_the_lower_side,
-     mirrored_at_the_end_face],
-)  # fmt: skip
+    [
+        tilted_about_the_cutters_axis,
+        tilted_the_other_way,
+        inverted_normal,
+        mirrored_to_the_lower_side,
+        mirrored_at_the_end_face,
+    ],
+)
 def test_a_mistake_in_the_path_cannot_be_missed(recipe, mistake):
     """Each is far out of any tolerance at every station, or ends in a crash; here mostly both."""
     toolpath, true = perfect_path(recipe), build_truth(recipe)
@@ -149,8 +154,12 @@ def test_a_worn_cutter_leaves_what_it_has_lost(recipe):
 def test_robot_noise_is_smooth_and_as_large_as_asked_for():
     recipe = raw_recipe({"length_mm": 600})
     toolpath = perfect_path(recipe, heights=(0.0,))
-    found = np.array([milled(recipe, toolpath, robot_noise_mm=0.1, robot_noise_length_mm=20, seed=seed)[0].root_mm
-                      for seed in range(4)])  # fmt: skip
+    found = np.array(
+        [
+            milled(recipe, toolpath, robot_noise_mm=0.1, robot_noise_length_mm=20, seed=seed)[0].root_mm
+            for seed in range(4)
+        ]
+    )
     shift = (found - 1.5) * np.sin(40 * DEG)
     assert 0.08 < shift.std() < 0.12
     assert np.abs(np.diff(shift, axis=1)).max() < 0.5 * 0.1 * 5 / 20  # 0.5 mm apart, slopes below five sigma

@@ -50,8 +50,13 @@ class RobotCell:
     unchecked: tuple[str, ...] = ()  # what its file does not say of it, so that nothing can look at it
     unseen: tuple[str, ...] = ()  # what stands in it and was not shown: programs say so
 
-    def judge(self, program: ProgramMoves, moves: Moves, tolerance_mm: float,
-              configuration: Callable[..., tuple[int, ...] | None]) -> Judgement:  # fmt: skip
+    def judge(
+        self,
+        program: ProgramMoves,
+        moves: Moves,
+        tolerance_mm: float,
+        configuration: Callable[..., tuple[int, ...] | None],
+    ) -> Judgement:
         """Drive a program, as read back from its file, through this cell.
 
         Args:

@@ -28,8 +28,14 @@ ROUNDING = "rounding of the lower edge"
 PASSES = "agreement of scanning passes"
 DECLARED = "declared for what no frame shows"
 KINDS: dict[str, Literal["A", "B"]] = {
-    END: "A", DIRECTIONS: "A", TANGENT: "B", FORM: "A", ROUNDING: "B", PASSES: "B", DECLARED: "B",
-}  # fmt: skip
+    END: "A",
+    DIRECTIONS: "A",
+    TANGENT: "B",
+    FORM: "A",
+    ROUNDING: "B",
+    PASSES: "B",
+    DECLARED: "B",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,9 +15,17 @@ from workbench.units import AnyArray, Bool, Float
 
 GrooveType = Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 SIZES = (
-    "gap_mm", "root_face_left_mm", "root_face_right_mm", "bevel_left_deg", "bevel_right_deg", "included_deg",
-    "depth_mm", "width_mm", "misalignment_mm", "root_radius_mm",
-)  # fmt: skip
+    "gap_mm",
+    "root_face_left_mm",
+    "root_face_right_mm",
+    "bevel_left_deg",
+    "bevel_right_deg",
+    "included_deg",
+    "depth_mm",
+    "width_mm",
+    "misalignment_mm",
+    "root_radius_mm",
+)
 
 
 def u_name(size: str) -> str:

@@ -60,8 +60,11 @@ class Part(PartNames):
     def contradicted(self, names: PartNames) -> list[str]:
         """What `names` says otherwise, in words."""
         both = ((f.name, getattr(self, f.name), getattr(names, f.name)) for f in fields(PartNames))
-        return [f"{name}: the file says {own!r}, the run {given!r}" for name, own, given in both
-                if own is not None and given is not None and own != given]  # fmt: skip
+        return [
+            f"{name}: the file says {own!r}, the run {given!r}"
+            for name, own, given in both
+            if own is not None and given is not None and own != given
+        ]
 
 
 UNKNOWN_PART = Part()

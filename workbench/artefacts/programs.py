@@ -13,9 +13,18 @@ from workbench.units import Float
 
 MoveKind = Literal["J", "L", "C"]
 EventKind = Literal[
-    "spindle_on", "spindle_off", "wait_speed", "wait_time", "coolant_on", "coolant_off", "activate_axis", "hook",
-    "stop", "restart", "feed_limits",
-]  # fmt: skip
+    "spindle_on",
+    "spindle_off",
+    "wait_speed",
+    "wait_time",
+    "coolant_on",
+    "coolant_off",
+    "activate_axis",
+    "hook",
+    "stop",
+    "restart",
+    "feed_limits",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -59,10 +59,18 @@ def capability(value: Float, u: Float, lower: float, upper: float) -> Capability
     cp = (upper - lower) / (6 * s) if s else math.inf
     cpk = min(upper - mean, mean - lower) / (3 * s) if s else math.inf
     return Capability(
-        n, mean, s, (s_low, s_high), u_rms, math.sqrt(max(0.0, s * s - u_rms * u_rms)),
-        cp, ((upper - lower) / (6 * s_high), (upper - lower) / (6 * s_low)) if s else (cp, cp),
-        cpk, cpk_interval(cpk, n), *line(order.astype(float), known),
-    )  # fmt: skip
+        n,
+        mean,
+        s,
+        (s_low, s_high),
+        u_rms,
+        math.sqrt(max(0.0, s * s - u_rms * u_rms)),
+        cp,
+        ((upper - lower) / (6 * s_high), (upper - lower) / (6 * s_low)) if s else (cp, cp),
+        cpk,
+        cpk_interval(cpk, n),
+        *line(order.astype(float), known),
+    )
 
 
 def spread_interval(s: float, n: int) -> tuple[float, float]:

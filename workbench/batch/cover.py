@@ -26,14 +26,16 @@ def cover(records: Sequence[Record]) -> dict[str, Any]:
     return {
         "measured": len(measured),
         "unmeasured": [(one.part, one.outcome) for one in records if not one.sections],
-        "verdicts": [(CONFORMITY[name], name, sum(one.verdict == name for one in measured))
-                     for name in ("pass", "fail", "undecided")],
+        "verdicts": [
+            (CONFORMITY[name], name, sum(one.verdict == name for one in measured))
+            for name in ("pass", "fail", "undecided")
+        ],
         "limits": [_limits(needs, key, unit) for key, unit, _ in KEYS] if needs and alike else [],
         "drawings": one_line(", ".join(sorted(drawings))) or "unknown",
         "rows": [_row(one) for one in shown],
         "not_shown": len(measured) - len(shown),
         "simulated": any(one.identity.get("simulated") for one in records),
-    }  # fmt: skip
+    }
 
 
 def _row(record: Record) -> dict[str, Any]:

@@ -67,19 +67,23 @@ def page(records: Sequence[Record], title: str) -> str:
     margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))
     places = {record.part: i for i, record in enumerate(records)}
     ranked = worst_first(records)
-    return environment("workbench.batch").get_template("fleet.html.j2").render(
-        style=source("page.css"),
-        title=one_line(title),
-        version=__version__,
-        counts=[(one, sum(record.outcome == one for record in records)) for one in reversed(OUTCOMES)],
-        inspected=bool(found),
-        total=len(records),
-        cover=cover(records),
-        rows=[row(one, places[one.part], margin, section) for one in ranked[:ROWS]],
-        shown=SHOWN,
-        left_out=max(0, len(ranked) - ROWS),
-        **(_statistics(records, found) if found else {}),
-    )  # fmt: skip
+    return (
+        environment("workbench.batch")
+        .get_template("fleet.html.j2")
+        .render(
+            style=source("page.css"),
+            title=one_line(title),
+            version=__version__,
+            counts=[(one, sum(record.outcome == one for record in records)) for one in reversed(OUTCOMES)],
+            inspected=bool(found),
+            total=len(records),
+            cover=cover(records),
+            rows=[row(one, places[one.part], margin, section) for one in ranked[:ROWS]],
+            shown=SHOWN,
+            left_out=max(0, len(ranked) - ROWS),
+            **(_statistics(records, found) if found else {}),
+        )
+    )
 
 
 def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]:
@@ -127,10 +131,15 @@ def _signals(one: Study, records: Sequence[Record]) -> list[dict[str, Any]]:
         for at, rule in chart.signals:
             by_part.setdefault((int(chart.order[at]), rule), []).append(str(k))
     return [
-        {"what": one.what.name, "sections": ", ".join(sections), "order": place + 1, "part": records[place].part,
-         "rule": names[rule]}
+        {
+            "what": one.what.name,
+            "sections": ", ".join(sections),
+            "order": place + 1,
+            "part": records[place].part,
+            "rule": names[rule],
+        }
         for (place, rule), sections in sorted(by_part.items())
-    ]  # fmt: skip
+    ]
 
 
 def worst_counts(found: Sequence[Characteristic]) -> Int:

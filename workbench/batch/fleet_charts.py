@@ -93,8 +93,9 @@ def trend_chart(found: Sequence[Characteristic]) -> bytes:
             known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
             inside = what.value[known]
             mean = np.nanmean(inside, axis=1)
-            axes.fill_between(known + 1, np.nanmin(inside, axis=1), np.nanmax(inside, axis=1), color=MEASURED,
-                              alpha=0.2, linewidth=0)  # fmt: skip
+            axes.fill_between(
+                known + 1, np.nanmin(inside, axis=1), np.nanmax(inside, axis=1), color=MEASURED, alpha=0.2, linewidth=0
+            )
             _draw_line(axes, known + 1, mean)
             fit = capability(part_means(what), np.zeros(len(what.value)), what.lower, what.upper)
             if math.isfinite(fit.slope):

@@ -45,11 +45,14 @@ def characteristics(records: Sequence[Record]) -> tuple[Characteristic, ...]:
     needs = inspected[0].requirements
     return tuple(
         Characteristic(
-            name, unit, _table(records, f"{key}_{suffix}"), _table(records, f"{key}_u_{suffix}"),
+            name,
+            unit,
+            _table(records, f"{key}_{suffix}"),
+            _table(records, f"{key}_u_{suffix}"),
             *(needs[f"{key}_nominal_{suffix}"] + deviation for deviation in needs[f"{key}_tolerance_{suffix}"]),
         )
         for name, unit, key, suffix in (("root face", "mm", "root", "mm"), ("bevel angle", "°", "bevel", "deg"))
-    )  # fmt: skip
+    )
 
 
 def _table(records: Sequence[Record], key: str) -> Float:

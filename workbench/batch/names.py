@@ -42,8 +42,11 @@ def parts(recordings: Iterable[str]) -> tuple[Part, ...]:
         if key in known and _same(known[key].recording, part.recording):
             raise InputError(part.recording, "is given twice")
         if key in known:
-            raise InputError(part.recording, f"its results would go into the folder '{part.name}', as those of "
-                             f"{known[key].recording}: expected file names that differ")  # fmt: skip
+            raise InputError(
+                part.recording,
+                f"its results would go into the folder '{part.name}', as those of "
+                f"{known[key].recording}: expected file names that differ",
+            )
         known[key] = part
     return tuple(found)
 

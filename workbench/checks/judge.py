@@ -22,9 +22,13 @@ from workbench.units import Float
 
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 NOT_JUDGED = Check(
-    "recording_judged", None, None, True, "scan.fuse judges poses and profiles by each other",
+    "recording_judged",
+    None,
+    None,
+    True,
+    "scan.fuse judges poses and profiles by each other",
     "not judged: a cloud holds neither poses nor profiles; whoever made it answers for both",
-)  # fmt: skip
+)
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 EXPLAINED = 0.1  # share of the twist that a better reading may leave
@@ -74,10 +78,13 @@ def without_copies(recording: Recording) -> Recording:
         return recording
     keep = ~drop
     return dataclasses.replace(
-        recording, time_s=recording.time_s[keep], x_mm=recording.x_mm[keep], z_mm=recording.z_mm[keep],
+        recording,
+        time_s=recording.time_s[keep],
+        x_mm=recording.x_mm[keep],
+        z_mm=recording.z_mm[keep],
         pass_index=recording.pass_index[keep],
         intensity=None if recording.intensity is None else recording.intensity[keep],
-    )  # fmt: skip
+    )
 
 
 def consistent_conventions(
@@ -164,9 +171,11 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     position = recording.robot_position_mm
     reach = float(np.linalg.norm(position, axis=1).max())
     yield check(
-        "reach_mm", reach,
-        f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}", given=given,
-    )  # fmt: skip
+        "reach_mm",
+        reach,
+        f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}",
+        given=given,
+    )
     if calibration:
         return
     ways, speeds, steps, standing = [], [], [], []
@@ -202,10 +211,11 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     )
     share = max(standing)
     yield check(
-        "standing_share", share,
+        "standing_share",
+        share,
         f"the recorded pose stands still during {100 * share:.0f} % of the frames: a frozen pose stream?",
         given=given,
-    )  # fmt: skip
+    )
 
 
 def _copy_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
@@ -229,15 +239,18 @@ def _copied_passes(recording: Recording, repeats: Repeats) -> dict[int, int]:
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
     traces = sensor_traces(recording.x_mm, recording.z_mm)
     yield check(
-        "mean_columns", traces.mean_columns,
+        "mean_columns",
+        traces.mean_columns,
         f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off",
         given=given,
-    )  # fmt: skip
+    )
     yield check(
-        "equal_share", traces.equal_share,
+        "equal_share",
+        traces.equal_share,
         f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
-        "a median filter, or a held value? switch the sensor's filters off", given=given,
-    )  # fmt: skip
+        "a median filter, or a held value? switch the sensor's filters off",
+        given=given,
+    )
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
     pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
     for name, what, step, blurred in (  # noise of the ranges blurs their own steps alone
@@ -245,9 +258,12 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
     ):
         yield check(
-            name, step, f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution",
-            given=given, default=max(most(name), blurred),
-        )  # fmt: skip
+            name,
+            step,
+            f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution",
+            given=given,
+            default=max(most(name), blurred),
+        )
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
@@ -288,8 +304,12 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     milliseconds, u = 1e3 * offset.offset_s, 1e3 * offset.u_s
     shown = u < 5.0 and abs(milliseconds) > 5.0 * u
     told = f"the profiles' clock is {milliseconds:+.1f} ± {u:.1f} ms off the robot's: a delay left out?"
-    yield check("time_offset_ms", abs(milliseconds) if shown else None, told if shown else
-                "the motion does not show whether the clocks agree", given=given)  # fmt: skip
+    yield check(
+        "time_offset_ms",
+        abs(milliseconds) if shown else None,
+        told if shown else "the motion does not show whether the clocks agree",
+        given=given,
+    )
 
 
 def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool:

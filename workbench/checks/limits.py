@@ -24,108 +24,137 @@ LIMITS: dict[str, Limit] = {
     "view_width_mm": Limit((4.0, 3000.0), "width of all that the profiles show", "profilers for edges see 5 mm to 3 m"),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
     "reach_mm": Limit(
-        (250.0, 30_000.0), "greatest distance of the flange from the robot's base",
+        (250.0, 30_000.0),
+        "greatest distance of the flange from the robot's base",
         "less is inside the robot, more needs a track of 30 m",
     ),
     "way_mm": Limit((2.0, 100_000.0), "way of the flange in the shortest, and in the longest pass", "less is no scan"),
-    "frame_step_mm": Limit(50.0, "way of the flange from frame to frame",
+    "frame_step_mm": Limit(
+        50.0,
+        "way of the flange from frame to frame",
         "an edge is not measured from places further apart",
     ),
-    "speed_mm_s": Limit((0.1, 3000.0), "mean speed of the flange in a pass",
+    "speed_mm_s": Limit(
+        (0.1, 3000.0),
+        "mean speed of the flange in a pass",
         "robots scan at 1 to 500 mm/s; stop-and-go is slower",
     ),
     "standing_share": Limit(
-        0.5, "share of the frames of a pass during which the recorded pose stands still",
+        0.5,
+        "share of the frames of a pass during which the recorded pose stands still",
         "a robot that waits does so for less of a scan; a pose stream that hangs looks like this",
     ),
     "hand_eye_mm": Limit(
-        (5.0, 2000.0), "distance of the profiler's origin from the flange; 0: the poses are the profiler's own",
+        (5.0, 2000.0),
+        "distance of the profiler's origin from the flange; 0: the poses are the profiler's own",
         "a bracket and a sensor have sizes; less is a translation in metres",
     ),
     "repeated_share": Limit(
-        0.02, "share of the frames that are an earlier frame of their pass again, bit for bit",
+        0.02,
+        "share of the frames that are an earlier frame of their pass again, bit for bit",
         "a few are dropped as copies; more is a sensor or driver that delivers old buffers",
     ),
     "mean_columns": Limit(
-        1.5, "width of a moving mean over the columns of a profile",
+        1.5,
+        "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, and no residual shows it",
     ),
     "equal_share": Limit(
-        0.03, "share of neighbouring columns with one and the same range on flat faces, beyond chance",
+        0.03,
+        "share of neighbouring columns with one and the same range on flat faces, beyond chance",
         "noise gives none; a median filter or a held value does, and both move edges",
     ),
     "range_step_mm": Limit(
-        0.02, "step to which ranges are rounded, where the noise does not blur it",
+        0.02,
+        "step to which ranges are rounded, where the noise does not blur it",
         "rounding without noise bends faces; twice the noise is taken where that is more",
     ),
     "lateral_step_mm": Limit(
-        0.02, "step to which lateral places are rounded, where they are uneven for it",
+        0.02,
+        "step to which lateral places are rounded, where they are uneven for it",
         "as of ranges; it moves returns along the faces",
     ),
     "obliquity_deg": Limit(
-        20.0, "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
+        20.0,
+        "angle between the laser plane's normal and the edge, as poses and profiles together tell it",
         "scans are made at 0 to 15 deg; wrong orientations or hand-eye poses mostly give 27 to 68 deg",
     ),
     "obliquity_varies_deg": Limit(
-        8.0, "how much that angle varies within a pass, to each side of its middle",
+        8.0,
+        "how much that angle varies within a pass, to each side of its middle",
         "scans of rings, saddles and swaying robots vary by 1 to 3; wrong orientations along a curved edge by 10 to 40",
     ),
     "twist_deg": Limit(
-        35.0, "turn of the section about the edge over 150 mm of it that the orientations do not explain",
+        35.0,
+        "turn of the section about the edge over 150 mm of it that the orientations do not explain",
         "edges of helices and saddles turn by up to 30; the poses must explain the rest",
     ),
     "unsteady_twist_deg": Limit(
-        3.0, "the same, less what is a slow function of the place on the edge",
+        3.0,
+        "the same, less what is a slow function of the place on the edge",
         "plates turn slowly, good recordings have up to 0.5; wrong orientations turn the section with the wrist",
     ),
     "convention_twist_deg": Limit(
-        1.2, "the same, where another reading of the orientations explains nine tenths of it",
+        1.2,
+        "the same, where another reading of the orientations explains nine tenths of it",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
     "wiggle_mm": Limit(
-        0.3, "standard deviation of the edge's way through the base from a smooth one, from profile to profile",
+        0.3,
+        "standard deviation of the edge's way through the base from a smooth one, from profile to profile",
         "robots and edges are smoother; frames out of order and poses that jump are not",
     ),
     "pass_disagreement_mm": Limit(
-        0.6, "distance of a face as one pass saw it from where the next saw it",
+        0.6,
+        "distance of a face as one pass saw it from where the next saw it",
         "robots repeat to 0.1 mm and calibrated hand-eye poses add 0.3 mm",
     ),
     "time_offset_ms": Limit(
-        2.5, "offset of the profiles' clock to the robot's that the sway of the scan shows, where beyond five of its u",
+        2.5,
+        "offset of the profiles' clock to the robot's that the sway of the scan shows, where beyond five of its u",
         "at 3 deg of sway 5 ms cost 0.03 deg",
     ),
     "edge_share": Limit(
-        (0.34, 1.0), "share of the frames that show something in which the faces of the edge were found",
+        (0.34, 1.0),
+        "share of the frames that show something in which the faces of the edge were found",
         "an edge is there all along a plate",
     ),
     "face_bow": Limit(
-        0.01, "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",
+        0.01,
+        "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",
         "faces are cut straight; chords of domes, bars and cables bow by 0.012 to 0.1",
     ),
     "size_scatter": Limit(
-        0.15, "scatter of the root face's width from frame to frame, over its width; 0.7 columns where that is more",
+        0.15,
+        "scatter of the root face's width from frame to frame, over its width; 0.7 columns where that is more",
         "a root face changes slowly along the edge; what is cut out of a cable or of noise does not",
     ),
     "hollow_share": Limit(
-        0.3, "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
+        0.3,
+        "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
         "a plate's edge is convex all round; grooves, fillets and steps are not",
     ),
     "groove_share": Limit(
-        (0.34, 1.0), "share of the profiles in which two plates with a groove between them were found",
+        (0.34, 1.0),
+        "share of the profiles in which two plates with a groove between them were found",
         "a groove is there all along the plates",
     ),
     "groove_agreement": Limit(
-        (0.6, 1.0), "share of the profiles with a face that show the kind of face that most do, of the worse plate",
+        (0.6, 1.0),
+        "share of the profiles with a face that show the kind of face that most do, of the worse plate",
         "a plate is prepared alike along its edge; spatter and tack welds hide less",
     ),
     "groove_level": Limit(
-        0.5, "how much higher one plate stands than the other, over the depth of the groove",
+        0.5,
+        "how much higher one plate stands than the other, over the depth of the groove",
         "plates are joined nearly flush; a plate over a table, or lapped on another, is no groove",
     ),
     "groove_overlap_mm": Limit(
-        0.2, "how far the plates' roots overlap, for certain", "two plates do not lie in each other",
+        0.2,
+        "how far the plates' roots overlap, for certain",
+        "two plates do not lie in each other",
     ),
-}  # fmt: skip
+}
 
 
 def most(name: str) -> float:
@@ -167,8 +196,14 @@ def within(value: float | None, bound: Bound) -> bool:
     return bool(low <= value <= high)
 
 
-def check(name: str, value: float | None, finding: str = "", *, given: Mapping[str, Bound] | None = None,
-          default: Bound | None = None) -> Check:  # fmt: skip
+def check(
+    name: str,
+    value: float | None,
+    finding: str = "",
+    *,
+    given: Mapping[str, Bound] | None = None,
+    default: Bound | None = None,
+) -> Check:
     """The check `name` of a value, NaN or None where there was nothing to judge by.
 
     Args:

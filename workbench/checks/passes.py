@@ -88,8 +88,11 @@ def _offset(points: Float, normals: Float, others: Float, their: Float) -> float
     beside = np.sqrt(np.maximum(near**2 - off**2, 0.0))
     usable = (near < FAR_MM) & (beside < BESIDE_MM)
     group = np.round(np.degrees(np.arctan2(*_in_plane(normals))) / 20.0).astype(int)
-    found = [abs(float(np.median(off[usable & (group == n)]))) for n in np.unique(group[usable])
-             if (usable & (group == n)).sum() >= LEAST]  # fmt: skip
+    found = [
+        abs(float(np.median(off[usable & (group == n)])))
+        for n in np.unique(group[usable])
+        if (usable & (group == n)).sum() >= LEAST
+    ]
     return max(found, default=float("nan"))
 
 

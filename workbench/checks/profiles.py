@@ -144,8 +144,9 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     good = (agreeing >= np.maximum(SHARE * both, 8)) & (spread < MISFITS * usual)
     good &= moved < max(LEAST_STEP_MM, STEPS * float(np.median(moved)))
     variance = np.linalg.inv(normal + 1e-9 * ridge)[:, 2, 2]
-    return Chain(frames, np.array([x0, z0]), motion[:, 0], motion[:, 1], motion[:, 2], good, spread,
-                 spread * np.sqrt(variance))  # fmt: skip
+    return Chain(
+        frames, np.array([x0, z0]), motion[:, 0], motion[:, 1], motion[:, 2], good, spread, spread * np.sqrt(variance)
+    )
 
 
 def _slopes(surface: Float, pitch: float) -> Float:

@@ -91,10 +91,12 @@ def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
 def _correlation(scaled: Float, used: Bool) -> Float:
     """Mean product by lag of rows of unit variance, over that at lag 0."""
     n = scaled.shape[1]
-    raw = np.array([
-        (scaled[:, : n - k] * scaled[:, k:]).sum() / max(int((used[:, : n - k] & used[:, k:]).sum()), 1)
-        for k in range(LAGS + 1)
-    ])  # fmt: skip
+    raw = np.array(
+        [
+            (scaled[:, : n - k] * scaled[:, k:]).sum() / max(int((used[:, : n - k] & used[:, k:]).sum()), 1)
+            for k in range(LAGS + 1)
+        ]
+    )
     return np.asarray(raw / raw[0])
 
 
@@ -115,10 +117,12 @@ def moving_mean(z: Float) -> float:
     power = float((bend**2).sum()) / max(int(used.sum()), 1)
     if power <= 0:
         return 0.0
-    products = np.array([
-        float((bend[:, :-k] * bend[:, k:]).sum()) / max(int((used[:, :-k] & used[:, k:]).sum()), 1) / power
-        for k in range(2, min(LAGS, bend.shape[1] - 1))
-    ])  # fmt: skip
+    products = np.array(
+        [
+            float((bend[:, :-k] * bend[:, k:]).sum()) / max(int((used[:, :-k] & used[:, k:]).sum()), 1) / power
+            for k in range(2, min(LAGS, bend.shape[1] - 1))
+        ]
+    )
     best = int(np.argmin(products))
     return float(best + 2) if products[best] < MEAN_CORRELATION else 0.0
 

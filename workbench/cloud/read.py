@@ -80,9 +80,13 @@ def in_process(file: Path) -> Float:
         command = [sys.executable, "-P", readers.__file__, str(file.absolute()), str(out)]
         home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
         child = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder,
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
+            cwd=folder,
             env=dict(os.environ, PYTHONPATH=home),
-        )  # fmt: skip
+        )
         said = child.stdout.decode(errors="replace")
         complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]
         if child.returncode == 0 and not complaints:
@@ -101,12 +105,18 @@ def check_size(points_mm: Float, unit: Unit, where: str) -> None:
     if far.any():
         at = int(far.argmax())
         place = ", ".join(f"{v:.6g}" for v in points_mm[at] / MM[unit])
-        raise InputError(f"{where}: point {at + 1}", f"expected coordinates in {unit}, found ({place}), beyond 1 km: "
-                         f"{'is the unit another?' if unit != 'mm' else 'is it a point?'}")  # fmt: skip
+        raise InputError(
+            f"{where}: point {at + 1}",
+            f"expected coordinates in {unit}, found ({place}), beyond 1 km: "
+            f"{'is the unit another?' if unit != 'mm' else 'is it a point?'}",
+        )
     low, high = np.percentile(points_mm, [0.5, 99.5], axis=0)
     size = float((high - low).max())
     if not LEAST_MM <= size <= MOST_MM:
         fits = [u for u in MM if LEAST_MM <= size / MM[unit] * MM[u] <= MOST_MM]
         guess = f'; are its coordinates in {" or ".join(fits)}? Then say so: "unit"' if fits else ""
-        raise InputError(where, f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of "
-                         f"{size:.3g} mm with coordinates in {unit}{guess}")  # fmt: skip
+        raise InputError(
+            where,
+            f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of "
+            f"{size:.3g} mm with coordinates in {unit}{guess}",
+        )

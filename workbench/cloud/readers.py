@@ -45,8 +45,10 @@ def _confine(size: int) -> None:
     except ImportError:  # not on this system
         return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for what, most in ((resource.RLIMIT_CPU, CPU_SECONDS + size // BYTES_A_SECOND),
-                       (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size)):  # fmt: skip
+    for what, most in (
+        (resource.RLIMIT_CPU, CPU_SECONDS + size // BYTES_A_SECOND),
+        (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size),
+    ):
         _, hard = resource.getrlimit(what)
         resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

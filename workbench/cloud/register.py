@@ -71,9 +71,16 @@ def register(
             f"{100 * least_overlap:.0f} %; another part, another unit, or a larger voxel_mm or reach_mm",
         )
     content = {
-        "format": "points-registration", "version": 1, "reference": str(reference), "source": points.source,
-        "reference_from_cloud": pose, "overlap": overlap, "rms_mm": rms, "reach_mm": reach_mm, "voxel_mm": voxel_mm,
-    }  # fmt: skip
+        "format": "points-registration",
+        "version": 1,
+        "reference": str(reference),
+        "source": points.source,
+        "reference_from_cloud": pose,
+        "overlap": overlap,
+        "rms_mm": rms,
+        "reach_mm": reach_mm,
+        "voxel_mm": voxel_mm,
+    }
     moved = points.points_mm @ pose[:3, :3].T + pose[:3, 3]
     return replace(points, points_mm=frozen(moved)), Document("cloud_registration.json", strict_json(content))
 
@@ -92,9 +99,12 @@ def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> 
     pose = away @ start
     for scale in (4.0, 2.0, 1.0):
         found = o3d.pipelines.registration.registration_icp(
-            *clouds, scale * reach_mm, pose, o3d.pipelines.registration.TransformationEstimationPointToPlane(),
+            *clouds,
+            scale * reach_mm,
+            pose,
+            o3d.pipelines.registration.TransformationEstimationPointToPlane(),
             o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
-        )  # fmt: skip
+        )
         pose = np.array(found.transformation)
     pose = inverse(away) @ pose
     turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))

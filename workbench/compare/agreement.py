@@ -49,5 +49,9 @@ def agreement(study: Study, name: str, gauge: Gauge) -> Agreement:
     with np.errstate(divide="ignore", invalid="ignore"):
         e_n = (values - reference[:, None, None]) / both
     rms = math.sqrt(float(np.nanmean(stated**2))) if np.isfinite(stated).any() else math.nan
-    return Agreement(values.mean(axis=(1, 2)) - reference, np.hypot(mean_u, reference_u),
-                     np.where(np.isfinite(e_n), e_n, np.nan), ev / rms if rms > 0 else math.nan)  # fmt: skip
+    return Agreement(
+        values.mean(axis=(1, 2)) - reference,
+        np.hypot(mean_u, reference_u),
+        np.where(np.isfinite(e_n), e_n, np.nan),
+        ev / rms if rms > 0 else math.nan,
+    )

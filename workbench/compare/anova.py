@@ -70,8 +70,17 @@ def analyse(values: Float, interaction_alpha: float) -> Anova:
     against = rest if pooled else both
     known_as = rest[1] * s / (1.0 + (s - 1) * correlation**2)
     repeatability = Source("repeatability", *rest, np.nan, np.nan, known_as)
-    return Anova(p, o, r, _row("part", part, against), _row("operator", operator, against), interaction,
-                 repeatability, pooled, correlation)  # fmt: skip
+    return Anova(
+        p,
+        o,
+        r,
+        _row("part", part, against),
+        _row("operator", operator, against),
+        interaction,
+        repeatability,
+        pooled,
+        correlation,
+    )
 
 
 def _row(name: str, of: tuple[float, int], against: tuple[float, int]) -> Source:

@@ -74,10 +74,16 @@ def deviation(
     summary = summarise(found, sections, half_width_mm, course.name, what, spacing_mm)
     if summary.compared < LEAST_PLACES:
         words = f"only {summary.compared} of {len(found.distance_mm)} places find the reference within {depth_mm:g} mm"
-        raise InputError(scan.source or "compare.deviation", f"{words}: expected surfaces that lie on each other, and "
-                         "three frames or more in a cylinder (projection_mm)")  # fmt: skip
-    return (found, deviation_document(found, summary, scan, reference, registration, scales),
-            deviation_chapter(found, summary, scan, reference, registration, position_u_mm))  # fmt: skip
+        raise InputError(
+            scan.source or "compare.deviation",
+            f"{words}: expected surfaces that lie on each other, and "
+            "three frames or more in a cylinder (projection_mm)",
+        )
+    return (
+        found,
+        deviation_document(found, summary, scan, reference, registration, scales),
+        deviation_chapter(found, summary, scan, reference, registration, position_u_mm),
+    )
 
 
 def moved(scan: Surface, registration: Registration) -> Surface:

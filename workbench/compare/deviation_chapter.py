@@ -17,36 +17,58 @@ MOST_REGIONS = 10
 NO_FRAMES = "the points' frames are not known: errors that a frame's points share count as independent noise"
 
 
-def deviation_chapter(found: Deviations, summary: Summary, scan: Surface, reference: Surface,
-                      registration: Registration | None, position_u_mm: float) -> Chapter:  # fmt: skip
+def deviation_chapter(
+    found: Deviations,
+    summary: Summary,
+    scan: Surface,
+    reference: Surface,
+    registration: Registration | None,
+    position_u_mm: float,
+) -> Chapter:
     """Finding, maps, course, sections, registration."""
     pieces = [
         html.facts_html(_facts(summary, found, scan, reference)),
-        html.figure_html(map_picture(found, summary), "Map of the deviations",
-                         "As seen from outside: arc length to the right, across the part upwards. Of the changes shown "
-                         "below 5 % at most are false, on average."),
-        html.figure_html(course_picture(found, summary), "Deviations along the part, and their histogram",
-                         "The level of detection is 1.96 standard uncertainties of one place."),
+        html.figure_html(
+            map_picture(found, summary),
+            "Map of the deviations",
+            "As seen from outside: arc length to the right, across the part upwards. Of the changes shown "
+            "below 5 % at most are false, on average.",
+        ),
+        html.figure_html(
+            course_picture(found, summary),
+            "Deviations along the part, and their histogram",
+            "The level of detection is 1.96 standard uncertainties of one place.",
+        ),
         *_regions(summary),
-        html.heading("Sections"), _sections(summary),
-        html.heading("Percentiles"), _percentiles(summary),
-        html.heading("Registration"), *_registration(registration, position_u_mm),
-    ]  # fmt: skip
+        html.heading("Sections"),
+        _sections(summary),
+        html.heading("Percentiles"),
+        _percentiles(summary),
+        html.heading("Registration"),
+        *_registration(registration, position_u_mm),
+    ]
     unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
     warnings = (*(registration.warnings if registration else ()), *((NO_FRAMES,) if unknown else ()))
-    return Chapter("Deviation from the reference", "\n".join(pieces), summary=f"{summary.in_words}.",
-                   part=scan.part, warnings=warnings)  # fmt: skip
+    return Chapter(
+        "Deviation from the reference",
+        "\n".join(pieces),
+        summary=f"{summary.in_words}.",
+        part=scan.part,
+        warnings=warnings,
+    )
 
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:
     return [
         ("Finding", summary.in_words),
-        ("Scan", PurePath(scan.source).name), ("Reference", PurePath(reference.source).name),
+        ("Scan", PurePath(scan.source).name),
+        ("Reference", PurePath(reference.source).name),
         ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
-        ("Mean", f"{summary.mean_mm:+.4f} mm"), ("Root mean square", f"{summary.rms_mm:.4f} mm"),
+        ("Mean", f"{summary.mean_mm:+.4f} mm"),
+        ("Root mean square", f"{summary.rms_mm:.4f} mm"),
         ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),
         ("Places beyond their level of detection", f"{100 * summary.significant:.1f} % (5 % by chance)"),
-    ]  # fmt: skip
+    ]
 
 
 def _regions(summary: Summary) -> list[str]:
@@ -54,9 +76,18 @@ def _regions(summary: Summary) -> list[str]:
     if not summary.regions:
         return []
     head = ("Region", "Arc length, mm", "Across, mm", "Area, mm²", "Mean, mm", "u of it, mm", "Extreme, mm")
-    rows = [(f"{k}", f"{one.from_mm:.1f} to {one.to_mm:.1f}", f"{one.across_from_mm:.1f} to {one.across_to_mm:.1f}",
-             f"{one.area_mm2:.0f}", _signed(one.mean_mm), _number(one.u_mm), _signed(one.extreme_mm))
-            for k, one in enumerate(summary.regions[:MOST_REGIONS], start=1)]  # fmt: skip
+    rows = [
+        (
+            f"{k}",
+            f"{one.from_mm:.1f} to {one.to_mm:.1f}",
+            f"{one.across_from_mm:.1f} to {one.across_to_mm:.1f}",
+            f"{one.area_mm2:.0f}",
+            _signed(one.mean_mm),
+            _number(one.u_mm),
+            _signed(one.extreme_mm),
+        )
+        for k, one in enumerate(summary.regions[:MOST_REGIONS], start=1)
+    ]
     more = len(summary.regions) - len(rows)
     caption = f"Significant {summary.what}s that hang together, one sign each"
     caption += f"; {more} smaller ones" if more else ""
@@ -74,10 +105,17 @@ def _sections(summary: Summary) -> str:
         "Detectable, mm",
         "Beyond it, %",
     )
-    rows = [(f"{one.index}", f"{one.arc_length_mm:.1f}", f"{one.places}",
-             *(_signed(value) for value in (one.mean_mm, one.least_mm, one.most_mm)), _number(one.detectable_mm),
-             "–" if math.isnan(one.significant) else f"{100 * one.significant:.0f}")
-            for one in summary.sections]  # fmt: skip
+    rows = [
+        (
+            f"{one.index}",
+            f"{one.arc_length_mm:.1f}",
+            f"{one.places}",
+            *(_signed(value) for value in (one.mean_mm, one.least_mm, one.most_mm)),
+            _number(one.detectable_mm),
+            "–" if math.isnan(one.significant) else f"{100 * one.significant:.0f}",
+        )
+        for one in summary.sections
+    ]
     return html.table_html(head, rows, f"Arc length along {summary.along}")
 
 
@@ -88,8 +126,12 @@ def _percentiles(summary: Summary) -> str:
 
 def _registration(found: Registration | None, position_u_mm: float) -> list[str]:
     if found is None:
-        return [html.paragraph("None: both are taken as they lie in the base; the scan's place along a normal is known "
-                               f"to {position_u_mm:g} mm (1 u).")]  # fmt: skip
+        return [
+            html.paragraph(
+                "None: both are taken as they lie in the base; the scan's place along a normal is known "
+                f"to {position_u_mm:g} mm (1 u)."
+            )
+        ]
     back = np.linalg.inv(found.reference_from_scan)
     shift = found.pivot_mm - (back[:3, :3] @ found.pivot_mm + back[:3, 3])
     turn = math.degrees(math.acos(float(np.clip((np.trace(back[:3, :3]) - 1) / 2, -1.0, 1.0))))
@@ -97,9 +139,10 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
     facts = [
         ("Shift of the scan's middle, mm", ", ".join(f"{x:+.3f} ± {s:.3f}" for x, s in zip(shift, u, strict=False))),
         ("Turn", f"{turn:.4f}° ± {math.degrees(float(np.linalg.norm(u[3:]))):.4f}°"),
-        ("Overlap", f"{100 * found.overlap:.0f} % of the scan"), ("RMS of matched places", f"{found.rms_mm:.4f} mm"),
+        ("Overlap", f"{100 * found.overlap:.0f} % of the scan"),
+        ("RMS of matched places", f"{found.rms_mm:.4f} mm"),
         ("Open directions", "; ".join(found.held) or "none"),
-    ]  # fmt: skip
+    ]
     return [html.facts_html(facts), html.note("± is one standard uncertainty. In an open direction nothing is fitted.")]
 
 

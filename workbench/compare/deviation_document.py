@@ -11,8 +11,14 @@ from workbench.compare.surface_values import Deviations, Registration, Surface
 from workbench.strict_json import strict_json
 
 
-def deviation_document(found: Deviations, summary: Summary, scan: Surface, reference: Surface,
-                       registration: Registration | None, scales: Scales) -> Document:  # fmt: skip
+def deviation_document(
+    found: Deviations,
+    summary: Summary,
+    scan: Surface,
+    reference: Surface,
+    registration: Registration | None,
+    scales: Scales,
+) -> Document:
     """The file: the finding, statistics, sections, histogram, and every place."""
     content = {
         "format": "bevel-deviation",

@@ -23,8 +23,16 @@ def map_picture(found: Deviations, summary: Summary) -> bytes:
         figure = Figure(figsize=(10, 5.2), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, sharey=True)
         size = float(np.clip(5e4 / len(arc), 1.5, 22.0))
-        dots = above.scatter(arc, aside, c=distance, s=size, cmap=COLOURS, norm=TwoSlopeNorm(0.0, -reach, reach),
-                             linewidths=0.0, rasterized=True)  # fmt: skip
+        dots = above.scatter(
+            arc,
+            aside,
+            c=distance,
+            s=size,
+            cmap=COLOURS,
+            norm=TwoSlopeNorm(0.0, -reach, reach),
+            linewidths=0.0,
+            rasterized=True,
+        )
         figure.colorbar(dots, ax=above, label="distance, mm", pad=0.01)
         above.set(title="Signed distance along the normal; red: outside the reference", ylabel="across, mm")
         _significance(below, found, summary)
@@ -41,10 +49,21 @@ def _significance(axes: Axes, found: Deviations, summary: Summary) -> None:
             found.arc_length_mm[mask], found.across_mm[mask], c=colour, s=size, linewidths=0.0, rasterized=True
         )
     mine = summary.changed
-    axes.scatter(found.arc_length_mm[mine], found.across_mm[mine], c=found.distance_mm[mine], s=size, cmap=COLOURS,
-                 norm=TwoSlopeNorm(0.0, -reach, reach), linewidths=0.0, rasterized=True)  # fmt: skip
-    axes.set(title=f"The same where a {summary.what} is significant; grey: it is not", xlabel="arc length, mm",
-             ylabel="across, mm")  # fmt: skip
+    axes.scatter(
+        found.arc_length_mm[mine],
+        found.across_mm[mine],
+        c=found.distance_mm[mine],
+        s=size,
+        cmap=COLOURS,
+        norm=TwoSlopeNorm(0.0, -reach, reach),
+        linewidths=0.0,
+        rasterized=True,
+    )
+    axes.set(
+        title=f"The same where a {summary.what} is significant; grey: it is not",
+        xlabel="arc length, mm",
+        ylabel="across, mm",
+    )
 
 
 def course_picture(found: Deviations, summary: Summary) -> bytes:
@@ -67,8 +86,15 @@ def _along(axes: Axes, found: Deviations) -> None:
     arc, distance, limit = found.arc_length_mm[seen], found.distance_mm[seen], found.detectable_mm[seen]
     edges = np.linspace(arc.min(), arc.max() + 1e-9, int(np.clip(np.ptp(arc) / 2.0, 5, 200)))
     bin_of = np.digitize(arc, edges) - 1
-    rows = [(0.5 * (edges[k] + edges[k + 1]), *np.percentile(distance[bin_of == k], [5, 50, 95]),
-             np.median(limit[bin_of == k])) for k in range(len(edges) - 1) if (bin_of == k).any()]  # fmt: skip
+    rows = [
+        (
+            0.5 * (edges[k] + edges[k + 1]),
+            *np.percentile(distance[bin_of == k], [5, 50, 95]),
+            np.median(limit[bin_of == k]),
+        )
+        for k in range(len(edges) - 1)
+        if (bin_of == k).any()
+    ]
     s, low, middle, high, detectable = np.array(rows).T
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     axes.fill_between(s, low, high, color=BLUE, alpha=0.2, linewidth=0, label="5 % to 95 % of the places")

@@ -34,8 +34,15 @@ def places_of(scan: Surface, reference: Surface, scales: Scales) -> Surfels:
     return Surfels(centre, normal, np.ones(len(centre), bool))
 
 
-def deviations(scan: Surface, reference: Surface, places: Surfels, registration: Registration | None,
-               position_u_mm: float, course: Course, scales: Scales) -> Deviations:  # fmt: skip
+def deviations(
+    scan: Surface,
+    reference: Surface,
+    places: Surfels,
+    registration: Registration | None,
+    position_u_mm: float,
+    course: Course,
+    scales: Scales,
+) -> Deviations:
     """M3C2 distances at places of a registered scan; NaN where one of the surfaces is missing."""
     position, normal, radius = places.centre_mm, places.normal, 0.5 * scales.projection_mm
     depth_mm = scales.depth_mm

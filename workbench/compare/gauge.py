@@ -61,9 +61,16 @@ def gauge(anova: Anova, tolerance_width: float | None) -> Gauge:
             continue
         sd, (low, high) = float(found[name]), np.percentile(drawn[name], [2.5, 97.5])
         share = sd / total if total > 0 and not np.isnan(found["PV"]) else None
-        rows.append(Component(name, sd, (float(low), float(high)), None if share is None else 100 * share**2,
-                              None if share is None else 100 * share,
-                              None if tolerance_width is None else 100 * SPREAD * sd / tolerance_width))  # fmt: skip
+        rows.append(
+            Component(
+                name,
+                sd,
+                (float(low), float(high)),
+                None if share is None else 100 * share**2,
+                None if share is None else 100 * share,
+                None if tolerance_width is None else 100 * SPREAD * sd / tolerance_width,
+            )
+        )
     return Gauge(tuple(rows), _categories(float(found["PV"]), float(found["GRR"])))
 
 

@@ -17,8 +17,13 @@ from workbench.compare.values import Study
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
 LEAST_CATEGORIES = 5  # AIAG
 MOST_ROWS = 60  # of the table of biases
-NAMES = {"EV": "Repeatability (EV)", "AV": "Reproducibility (AV)", "GRR": "Gauge R&R (GRR)",
-         "PV": "Part variation (PV)", "TV": "Total (TV)"}  # fmt: skip
+NAMES = {
+    "EV": "Repeatability (EV)",
+    "AV": "Reproducibility (AV)",
+    "GRR": "Gauge R&R (GRR)",
+    "PV": "Part variation (PV)",
+    "TV": "Total (TV)",
+}
 HEAD = ("Source", "Standard deviation", "95 % interval", "% contribution", "% study variation", "% tolerance")
 NORMAL = "Below 1 is normal: a stated uncertainty also covers what repeats from recording to recording."
 
@@ -28,14 +33,20 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
     pieces = [html.facts_html(_facts(study))]
     for one in results:
         pieces += _characteristic(study, one)
-    pieces.append(html.note(
-        "Sections of one recording share errors, so each section is analysed by itself and sums of squares are "
-        "averaged. Intervals are 95 % generalised confidence intervals. %GRR follows AIAG: six standard deviations "
-        f"over the tolerance, standard deviation over the total; below {GOOD_PERCENT:g} % acceptable, above "
-        f"{BAD_PERCENT:g} % not."))  # fmt: skip
-    return Chapter("Repeatability and reproducibility", "\n".join(pieces),
-                   summary="; ".join(_summary(one) for one in results),
-                   warnings=(*study.warnings, *(words for one in results for words in one.warnings)))  # fmt: skip
+    pieces.append(
+        html.note(
+            "Sections of one recording share errors, so each section is analysed by itself and sums of squares are "
+            "averaged. Intervals are 95 % generalised confidence intervals. %GRR follows AIAG: six standard deviations "
+            f"over the tolerance, standard deviation over the total; below {GOOD_PERCENT:g} % acceptable, above "
+            f"{BAD_PERCENT:g} % not."
+        )
+    )
+    return Chapter(
+        "Repeatability and reproducibility",
+        "\n".join(pieces),
+        summary="; ".join(_summary(one) for one in results),
+        warnings=(*study.warnings, *(words for one in results for words in one.warnings)),
+    )
 
 
 def verdict_in_words(one: Characteristic) -> str:
@@ -62,8 +73,12 @@ def _summary(one: Characteristic) -> str:
 
 
 def _facts(study: Study) -> list[tuple[str, str]]:
-    return [("Parts", f"{len(study.parts)}"), ("Operators", f"{len(study.operators)}"),
-            ("Trials of each", f"{study.trials}"), ("Sections", f"{len(study.section)}")]  # fmt: skip
+    return [
+        ("Parts", f"{len(study.parts)}"),
+        ("Operators", f"{len(study.operators)}"),
+        ("Trials of each", f"{study.trials}"),
+        ("Sections", f"{len(study.section)}"),
+    ]
 
 
 def _characteristic(study: Study, one: Characteristic) -> Iterator[str]:
@@ -72,14 +87,25 @@ def _characteristic(study: Study, one: Characteristic) -> Iterator[str]:
     yield html.paragraph(f"{verdict_in_words(one)}. {_categories(one)}")
     yield html.table_html(HEAD, [_component(part) for part in one.gauge.components], f"Components, {unit}")
     yield html.figure_html(
-        gauge_picture(study, one), f"Gauge study of the {one.title.lower()}",
+        gauge_picture(study, one),
+        f"Gauge study of the {one.title.lower()}",
         f"Colours are operators{', in the chart of biases parts' if len(study.parts) > 1 else ''}; grey bars "
-        "the reference, dashed the limits.")  # fmt: skip
+        "the reference, dashed the limits.",
+    )
     yield html.table_html(
         ("Analysis of variance", "Sum of squares", "Degrees of freedom", "Mean square", "F", "p"),
-        [(row.name + (" (with the interaction)" if row.name == "repeatability" and one.anova.pooled else ""),
-          f"{row.sum_of_squares:.4g}", f"{row.freedom}", f"{row.mean_square:.4g}", _number(row.f, ".3g"),
-          _number(row.p, ".3g")) for row in one.anova.sources])  # fmt: skip
+        [
+            (
+                row.name + (" (with the interaction)" if row.name == "repeatability" and one.anova.pooled else ""),
+                f"{row.sum_of_squares:.4g}",
+                f"{row.freedom}",
+                f"{row.mean_square:.4g}",
+                _number(row.f, ".3g"),
+                _number(row.p, ".3g"),
+            )
+            for row in one.anova.sources
+        ],
+    )
     yield from _sections(study, one)
     yield from _agreement(study, one)
 
@@ -102,9 +128,17 @@ def _sections(study: Study, one: Characteristic) -> Iterator[str]:
     rows = []
     for section in one.sections:
         ev, av, grr = (section.gauge.of(name) for name in ("EV", "AV", "GRR"))
-        rows.append((f"{section.index}", _number(section.arc_length_mm, ".1f"), f"{section.mean:.3f}",
-                     _number(ev.sd, ".4f"), _number(av.sd, ".4f"), _number(grr.sd, ".4f"),
-                     _number(grr.tolerance_percent, ".1f")))  # fmt: skip
+        rows.append(
+            (
+                f"{section.index}",
+                _number(section.arc_length_mm, ".1f"),
+                f"{section.mean:.3f}",
+                _number(ev.sd, ".4f"),
+                _number(av.sd, ".4f"),
+                _number(grr.sd, ".4f"),
+                _number(grr.tolerance_percent, ".1f"),
+            )
+        )
     head = ("Section", "Arc length, mm", "Mean", "EV", "AV", "GRR", "GRR, % tolerance")
     yield html.table_html(head, rows, f"By section, {study.unit_of(one.name)}")
 
@@ -125,12 +159,20 @@ def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
         above = int((largest > 1).sum())
         words += f" |E_n| is above 1 in {above} of {largest.size} measurements, at most {largest.max():.2f}."
     yield html.paragraph(words)
-    rows = [(f"{part}, section {index}", f"{found.bias[i, k]:+.4f}", f"{COVERAGE * found.bias_u[i, k]:.4f}",
-             _number(np.abs(found.e_n[i, ..., k]).max(), ".2f"))
-            for i, part in enumerate(study.parts) for k, index in enumerate(study.section)
-            if np.isfinite(found.bias[i, k])]  # fmt: skip
-    yield html.table_html(("Place", f"Bias, {unit}", f"Expanded uncertainty (k = 2), {unit}", "Largest |E_n|"),
-                          rows[:MOST_ROWS])  # fmt: skip
+    rows = [
+        (
+            f"{part}, section {index}",
+            f"{found.bias[i, k]:+.4f}",
+            f"{COVERAGE * found.bias_u[i, k]:.4f}",
+            _number(np.abs(found.e_n[i, ..., k]).max(), ".2f"),
+        )
+        for i, part in enumerate(study.parts)
+        for k, index in enumerate(study.section)
+        if np.isfinite(found.bias[i, k])
+    ]
+    yield html.table_html(
+        ("Place", f"Bias, {unit}", f"Expanded uncertainty (k = 2), {unit}", "Largest |E_n|"), rows[:MOST_ROWS]
+    )
 
 
 def _number(value: float | None, form: str) -> str:

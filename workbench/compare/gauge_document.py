@@ -40,19 +40,37 @@ def _characteristic(study: Study, one: Characteristic) -> dict[str, Any]:
         "interaction_pooled": one.anova.pooled,
         "correlation_between_sections": one.anova.correlation,
         **_gauge(one.gauge),
-        "sections": [{"index": section.index, "arc_length_mm": section.arc_length_mm, "mean": section.mean,
-                      **_gauge(section.gauge)} for section in one.sections],
-        "bias": [{"part": part, "section": index, "bias": found.bias[i, k], "u": found.bias_u[i, k],
-                  "largest_e_n": _largest(found.e_n[i, ..., k])}
-                 for i, part in enumerate(study.parts) for k, index in enumerate(study.section)]
-        if found.has_reference else [],
+        "sections": [
+            {
+                "index": section.index,
+                "arc_length_mm": section.arc_length_mm,
+                "mean": section.mean,
+                **_gauge(section.gauge),
+            }
+            for section in one.sections
+        ],
+        "bias": [
+            {
+                "part": part,
+                "section": index,
+                "bias": found.bias[i, k],
+                "u": found.bias_u[i, k],
+                "largest_e_n": _largest(found.e_n[i, ..., k]),
+            }
+            for i, part in enumerate(study.parts)
+            for k, index in enumerate(study.section)
+        ]
+        if found.has_reference
+        else [],
         "observed_over_stated_uncertainty": found.observed_over_stated,
-    }  # fmt: skip
+    }
 
 
 def _gauge(gauge: Gauge) -> dict[str, Any]:
-    return {"components": [dataclasses.asdict(part) for part in gauge.components],
-            "distinct_categories": gauge.categories}  # fmt: skip
+    return {
+        "components": [dataclasses.asdict(part) for part in gauge.components],
+        "distinct_categories": gauge.categories,
+    }
 
 
 def _largest(e_n: Any) -> float | None:

@@ -41,8 +41,16 @@ def _components(axes: Axes, study: Study, one: Characteristic) -> None:
     for row, part in enumerate(shown):
         high = (part.interval or (0.0, 0.0))[1]
         if high > end:  # said, not cut off without a word
-            axes.annotate(f"to {high:.3g} \u25b6", (end, row), (-2, 7), textcoords="offset points", ha="right",
-                          va="bottom", fontsize=7.5, color=GREY)  # fmt: skip
+            axes.annotate(
+                f"to {high:.3g} \u25b6",
+                (end, row),
+                (-2, 7),
+                textcoords="offset points",
+                ha="right",
+                va="bottom",
+                fontsize=7.5,
+                color=GREY,
+            )
     axes.set(title="Components of variation, standard deviation with 95 % interval", xlabel=study.unit_of(one.name))
 
 
@@ -52,8 +60,14 @@ def _values(axes: Axes, study: Study, one: Characteristic) -> None:
     for j in range(count):
         at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
         spread = np.broadcast_to(at, values[:, j].shape)
-        axes.plot(spread.ravel(), values[:, j].ravel(), ".", color=SERIES[j % MOST_OPERATORS], markersize=3.5,
-                  label=study.operators[j] if count <= MOST_OPERATORS else None)  # fmt: skip
+        axes.plot(
+            spread.ravel(),
+            values[:, j].ravel(),
+            ".",
+            color=SERIES[j % MOST_OPERATORS],
+            markersize=3.5,
+            label=study.operators[j] if count <= MOST_OPERATORS else None,
+        )
     reference = study.reference[one.name]
     for row in reference[np.isfinite(reference).any(axis=1)]:
         axes.plot(np.arange(len(row)), row, "_", color=GREY, markersize=16, zorder=0.5)
@@ -73,8 +87,13 @@ def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:
     spread = np.ptp(values, axis=2)
     for j in range(count):
         at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
-        axes.plot(np.broadcast_to(at, spread[:, j].shape).ravel(), spread[:, j].ravel(), ".",
-                  color=SERIES[j % MOST_OPERATORS], markersize=5)  # fmt: skip
+        axes.plot(
+            np.broadcast_to(at, spread[:, j].shape).ravel(),
+            spread[:, j].ravel(),
+            ".",
+            color=SERIES[j % MOST_OPERATORS],
+            markersize=5,
+        )
     axes.axhline(float(np.nanmean(spread)), color=GREY, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
     _by_section(axes, study)
@@ -93,8 +112,16 @@ def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
     axes.axhline(0.0, color=PALE, linewidth=0.8)
     for i in range(count):
         at = np.arange(len(study.section)) + 0.5 * ((i + 0.5) / count - 0.5)
-        axes.errorbar(at, found.bias[i], COVERAGE * found.bias_u[i], fmt=".", color=SERIES[i % MOST_OPERATORS],
-                      linewidth=1.0, markersize=5, label=study.parts[i])  # fmt: skip
+        axes.errorbar(
+            at,
+            found.bias[i],
+            COVERAGE * found.bias_u[i],
+            fmt=".",
+            color=SERIES[i % MOST_OPERATORS],
+            linewidth=1.0,
+            markersize=5,
+            label=study.parts[i],
+        )
     _by_section(axes, study)
     axes.set(ylabel=study.unit_of(one.name))
     if 1 < count <= MOST_OPERATORS:

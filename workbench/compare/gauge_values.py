@@ -46,8 +46,10 @@ def seen_everywhere(study: Study, name: str) -> tuple[Int, tuple[str, ...]]:
     """Positions of the sections where every recording has a value, and a word on those left out."""
     seen = np.isfinite(study.measured[name]).all(axis=(0, 1, 2))
     if not seen.any():
-        raise InputError(f"compare.repeatability: {title_of(name).lower()}",
-                         "expected a section in which every recording has a value, found none")  # fmt: skip
+        raise InputError(
+            f"compare.repeatability: {title_of(name).lower()}",
+            "expected a section in which every recording has a value, found none",
+        )
     out = [str(study.section[k]) for k in np.flatnonzero(~seen)]
     words = (
         () if not out else (f"{title_of(name).lower()}: section {', '.join(out)} left out: hidden in some recording",)

@@ -15,11 +15,24 @@ INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)
 STYLE: Any = {
-    "font.size": 9.0, "font.family": "DejaVu Sans", "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": GREY,
-    "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False, "xtick.color": GREY,
-    "ytick.color": GREY, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "svg.fonttype": "path",
-    "svg.hashsalt": "workbench", "axes.titlesize": 9.0, "axes.titlelocation": "left", "legend.frameon": False,
-}  # fmt: skip
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "workbench",
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+}
 
 
 def styled() -> Any:
@@ -44,9 +57,11 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str 
     """A table; the first cell of a row is its name."""
     names = "".join(f"<th>{escape(name)}</th>" for name in head)
     body = "".join(
-        "<tr>" + "".join(f"<{'td' if i else 'th'}>{escape(cell)}</{'td' if i else 'th'}>" for i, cell in enumerate(row))
-        + "</tr>" for row in rows
-    )  # fmt: skip
+        "<tr>"
+        + "".join(f"<{'td' if i else 'th'}>{escape(cell)}</{'td' if i else 'th'}>" for i, cell in enumerate(row))
+        + "</tr>"
+        for row in rows
+    )
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f'<table class="summary">{title}<thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>'
 

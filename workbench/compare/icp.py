@@ -61,15 +61,19 @@ def coarse(source: Surfels, target: Surfels, initial: Float, reach_mm: float) ->
     for scale in SCALES:
         kernel = o3d.pipelines.registration.TukeyLoss(k=scale * reach_mm)
         found = o3d.pipelines.registration.registration_icp(
-            *clouds, scale * reach_mm, pose,
+            *clouds,
+            scale * reach_mm,
+            pose,
             o3d.pipelines.registration.TransformationEstimationPointToPlane(kernel),
-            o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60))  # fmt: skip
+            o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
+        )
         pose = np.array(found.transformation)
     return _rounded(np.asarray(inverse(away) @ pose))
 
 
-def refine(source: Surfels, target: Target, pose: Float, initial: Float, reach_mm: float,
-           hold: bool) -> tuple[Float, Equations]:  # fmt: skip
+def refine(
+    source: Surfels, target: Target, pose: Float, initial: Float, reach_mm: float, hold: bool
+) -> tuple[Float, Equations]:
     """The pose of least weighted squares and the equations there; with `hold`, open directions stay as in `initial`."""
     equations = equations_at(source, target, pose, reach_mm)
     if hold:

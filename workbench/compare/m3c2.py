@@ -44,8 +44,15 @@ class Heights:
         return np.asarray(np.sqrt(self.variance_mm2 + of_frame * self.leverage))
 
 
-def heights(points_mm: Float, values: Float | None, frame: Int | None, position_mm: Float, normal: Float,
-            radius_mm: float, depth_mm: float) -> Heights:  # fmt: skip
+def heights(
+    points_mm: Float,
+    values: Float | None,
+    frame: Int | None,
+    position_mm: Float,
+    normal: Float,
+    radius_mm: float,
+    depth_mm: float,
+) -> Heights:
     """The surface of points (n, 3) in cylinders about axes through `position_mm` along `normal`, both (c, 3).
 
     `values` (n,): what to average instead of the height over the position, such as distances from a mesh (NaN: none).
@@ -59,8 +66,16 @@ def heights(points_mm: Float, values: Float | None, frame: Int | None, position_
     return Heights(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _batch(points: Float, values: Float | None, frame: Int | None, tree: cKDTree, position: Float, normal: Float,
-           radius: float, depth: float) -> tuple[Float, ...]:  # fmt: skip
+def _batch(
+    points: Float,
+    values: Float | None,
+    frame: Int | None,
+    tree: cKDTree,
+    position: Float,
+    normal: Float,
+    radius: float,
+    depth: float,
+) -> tuple[Float, ...]:
     index, start = neighbours(tree, position, float(np.hypot(radius, depth)))
     owner = np.repeat(np.arange(len(position)), np.diff(start))
     off = points[index] - position[owner]

@@ -55,8 +55,9 @@ def _in_process(path: Path, seconds: float) -> tuple[Float, Int]:
         out = Path(folder) / "mesh.npz"
         command = [sys.executable, "-P", mesh_reader.__file__, str(path.absolute()), str(out)]
         try:
-            child = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder,
-                                   timeout=seconds)  # fmt: skip
+            child = subprocess.run(
+                command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder, timeout=seconds
+            )
         except subprocess.TimeoutExpired:
             raise InputError(str(path), f"expected a whole mesh: not read within {seconds:.0f} s") from None
         if child.returncode or not out.exists():

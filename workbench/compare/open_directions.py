@@ -16,8 +16,9 @@ ALONG = 15.0  # degrees from the longest direction within which a slide is one a
 def in_words(direction: Float, equations: Equations, scan: Surface) -> str:
     """What a motion (6,), shift and turn times the lever, does: slide, turn, or both."""
     shift, turn = direction[:3], direction[3:]
-    long = np.linalg.svd(scan.points_mm[:: max(1, len(scan.points_mm) // 2000)] - scan.points_mm.mean(axis=0),
-                         full_matrices=False)[2][0]  # fmt: skip
+    long = np.linalg.svd(
+        scan.points_mm[:: max(1, len(scan.points_mm) // 2000)] - scan.points_mm.mean(axis=0), full_matrices=False
+    )[2][0]
     if np.linalg.norm(shift) >= np.linalg.norm(turn):
         unit = shift / np.linalg.norm(shift)
         edge = " along the edge" if abs(unit @ long) > math.cos(math.radians(ALONG)) else ""

@@ -48,8 +48,9 @@ def reference_fits(
         InputError: unreadable, another count of numbers, points that leave the shape open.
     """
     if answers and len(answers) != len(points):
-        raise InputError("compare.reference_fits.answers", f"expected {len(points)} files, one a data set, found "
-                                                           f"{len(answers)}")  # fmt: skip
+        raise InputError(
+            "compare.reference_fits.answers", f"expected {len(points)} files, one a data set, found {len(answers)}"
+        )
     rows = []
     for k, path in enumerate(points):
         data = read_points(path)
@@ -58,8 +59,15 @@ def reference_fits(
         except ValueError as error:
             raise InputError(str(path), str(error)) from None
         errors = _errors(found, read_answer(answers[k], shape), data) if answers else {}
-        rows.append({"points": str(path), "answer": str(answers[k]) if answers else None, "count": len(data),
-                     **_found(found), **errors})  # fmt: skip
+        rows.append(
+            {
+                "points": str(path),
+                "answer": str(answers[k]) if answers else None,
+                "count": len(data),
+                **_found(found),
+                **errors,
+            }
+        )
     return _document(shape, tolerance, rows), _chapter(shape, tolerance, rows)
 
 
@@ -72,8 +80,10 @@ def _errors(found: Fit, answer: Float, data: Float) -> dict[str, float]:
     """Errors in mm, and the largest as a share of the size."""
     size = max(float(np.ptp(data, axis=0).max()), found.radius_mm or 0.0)
     off, direction = found.point_mm - answer[:3], None if found.direction is None else answer[3:6]
-    errors = {"radius_error_mm": 0.0 if found.radius_mm is None else found.radius_mm - 0.5 * float(answer[-1]),
-              "direction_error": 0.0}  # fmt: skip
+    errors = {
+        "radius_error_mm": 0.0 if found.radius_mm is None else found.radius_mm - 0.5 * float(answer[-1]),
+        "direction_error": 0.0,
+    }
     if direction is not None and found.direction is not None:
         direction = direction / np.linalg.norm(direction)
         errors["direction_error"] = float(np.linalg.norm(np.cross(found.direction, direction)))
@@ -94,10 +104,21 @@ def _document(shape: Shape, tolerance: float, rows: list[dict[str, object]]) -> 
 def _chapter(shape: Shape, tolerance: float, rows: list[dict[str, object]]) -> Chapter:
     errors = [float(str(row["relative_error"])) for row in rows if "relative_error" in row]
     passed = sum(error <= tolerance for error in errors)
-    words = f"{len(rows)} {shape} fits" if not errors else \
-        f"{passed} of {len(rows)} {shape} fits within {tolerance:g} of their size; worst {max(errors):.1e}"  # fmt: skip
+    words = (
+        f"{len(rows)} {shape} fits"
+        if not errors
+        else f"{passed} of {len(rows)} {shape} fits within {tolerance:g} of their size; worst {max(errors):.1e}"
+    )
     table = html.table_html(
         ("Data set", "Points", "RMS residual, mm", "Relative error"),
-        [(Path(str(row["points"])).name, str(row["count"]), f"{float(str(row['rms_mm'])):.3g}",
-          f"{float(str(row['relative_error'])):.1e}" if "relative_error" in row else "–") for row in rows])  # fmt: skip
+        [
+            (
+                Path(str(row["points"])).name,
+                str(row["count"]),
+                f"{float(str(row['rms_mm'])):.3g}",
+                f"{float(str(row['relative_error'])):.1e}" if "relative_error" in row else "–",
+            )
+            for row in rows
+        ],
+    )
     return Chapter("Reference fits", table, summary=f"{words}.")

@@ -58,7 +58,13 @@ def _labels(found: Deviations, mine: Int, spacing_mm: float) -> Int:
 def _region(found: Deviations, places: Int, spacing_mm: float) -> Region:
     arc, across, distance = found.arc_length_mm[places], found.across_mm[places], found.distance_mm[places]
     return Region(
-        len(places), len(places) * spacing_mm**2, float(arc.min()), float(arc.max()), float(across.min()),
-        float(across.max()), float(distance.mean()), float(found.u_mm[places].mean()),
+        len(places),
+        len(places) * spacing_mm**2,
+        float(arc.min()),
+        float(arc.max()),
+        float(across.min()),
+        float(across.max()),
+        float(distance.mean()),
+        float(found.u_mm[places].mean()),
         float(distance[np.abs(distance).argmax()]),
-    )  # fmt: skip
+    )

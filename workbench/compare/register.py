@@ -81,8 +81,10 @@ def register(
     """
     pose = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
     if start == "features" and (initial is not None or open_directions == "hold"):
-        raise InputError("compare.register.start", "expected no initial pose, and open_directions 'refuse', with "
-                         "'features': nothing is known to hold on to")  # fmt: skip
+        raise InputError(
+            "compare.register.start",
+            "expected no initial pose, and open_directions 'refuse', with 'features': nothing is known to hold on to",
+        )
     source = surfels(scan, spacing_mm, radius_mm)
     coarse_target = _sampled(reference, spacing_mm, radius_mm)
     _check_flat(scan, source, radius_mm)
@@ -98,10 +100,21 @@ def register(
     size, vectors = equations.directions()
     loose = [in_words(vectors[:, k], equations, scan) for k in np.flatnonzero(size <= OPEN)]
     if loose and open_directions == "refuse":
-        raise InputError(scan.source or "compare.register", f"the shapes leave open: {'; '.join(loose)}: expected "
-                         "shapes that fix it, or open_directions 'hold' to keep the initial pose there")  # fmt: skip
-    found = Registration(pose, covariance_of(equations, held_u_mm), equations.pivot_mm, overlap, rms, tuple(loose),
-                         len(equations.weight), tuple(f"held at the initial pose: {one}" for one in loose))  # fmt: skip
+        raise InputError(
+            scan.source or "compare.register",
+            f"the shapes leave open: {'; '.join(loose)}: expected "
+            "shapes that fix it, or open_directions 'hold' to keep the initial pose there",
+        )
+    found = Registration(
+        pose,
+        covariance_of(equations, held_u_mm),
+        equations.pivot_mm,
+        overlap,
+        rms,
+        tuple(loose),
+        len(equations.weight),
+        tuple(f"held at the initial pose: {one}" for one in loose),
+    )
     return found, _document(found, scan, reference)
 
 
@@ -135,26 +148,41 @@ def _overlap(source: Surfels, equations: Equations) -> float:
 def _check_flat(surface: Surface, places: Surfels, radius_mm: float) -> None:
     flat = int(places.flat.sum())
     if flat < LEAST_PLACES:
-        raise InputError(surface.source or "compare.register", f"only {flat} of {len(places.flat)} places are flat "
-                         f"within {radius_mm:g} mm: expected {LEAST_PLACES}, or a larger radius_mm")  # fmt: skip
+        raise InputError(
+            surface.source or "compare.register",
+            f"only {flat} of {len(places.flat)} places are flat "
+            f"within {radius_mm:g} mm: expected {LEAST_PLACES}, or a larger radius_mm",
+        )
 
 
 def _check(scan: Surface, equations: Equations, overlap: float, rms_mm: float, least: float, most_mm: float) -> None:
     where = scan.source or "compare.register"
     if equations.use.sum() < LEAST_PLACES or overlap < least:
-        raise InputError(where, f"only {100 * overlap:.0f} % of the scan lies on the reference ({equations.use.sum()} "
-                                f"places), expected at least {100 * least:.0f} %: another part, or too far off to "
-                                "start")  # fmt: skip
+        raise InputError(
+            where,
+            f"only {100 * overlap:.0f} % of the scan lies on the reference ({equations.use.sum()} "
+            f"places), expected at least {100 * least:.0f} %: another part, or too far off to "
+            "start",
+        )
     if rms_mm > most_mm:
-        raise InputError(where, f"the scan does not fit the reference: RMS distance {rms_mm:.3f} mm, expected at most "
-                                f"{most_mm:g} mm")  # fmt: skip
+        raise InputError(
+            where, f"the scan does not fit the reference: RMS distance {rms_mm:.3f} mm, expected at most {most_mm:g} mm"
+        )
 
 
 def _document(found: Registration, scan: Surface, reference: Surface) -> Document:
     content = {
-        "format": "cloud-registration", "version": 1, "scan": scan.source, "reference": reference.source,
-        "reference_from_scan": found.reference_from_scan, "pivot_mm": found.pivot_mm, "covariance": found.covariance,
-        "overlap": found.overlap, "rms_mm": found.rms_mm, "places": found.points, "held": list(found.held),
+        "format": "cloud-registration",
+        "version": 1,
+        "scan": scan.source,
+        "reference": reference.source,
+        "reference_from_scan": found.reference_from_scan,
+        "pivot_mm": found.pivot_mm,
+        "covariance": found.covariance,
+        "overlap": found.overlap,
+        "rms_mm": found.rms_mm,
+        "places": found.points,
+        "held": list(found.held),
         "warnings": list(found.warnings),
-    }  # fmt: skip
+    }
     return Document("registration.json", strict_json(content))

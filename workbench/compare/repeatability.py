@@ -52,9 +52,13 @@ def _characteristic(study: Study, name: str, interaction_alpha: float) -> Charac
     values = study.measured[name][..., use]
     anova = analyse(values, interaction_alpha)
     sections = tuple(
-        SectionGauge(study.section[k], float(study.arc_length_mm[k]), float(study.measured[name][..., k].mean()),
-                     gauge(analyse(study.measured[name][..., k : k + 1], interaction_alpha), width))
+        SectionGauge(
+            study.section[k],
+            float(study.arc_length_mm[k]),
+            float(study.measured[name][..., k].mean()),
+            gauge(analyse(study.measured[name][..., k : k + 1], interaction_alpha), width),
+        )
         for k in use
-    )  # fmt: skip
+    )
     overall = gauge(anova, width)
     return Characteristic(name, limits, anova, overall, sections, agreement(study, name, overall), warnings)

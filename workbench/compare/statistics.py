@@ -56,12 +56,15 @@ class Summary:
             limit = f"{self.detectable_mm:.3f} mm would be detected (95 %)"
             return f"No significant {self.what} at {self.compared} places; {limit}"
         many = f"{int(self.changed.sum())} of {self.compared}"
-        return (f"Significant {self.what} at {many} places; mean {self.mean_mm:+.3f} mm, "
-                f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)")  # fmt: skip
+        return (
+            f"Significant {self.what} at {many} places; mean {self.mean_mm:+.3f} mm, "
+            f"from {self.percentiles_mm[1]:+.3f} to {self.percentiles_mm[99]:+.3f} mm (1 % to 99 %)"
+        )
 
 
-def summarise(found: Deviations, sections: int, half_width_mm: float, along: str, what: str,
-              spacing_mm: float) -> Summary:  # fmt: skip
+def summarise(
+    found: Deviations, sections: int, half_width_mm: float, along: str, what: str, spacing_mm: float
+) -> Summary:
     """The summary of deviations at places `spacing_mm` apart, by `sections` along the part."""
     seen = np.isfinite(found.distance_mm)
     values = found.distance_mm[seen]
@@ -70,11 +73,20 @@ def summarise(found: Deviations, sections: int, half_width_mm: float, along: str
     new = changed(found.distance_mm, found.u_mm)
     counts, edges = np.histogram(values, bins=BINS, range=_range(values))
     return Summary(
-        int(seen.sum()), float(values.mean()), float(np.sqrt(np.mean(values**2))),
-        {k: float(np.percentile(values, k)) for k in PERCENTILES}, _share(found.significant[seen]),
-        new, changed_regions(found, new, spacing_mm), _median(found.detectable_mm[seen]),
-        _sections(found, seen, sections, half_width_mm), counts.astype(float), edges, along, what,
-    )  # fmt: skip
+        int(seen.sum()),
+        float(values.mean()),
+        float(np.sqrt(np.mean(values**2))),
+        {k: float(np.percentile(values, k)) for k in PERCENTILES},
+        _share(found.significant[seen]),
+        new,
+        changed_regions(found, new, spacing_mm),
+        _median(found.detectable_mm[seen]),
+        _sections(found, seen, sections, half_width_mm),
+        counts.astype(float),
+        edges,
+        along,
+        what,
+    )
 
 
 def changed(distance_mm: Float, u_mm: Float) -> Bool:
@@ -101,9 +113,18 @@ def _sections(found: Deviations, seen: Bool, count: int, half_width_mm: float) -
         at = low + (k + 0.5) / count * (high - low)
         mine = seen & (np.abs(arc - at) <= half_width_mm)
         values = found.distance_mm[mine] if mine.any() else np.array([math.nan])
-        rows.append(SectionDeviation(k + 1, at, int(mine.sum()), float(values.mean()), float(values.min()),
-                                     float(values.max()), _median(found.detectable_mm[mine]),
-                                     _share(found.significant[mine])))  # fmt: skip
+        rows.append(
+            SectionDeviation(
+                k + 1,
+                at,
+                int(mine.sum()),
+                float(values.mean()),
+                float(values.min()),
+                float(values.max()),
+                _median(found.detectable_mm[mine]),
+                _share(found.significant[mine]),
+            )
+        )
     return tuple(rows)
 
 

@@ -87,15 +87,19 @@ def study(
     parts, operators = list(dict.fromkeys(p for p, _ in cells)), list(dict.fromkeys(o for _, o in cells))
     sections = sections_of(mine)
     known = dict.fromkeys(characteristics, "") or CHARACTERISTICS
-    table = {name: table_of(cells, parts, operators, sections, name)
-             for name in ("arc_length_mm", *known, *known.values())}  # fmt: skip
+    table = {
+        name: table_of(cells, parts, operators, sections, name) for name in ("arc_length_mm", *known, *known.values())
+    }
     names = [name for name in known if np.isfinite(table[name]).any()]
     if not names:
         raise InputError(where, f"expected values of {' or '.join(known)}, found none")
     reference = reference_of(others, parts, sections, names)
     given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}
     return Study(
-        parts=tuple(parts), operators=tuple(operators), trials=len(next(iter(cells.values()))), section=sections,
+        parts=tuple(parts),
+        operators=tuple(operators),
+        trials=len(next(iter(cells.values()))),
+        section=sections,
         arc_length_mm=mean_of_seen(table["arc_length_mm"], (0, 1, 2)),
         measured={name: table[name] for name in names},
         stated_u={name: table[known[name]] for name in names},
@@ -105,4 +109,4 @@ def study(
         unit=unit,
         files=tuple((one.where, one.digest) for one in found if one.digest),
         warnings=apart(table["arc_length_mm"]),
-    )  # fmt: skip
+    )

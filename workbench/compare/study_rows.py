@@ -13,8 +13,16 @@ from workbench.strict_json import read_json
 from workbench.text_files import numbered_lines, read_text
 
 MAX_BYTES = 2**24
-COLUMNS = ("part", "operator", "trial", "inspection", "section", "arc_length_mm",
-           *CHARACTERISTICS, *CHARACTERISTICS.values())  # fmt: skip
+COLUMNS = (
+    "part",
+    "operator",
+    "trial",
+    "inspection",
+    "section",
+    "arc_length_mm",
+    *CHARACTERISTICS,
+    *CHARACTERISTICS.values(),
+)
 
 
 def study_rows(path: Path) -> list[tuple[str, Mapping[str, str]]]:
@@ -43,8 +51,9 @@ def plain_rows(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[
             if name not in names:
                 raise InputError(where, f"no column '{name}'{nearest(name, names)}")
         if not set(known) & set(names):
-            raise InputError(where, f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them "
-                                    "with `columns`")  # fmt: skip
+            raise InputError(
+                where, f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them with `columns`"
+            )
 
     rows = list(_csv_rows(path, check))
     if not rows:

@@ -25,8 +25,11 @@ def balanced(mine: Sequence[Measurement], where: str) -> Mapping[tuple[str, str]
     most = max(counts.values(), default=0)
     for (part, operator), count in counts.items():
         if count < most:
-            raise InputError(where, f"part '{part}', operator '{operator}': expected {most} trials as elsewhere, found "
-                                    f"{count}; a study is crossed and balanced")  # fmt: skip
+            raise InputError(
+                where,
+                f"part '{part}', operator '{operator}': expected {most} trials as elsewhere, found "
+                f"{count}; a study is crossed and balanced",
+            )
     if most < 2:
         raise InputError(where, f"expected two trials or more of each part by each operator, found {most}")
     return cells
@@ -37,20 +40,33 @@ def sections_of(mine: Sequence[Measurement]) -> tuple[int, ...]:
     sections = tuple(sorted(mine[0].sections))
     for one in mine:
         if tuple(sorted(one.sections)) != sections:
-            raise InputError(one.where, f"expected sections {sections[0]} to {sections[-1]} as in {mine[0].where}, "
-                                        f"found {len(one.sections)} sections")  # fmt: skip
+            raise InputError(
+                one.where,
+                f"expected sections {sections[0]} to {sections[-1]} as in {mine[0].where}, "
+                f"found {len(one.sections)} sections",
+            )
     return sections
 
 
-def table_of(cells: Mapping[tuple[str, str], list[Measurement]], parts: list[str], operators: list[str],
-           sections: tuple[int, ...], name: str) -> Float:  # fmt: skip
+def table_of(
+    cells: Mapping[tuple[str, str], list[Measurement]],
+    parts: list[str],
+    operators: list[str],
+    sections: tuple[int, ...],
+    name: str,
+) -> Float:
     """(P, O, R, S)."""
-    return np.array([[[[one.sections[s].get(name, np.nan) for s in sections] for one in cells[p, o]] for o in operators]
-                     for p in parts])  # fmt: skip
+    return np.array(
+        [
+            [[[one.sections[s].get(name, np.nan) for s in sections] for one in cells[p, o]] for o in operators]
+            for p in parts
+        ]
+    )
 
 
-def reference_of(others: Sequence[Measurement], parts: list[str], sections: tuple[int, ...],
-               names: list[str]) -> dict[str, tuple[Float, Float]]:  # fmt: skip
+def reference_of(
+    others: Sequence[Measurement], parts: list[str], sections: tuple[int, ...], names: list[str]
+) -> dict[str, tuple[Float, Float]]:
     """Mean and standard uncertainty (P, S) of the reference measurements, which may share all of their errors."""
     found = {}
     for name in names:
@@ -91,5 +107,7 @@ def apart(arc_length_mm: Float) -> tuple[str, ...]:
     worst = float(np.nan_to_num(off).max())
     if worst <= APART_MM:
         return ()
-    return (f"sections of one number lie up to {worst:.1f} mm off their mean arc length: the scans cover different "
-            "stretches, and what the part changes along the edge counts as the gauge's",)  # fmt: skip
+    return (
+        f"sections of one number lie up to {worst:.1f} mm off their mean arc length: the scans cover different "
+        "stretches, and what the part changes along the edge counts as the gauge's",
+    )

@@ -100,8 +100,9 @@ def plan(toolpath: Toolpath) -> Surface:
         raise InputError(toolpath.source or "toolpath", "expected a last layer that cuts, found none")
     along = layer.cutting & (layer.width_mm > 0)
     course = toolpath.in_base(layer.position_mm[along])
-    return Surface(points, triangles=triangles, course_mm=course, source=toolpath.source or "toolpath",
-                   part=toolpath.part)  # fmt: skip
+    return Surface(
+        points, triangles=triangles, course_mm=course, source=toolpath.source or "toolpath", part=toolpath.part
+    )
 
 
 def rigid(rows: list[list[float]], where: str) -> Float:
@@ -125,5 +126,10 @@ def _of_cloud(cloud: Cloud, most_points: int) -> Surface:
     row, column = np.nonzero(cloud.keep[frames])
     number: Int = np.arange(len(cloud.keep))[frames][row]
     view = poses[:, :3, 2].mean(axis=0)
-    return Surface(local[row, column].astype(float) + origin, frame=number, range_axis=view / np.linalg.norm(view),
-                   source=cloud.source, part=cloud.part)  # fmt: skip
+    return Surface(
+        local[row, column].astype(float) + origin,
+        frame=number,
+        range_axis=view / np.linalg.norm(view),
+        source=cloud.source,
+        part=cloud.part,
+    )

@@ -43,8 +43,12 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     tree = cKDTree(surface.points_mm)
     parts = [_planes(surface.points_mm, tree, at_mm[k : k + BATCH], radius_mm) for k in range(0, len(at_mm), BATCH)]
     centre, normal, flat = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Surfels(centre, outwards(normal, centre, flat, surface.range_axis), flat,
-                   None if surface.frame is None else surface.frame[chosen])  # fmt: skip
+    return Surfels(
+        centre,
+        outwards(normal, centre, flat, surface.range_axis),
+        flat,
+        None if surface.frame is None else surface.frame[chosen],
+    )
 
 
 def neighbours(tree: cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:

@@ -51,8 +51,10 @@ def on_mesh(reference: Surface) -> Target:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, length, out=np.full_like(normals, np.nan), where=length > 0)
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.core.Tensor((reference.points_mm - origin).astype(np.float32)),
-                        o3d.core.Tensor(reference.triangles.astype(np.uint32)))  # fmt: skip
+    scene.add_triangles(
+        o3d.core.Tensor((reference.points_mm - origin).astype(np.float32)),
+        o3d.core.Tensor(reference.triangles.astype(np.uint32)),
+    )
 
     def nearest(points: Float) -> tuple[Float, Float]:
         found = scene.compute_closest_points(o3d.core.Tensor((points - origin).astype(np.float32)))

@@ -37,8 +37,18 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
 
 
 @kernel
-def _standing_out(x: Float32, z: Float32, keep: Bool, labels: AnyArray, line: Float, side: Float, reach: Float,
-                  limit: Float, first: int, last: int) -> Int:  # fmt: skip
+def _standing_out(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    labels: AnyArray,
+    line: Float,
+    side: Float,
+    reach: Float,
+    limit: Float,
+    first: int,
+    last: int,
+) -> Int:
     """How many points of each frame first to last - 1 stand out of the root face about its lower half.
 
     line (N, 4): x and z of the root face's middle, its slope, and distance out of it per mm of range. Points of a face

@@ -66,17 +66,32 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
         tracked = _follow_pass(cloud, frames, at, states, side, rim_mm)
         sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
     if seen.sum() < 2:
-        raise InputError(cloud.source, "no edge in view: expected a root face next to a bevel face of "
-                         f"{bevel_nominal_deg:g} deg in at least two frames (a raw edge has none)")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            "no edge in view: expected a root face next to a bevel face of "
+            f"{bevel_nominal_deg:g} deg in at least two frames (a raw edge has none)",
+        )
     if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
-        raise InputError(cloud.source, "lower edge not in view: the root face runs out of the field of view, or behind "
-                         "something, in every frame")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame",
+        )
     faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
-    return TrackedFaces(faces, seen, side_of, end[:, :3], outward, end[:, 4] == tracking.MIXED,
-                        (end[:, 4] == tracking.CUT) & ~lower, end[:, 4] == tracking.BURR, lower & seen, labels,
-                        sigma)  # fmt: skip
+    return TrackedFaces(
+        faces,
+        seen,
+        side_of,
+        end[:, :3],
+        outward,
+        end[:, 4] == tracking.MIXED,
+        (end[:, 4] == tracking.CUT) & ~lower,
+        end[:, 4] == tracking.BURR,
+        lower & seen,
+        labels,
+        sigma,
+    )
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:
@@ -87,8 +102,9 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
     return frames
 
 
-def key_readings(cloud: Cloud, frames: slice | Int, root_nominal_mm: float,
-                  bevel_nominal: float) -> tuple[Int, list[list[Candidate]]]:  # fmt: skip
+def key_readings(
+    cloud: Cloud, frames: slice | Int, root_nominal_mm: float, bevel_nominal: float
+) -> tuple[Int, list[list[Candidate]]]:
     """Numbers (within the pass) of its key frames, and every plausible reading of each."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     count = max(2, min(KEY_FRAMES, x.shape[0] // KEY_SPACING))
@@ -135,8 +151,10 @@ def _agreed(keys: Int, readings: list[list[Candidate]]) -> tuple[Int, Float, int
 
 def _state(c: Candidate) -> Float:
     """A reading as the kernel's state: rows (slope, offset, seen, free end) in the order of geometry.tracking."""
-    rows = [(0.0, 0.0, 0.0, 0.0) if line is None else (line[0], line[1], 1.0, line[2])
-            for line in (c.upper, c.bevel, c.root, c.lower)]  # fmt: skip
+    rows = [
+        (0.0, 0.0, 0.0, 0.0) if line is None else (line[0], line[1], 1.0, line[2])
+        for line in (c.upper, c.bevel, c.root, c.lower)
+    ]
     return np.array(rows)
 
 
@@ -183,6 +201,12 @@ def _face_lines(sums: Float, seen: Bool) -> FaceLines:
     here = seen & (sums[:, tracking.COUNT] >= 3)
     value = np.where(here[:, None], sums, np.nan)
     columns = np.where(here[:, None], sums[:, [tracking.FIRST, tracking.LAST]], -1).astype(np.int64)
-    return FaceLines(np.where(here, sums[:, tracking.COUNT], 0).astype(np.int64), value[:, tracking.X_MEAN],
-                     value[:, tracking.Z_MEAN], value[:, tracking.SXX], value[:, tracking.SXZ],
-                     value[:, tracking.SZZ], columns)  # fmt: skip
+    return FaceLines(
+        np.where(here, sums[:, tracking.COUNT], 0).astype(np.int64),
+        value[:, tracking.X_MEAN],
+        value[:, tracking.Z_MEAN],
+        value[:, tracking.SXX],
+        value[:, tracking.SXZ],
+        value[:, tracking.SZZ],
+        columns,
+    )

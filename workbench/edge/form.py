@@ -67,8 +67,9 @@ def _sample(s_frames: Float, face: FaceLines) -> Int:
     return on[np.unique(np.linspace(0, on.size - 1, SAMPLE_FRAMES).round().astype(np.int64))] if on.size else on
 
 
-def _misfit(cloud: Cloud, labels: Float, face: FaceLines, label: int, s_frames: Float,
-            at: Float) -> tuple[Float, float]:  # fmt: skip
+def _misfit(
+    cloud: Cloud, labels: Float, face: FaceLines, label: int, s_frames: Float, at: Float
+) -> tuple[Float, float]:
     """Rms (m,) of what the line leaves beyond noise, by place on the face, mm; and the face's width, mm."""
     frames = _sample(s_frames, face)
     if frames.size < LEAST_FRAMES:

@@ -96,9 +96,15 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     kept = [one for k in good if (one := read[k]) is not None]
     numbers = np.array([frames[k] for k in good], np.int64)
     return ReadFrames(
-        numbers, ([one[0] for one in kept], [one[1] for one in kept]), [profiles[k][2] for k in good], flips[numbers],
-        (left, right), up, share, min(agree_left, agree_right),
-    )  # fmt: skip
+        numbers,
+        ([one[0] for one in kept], [one[1] for one in kept]),
+        [profiles[k][2] for k in good],
+        flips[numbers],
+        (left, right),
+        up,
+        share,
+        min(agree_left, agree_right),
+    )
 
 
 def _flips(cloud: Cloud) -> Float:
@@ -143,8 +149,9 @@ def groove_curve(cloud: Cloud, read: ReadFrames) -> tuple[Curve, Float]:
     return curve, s
 
 
-def section_points(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, k: int, indices: Int,
-                   mirror: float) -> tuple[Float, Float]:  # fmt: skip
+def section_points(
+    cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, k: int, indices: Int, mirror: float
+) -> tuple[Float, Float]:
     """Points (m, 2) of profile k in the section planes: (right, up), turned by `turn`; mirrored by mirror = -1.
 
     And their arc lengths (m,): a profile cuts the groove obliquely.
@@ -214,16 +221,37 @@ def _line(points: Float, ray: Float) -> tuple[Float, float, float, float, float,
     rms = math.sqrt(float((off[keep] ** 2).sum()) / max(count - 2, 1)) + LEAST_SIGMA_MM
     way = side + slope * ray
     across = 1.0 / math.hypot(1.0, slope)
-    return (mean_u * side + mean_v * ray, rms, math.atan2(way[1], way[0]), across**4 / max(suu, 1e-9),
-            across**2 / count, across)  # fmt: skip
+    return (
+        mean_u * side + mean_v * ray,
+        rms,
+        math.atan2(way[1], way[0]),
+        across**4 / max(suu, 1e-9),
+        across**2 / count,
+        across,
+    )
 
 
 def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, which: int) -> Lines:
     """The left (0) or right (1) plate of every profile."""
     n, mirror = s.size, (1.0, -1.0)[which]
     kind = read.kinds[which]
-    names = ("plate", "plate_v", "face", "face_v", "step", "radius", "radius_v", "bottom", "bottom_v", "root_a",
-             "face_s", "spacing", "rms_p", "rms_f", "share")  # fmt: skip
+    names = (
+        "plate",
+        "plate_v",
+        "face",
+        "face_v",
+        "step",
+        "radius",
+        "radius_v",
+        "bottom",
+        "bottom_v",
+        "root_a",
+        "face_s",
+        "spacing",
+        "rms_p",
+        "rms_f",
+        "share",
+    )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     last, lowest = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
@@ -254,8 +282,9 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         count += np.bincount(column, minlength=added.size)
         if face.size:
             _, value["rms_f"][k], *_, value["share"][k] = _line(face, ray)
-    noise_p, noise_f = (float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02
-                        for name in ("rms_p", "rms_f"))  # fmt: skip
+    noise_p, noise_f = (
+        float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
+    )
     guess = 4.0
     for k, upper, face, arc, ray in held:
         centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
@@ -272,15 +301,40 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
             if found is None:
                 continue
             guess = float(found[4])
-            way, way_v, middle, face_off_v, value["radius"][k], value["radius_v"][k], value["bottom"][k], value["bottom_v"][k] = found  # type: ignore[assignment]  # fmt: skip  # noqa: E501
+            (
+                way,
+                way_v,
+                middle,
+                face_off_v,
+                value["radius"][k],
+                value["radius_v"][k],
+                value["bottom"][k],
+                value["bottom_v"][k],
+            ) = found  # type: ignore[assignment]
         value["face"][k], value["face_v"][k] = way, way_v
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
-    return Lines(kind, value["plate"], value["plate_v"], value["face"], value["face_v"], value["face_s"], corner,
-                 corner_v, last,
-                 value["step"], max(noise_f * across, LEAST_SIGMA_MM), value["radius"], value["radius_v"],
-                 value["bottom"], value["bottom_v"], lowest, value["root_a"], value["spacing"],
-                 _pattern(added, count, squares))  # fmt: skip
+    return Lines(
+        kind,
+        value["plate"],
+        value["plate_v"],
+        value["face"],
+        value["face_v"],
+        value["face_s"],
+        corner,
+        corner_v,
+        last,
+        value["step"],
+        max(noise_f * across, LEAST_SIGMA_MM),
+        value["radius"],
+        value["radius_v"],
+        value["bottom"],
+        value["bottom_v"],
+        lowest,
+        value["root_a"],
+        value["spacing"],
+        _pattern(added, count, squares),
+    )
 
 
 def _pattern(added: Float, count: Float, squares: float) -> float:
@@ -361,5 +415,13 @@ def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float
     bottom = float((middle + tangent * d + (off + radius) * inside)[1]) - radius
     lever = tangent * math.cos(way + turn) - (off + radius) * math.sin(way + turn)
     gradient = np.array([lever, inside[1], inside[1] - 1.0, d[1]])
-    return (way + turn, float(covariance[0, 0]), middle + off * inside, float(covariance[1, 1]), radius,  # type: ignore[return-value]
-            float(covariance[2, 2]), bottom, float(gradient @ covariance @ gradient))  # fmt: skip
+    return (
+        way + turn,
+        float(covariance[0, 0]),
+        middle + off * inside,
+        float(covariance[1, 1]),
+        radius,  # type: ignore[return-value]
+        float(covariance[2, 2]),
+        bottom,
+        float(gradient @ covariance @ gradient),
+    )

@@ -89,15 +89,33 @@ def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: f
             for side, bevel, root in ((1, i, j), (-1, j, i)):
                 onward = after if side > 0 else before
                 backward = before if side > 0 else after
-                reading = _read(chain, sense, side, bevel, root, backward.get(bevel), onward.get(root),
-                                root_nominal_mm, bevel_nominal)  # fmt: skip
+                reading = _read(
+                    chain,
+                    sense,
+                    side,
+                    bevel,
+                    root,
+                    backward.get(bevel),
+                    onward.get(root),
+                    root_nominal_mm,
+                    bevel_nominal,
+                )
                 first, last = bool(cut[0]) and root == 0, bool(cut[1]) and root == len(chain) - 1
                 if reading.score + CUT_OFF * (first or last) < WORST_SCORE:
                     yield replace(reading, score=reading.score + CUT_OFF * (first or last))
 
 
-def _read(chain: Float, sense: int, side: int, bevel: int, root: int, upper: int | None, lower: int | None,
-          root_nominal_mm: float, bevel_nominal: float) -> Candidate:  # fmt: skip
+def _read(
+    chain: Float,
+    sense: int,
+    side: int,
+    bevel: int,
+    root: int,
+    upper: int | None,
+    lower: int | None,
+    root_nominal_mm: float,
+    bevel_nominal: float,
+) -> Candidate:
     """The reading in which faces number `bevel` and `root` are those, with what joins them beyond."""
     b, r = chain[bevel], chain[root]
 
@@ -121,8 +139,15 @@ def _read(chain: Float, sense: int, side: int, bevel: int, root: int, upper: int
             score += CONTEXT
     width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
     score += 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2
-    return Candidate(score, side, sense, None if upper_row is None else _line(upper_row, -side), _line(b, -side),
-                     _line(r, side, root_end), None if lower_row is None else _line(lower_row, side))  # fmt: skip
+    return Candidate(
+        score,
+        side,
+        sense,
+        None if upper_row is None else _line(upper_row, -side),
+        _line(b, -side),
+        _line(r, side, root_end),
+        None if lower_row is None else _line(lower_row, side),
+    )
 
 
 def _line(row: Float, end: int, at: float | None = None) -> Float:

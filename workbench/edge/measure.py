@@ -122,9 +122,12 @@ def check_advance(cloud: Cloud, corners: Float) -> None:
     """Refuse frames that do not run along an edge: angles and lengths need its direction."""
     travelled = np.ptp(corners, axis=0) if len(corners) else np.zeros(3)
     if len(corners) < LEAST_FRAMES or np.linalg.norm(travelled) < LEAST_LENGTH_MM:
-        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
-                         f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
-                         f"{np.linalg.norm(travelled):.2f} mm")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
+            f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
+            f"{np.linalg.norm(travelled):.2f} mm",
+        )
 
 
 def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
@@ -143,9 +146,18 @@ def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
 def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> Faces:
     """Directions of both faces along the edge (eq. (5), (6))."""
     pose, side, sigma = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm
-    lines = [section_lines(tracked.faces[label], near_slope(tracked.faces[label], s, cloud.pass_index), pose, side,
-                           sigma[:, column], curve, s)
-             for label, column in ((ROOT_FACE, 2), (BEVEL_FACE, 1))]  # fmt: skip
+    lines = [
+        section_lines(
+            tracked.faces[label],
+            near_slope(tracked.faces[label], s, cloud.pass_index),
+            pose,
+            side,
+            sigma[:, column],
+            curve,
+            s,
+        )
+        for label, column in ((ROOT_FACE, 2), (BEVEL_FACE, 1))
+    ]
     root, bevel = lines
     about = float(np.angle(np.nanmean(np.exp(1j * root.angle))))
     root_angle = about + wrapped(root.angle - about)
@@ -160,8 +172,7 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> 
     return Faces(root, bevel, root_course, bevel_course, opening_course, follows)
 
 
-def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float,
-           whole: bool) -> tuple[Measured, Float, Float]:  # fmt: skip
+def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: bool) -> tuple[Measured, Float, Float]:
     """The state in the section planes of `curve`; each frame's lower edge in the base (N, 3), and its arc length (N,).
 
     whole: False takes the middles of the column steps for the root face's end, which is quick.
@@ -182,8 +193,9 @@ def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float,
         up = crossing(root.place, tilt, place, tilt - beta)
         lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
         bevel_turn = bevel.run * (size_slope * np.sin(beta) + size_value * turn[0] * np.cos(beta) + lever * turn[1])
-        tilt, beta = face_angles(faces, np.where(np.isfinite(s), s, 0.0), _near(root.s, root_turn, s),
-                                 _near(bevel.s, bevel_turn, s))  # fmt: skip
+        tilt, beta = face_angles(
+            faces, np.where(np.isfinite(s), s, 0.0), _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s)
+        )
         ends = root_ends(cloud, tracked, curve, root, bevel, tilt, beta, up, s)
         upper_s = root.s + root.run * up
         safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
@@ -215,8 +227,9 @@ def _near(s: Float, value: Float, at: Float) -> Float:
     return np.interp(np.where(np.isfinite(at), at, 0.0), s[order], value[order])
 
 
-def face_angles(faces: Faces, at: Float, root_turn: Float | float = 0.0,
-                bevel_turn: Float | float = 0.0) -> tuple[Float, Float]:  # fmt: skip
+def face_angles(
+    faces: Faces, at: Float, root_turn: Float | float = 0.0, bevel_turn: Float | float = 0.0
+) -> tuple[Float, Float]:
     """Direction of the root face and bevel angle (m,) at `at`, rad: averaged over what may run smoothly."""
     bevel = faces.bevel_course.value(at)
     beta = (1.0 - faces.follows) * (faces.root_course.value(at) - bevel) + faces.follows * faces.opening_course.value(
@@ -246,5 +259,13 @@ def _as_ends(cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float
     low, step, sigma, weight = settled(ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
     on = np.flatnonzero(np.isfinite(upper_s) & np.isfinite(low) & np.isfinite(sigma))
     on = on[np.argsort(upper_s[on], kind="stable")]
-    return Ends(upper_s[on], low[on], step[on], np.maximum(sigma[on], LEAST_SIGMA_MM), ends.missing[on],
-                share * weight[on], ends.fill[on], ends.fill_sigma[on])  # fmt: skip
+    return Ends(
+        upper_s[on],
+        low[on],
+        step[on],
+        np.maximum(sigma[on], LEAST_SIGMA_MM),
+        ends.missing[on],
+        share * weight[on],
+        ends.fill[on],
+        ends.fill_sigma[on],
+    )

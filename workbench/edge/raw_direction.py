@@ -47,8 +47,11 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
             if found.any():
                 turn[mine] = np.interp(mine, keys[found], _running_median(readings[found, 0]))
     if not np.isfinite(turn).any():
-        raise InputError(cloud.source, "no raw edge in view: expected an end face of 2 mm or more that runs along "
-                         f"upper_side {_text(upper_side)} within 30 deg")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            "no raw edge in view: expected an end face of 2 mm or more that runs along "
+            f"upper_side {_text(upper_side)} within 30 deg",
+        )
     c, s = np.cos(turn), np.sin(turn)
     along = np.stack([flat[:, 0] * c - flat[:, 1] * s, flat[:, 1] * c + flat[:, 0] * s], axis=1)
     return along, _sense(cloud, votes, z_away)
@@ -64,13 +67,19 @@ def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
     travelled = _travelled(cloud)
     length = float(np.linalg.norm(travelled))
     if len(cloud.keep) < LEAST_FRAMES or length < LEAST_LENGTH_MM:
-        raise InputError(cloud.source, f"expected at least {LEAST_FRAMES} frames along at least {LEAST_LENGTH_MM:g} mm "
-                         f"of the edge, found {len(cloud.keep)} along {length:.2f} mm")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            f"expected at least {LEAST_FRAMES} frames along at least {LEAST_LENGTH_MM:g} mm "
+            f"of the edge, found {len(cloud.keep)} along {length:.2f} mm",
+        )
     angle = np.arccos(min(1.0, abs(float(wished @ travelled)) / length))
     if angle < LEAST_ACROSS:
-        raise InputError(WHERE, f"expected a direction across the edge, from its lower to its upper side; "
-                         f"{_text(upper_side)} is within {angle / DEG:.0f} deg of the direction of the scan, "
-                         "which runs along the edge")  # fmt: skip
+        raise InputError(
+            WHERE,
+            f"expected a direction across the edge, from its lower to its upper side; "
+            f"{_text(upper_side)} is within {angle / DEG:.0f} deg of the direction of the scan, "
+            "which runs along the edge",
+        )
     return wished
 
 

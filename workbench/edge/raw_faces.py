@@ -56,8 +56,9 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     known = as_input(along), sense, as_input(LABELS)
     over_blocks(lambda i, j: end_face.read_frames(*grid, *known, sums, ends, seen, labels, i, j), (n, columns))
     found = _gather(sums, ends, seen, -np.sign(along[:, 0]), sense, labels)
-    hidden = seen & ~not_in_front(middle_of(cloud, found.faces[ROOT_FACE]), outward_of(cloud, found), seen,
-                                  cloud.pass_index)  # fmt: skip
+    hidden = seen & ~not_in_front(
+        middle_of(cloud, found.faces[ROOT_FACE]), outward_of(cloud, found), seen, cloud.pass_index
+    )
     labels[hidden] = 0
     found = _gather(sums, ends, seen & ~hidden, found.side, sense, labels)
     for name, end in (("lower", found.lower), ("upper", found.upper)):
@@ -97,8 +98,15 @@ def _face_lines(sums: Float, seen: Bool) -> FaceLines:
     value = np.where(here[:, None], sums, np.nan)
     columns = np.where(here[:, None], sums[:, [end_face.FIRST, end_face.LAST]], -1).astype(np.int64)
     count = np.where(here, sums[:, end_face.COUNT], 0).astype(np.int64)
-    return FaceLines(count, value[:, end_face.X_MEAN], value[:, end_face.Z_MEAN], value[:, end_face.SXX],
-                     value[:, end_face.SXZ], value[:, end_face.SZZ], columns)  # fmt: skip
+    return FaceLines(
+        count,
+        value[:, end_face.X_MEAN],
+        value[:, end_face.Z_MEAN],
+        value[:, end_face.SXX],
+        value[:, end_face.SXZ],
+        value[:, end_face.SZZ],
+        columns,
+    )
 
 
 def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
@@ -114,5 +122,6 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     point[kind == end_face.HIDDEN] = np.nan
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
     burred = seen & (ends[:, end_face.PROUD] >= BURR_POINTS)
-    return FaceEnds(corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE],
-                    ends[:, end_face.ALONE] == 1.0, burred)  # fmt: skip
+    return FaceEnds(
+        corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0, burred
+    )

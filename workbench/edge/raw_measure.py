@@ -76,8 +76,11 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
         not (np.isfinite(found.lower.point[:, 0]) & seen).sum() > 3
         or not (np.isfinite(found.upper.point[:, 0]) & seen).sum() > 3
     ):
-        raise InputError(cloud.source, "the end face is seen, but not both of its edges: is upper_side the direction "
-                         "from the lower to the upper side in the base?")  # fmt: skip
+        raise InputError(
+            cloud.source,
+            "the end face is seen, but not both of its edges: is upper_side the direction "
+            "from the lower to the upper side in the base?",
+        )
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
     curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
@@ -166,12 +169,20 @@ def _normal(tilt: Float) -> Float:
 
 def _lines(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, sigma: float, label: int) -> SectionLines:
     face = found.faces[label]
-    return section_lines(face, near_slope(face, s, cloud.pass_index), cloud.base_from_profiler, found.side,
-                         np.full(s.size, sigma), curve, s)  # fmt: skip
+    return section_lines(
+        face,
+        near_slope(face, s, cloud.pass_index),
+        cloud.base_from_profiler,
+        found.side,
+        np.full(s.size, sigma),
+        curve,
+        s,
+    )
 
 
-def _placed(cloud: Cloud, found: RawFaces, ends: FaceEnds, curve: Curve, s_guess: Float, tilt: Course,
-            range_sigma_mm: float) -> tuple[Float, Float, Float, Float, Float]:  # fmt: skip
+def _placed(
+    cloud: Cloud, found: RawFaces, ends: FaceEnds, curve: Curve, s_guess: Float, tilt: Course, range_sigma_mm: float
+) -> tuple[Float, Float, Float, Float, Float]:
     """One end of the face in the sections of `curve`: arc length, place along m, column step, noise, share missing."""
     here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
     pose = cloud.base_from_profiler[here, :3]
@@ -190,8 +201,13 @@ def _placed(cloud: Cloud, found: RawFaces, ends: FaceEnds, curve: Curve, s_guess
     # On a face that leans by its roughness the next column is that much nearer or farther.
     blur = np.hypot(range_sigma_mm * ray_m, step * ROUGH_SLOPE * rough * ray_m / ray_n / 4.0)
     out = np.full((5, here.size), np.nan)
-    out[:, here] = (s, place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0], step, np.maximum(blur, 1e-3),
-                    _missing(found, ends, cloud.pass_index)[here])  # fmt: skip
+    out[:, here] = (
+        s,
+        place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0],
+        step,
+        np.maximum(blur, 1e-3),
+        _missing(found, ends, cloud.pass_index)[here],
+    )
     return out[0], out[1], out[2], out[3], out[4]
 
 
@@ -207,8 +223,16 @@ def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
     return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
 
 
-def _end_along(cloud: Cloud, found: RawFaces, ends: FaceEnds, placed: tuple[Float, Float, Float, Float, Float],
-               outward: float, vibration: Float, rough: bool, whole: bool) -> EndAlong:  # fmt: skip
+def _end_along(
+    cloud: Cloud,
+    found: RawFaces,
+    ends: FaceEnds,
+    placed: tuple[Float, Float, Float, Float, Float],
+    outward: float,
+    vibration: Float,
+    rough: bool,
+    whole: bool,
+) -> EndAlong:
     """The course of one edge along m: by its corners where they show enough of it, else by the silhouettes too.
 
     A frame's own shift scatters its silhouette and its corner alike.

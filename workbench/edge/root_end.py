@@ -29,8 +29,17 @@ class RootEnds:
     fill_sigma: Float  # (N,) its standard uncertainty
 
 
-def root_ends(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, bevel: SectionLines, tilt: Float,
-              beta: Float, up: Float, s: Float) -> RootEnds:  # fmt: skip
+def root_ends(
+    cloud: Cloud,
+    tracked: TrackedFaces,
+    curve: Curve,
+    root: SectionLines,
+    bevel: SectionLines,
+    tilt: Float,
+    beta: Float,
+    up: Float,
+    s: Float,
+) -> RootEnds:
     """The end of the root face in every frame; up (N,): distance of the corner with the bevel along the root face, mm.
 
     Where the lower surface is seen, the end is the corner with it, and the step 0.
@@ -59,12 +68,20 @@ def root_ends(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLi
     return RootEnds(up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index), unknown, unknown)
 
 
-def _lower_corner(cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, tilt: Float,
-                  s: Float) -> tuple[Float, Float]:  # fmt: skip
+def _lower_corner(
+    cloud: Cloud, tracked: TrackedFaces, curve: Curve, root: SectionLines, tilt: Float, s: Float
+) -> tuple[Float, Float]:
     """Distance along the root face to the corner with the lower surface (N,), mm; and the angle between both, rad."""
     slope = near_slope(tracked.faces[LOWER_SURFACE], s, cloud.pass_index)
-    lower = section_lines(tracked.faces[LOWER_SURFACE], slope, cloud.base_from_profiler, tracked.side,
-                          tracked.range_sigma_mm[:, 3], curve, root.s)  # fmt: skip
+    lower = section_lines(
+        tracked.faces[LOWER_SURFACE],
+        slope,
+        cloud.base_from_profiler,
+        tracked.side,
+        tracked.range_sigma_mm[:, 3],
+        curve,
+        root.s,
+    )
     apparent = wrapped(lower.angle - tilt)
     course = fit_course(lower.s, apparent, lower.angle_variance, cloud.pass_index)
     lean = course.value(np.where(np.isfinite(lower.s), lower.s, 0.0))

@@ -101,12 +101,24 @@ def _edge(
     position -= rounding.beyond_mm * across
     told = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
     return MilledEdge(
-        part=cloud.part, faces=tracked.faces, labels=tracked.labels, pass_index=cloud.pass_index,
+        part=cloud.part,
+        faces=tracked.faces,
+        labels=tracked.labels,
+        pass_index=cloud.pass_index,
         frame_arc_length_mm=s_low,
-        arc_length_mm=at, position_mm=position, tangent=tangent, tangent_u=tangent_u, normal=normal, across=across,
-        seen=seen, burr_stations=burr_stations(cloud, tracked, measured, at), checks=cloud.checks,
-        root=root, bevel=bevel, warnings=told,
-    )  # fmt: skip
+        arc_length_mm=at,
+        position_mm=position,
+        tangent=tangent,
+        tangent_u=tangent_u,
+        normal=normal,
+        across=across,
+        seen=seen,
+        burr_stations=burr_stations(cloud, tracked, measured, at),
+        checks=cloud.checks,
+        root=root,
+        bevel=bevel,
+        warnings=told,
+    )
 
 
 def laser_plane_u(cloud: Cloud) -> float:

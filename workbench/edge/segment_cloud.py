@@ -90,9 +90,12 @@ def segment_cloud(
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     cloud = replace(cloud, checks=(NOT_JUDGED,))
     if passes == "several passes" and robot_noise_mm > MOST_PASS_NOISE_MM:
-        raise InputError(points.source, "points stand on lines of several scanning passes, which may differ by the "
-                         f"robot's noise: give points in scan order or each pass alone (or robot_noise_mm of at most "
-                         f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)")  # fmt: skip
+        raise InputError(
+            points.source,
+            "points stand on lines of several scanning passes, which may differ by the "
+            f"robot's noise: give points in scan order or each pass alone (or robot_noise_mm of at most "
+            f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)",
+        )
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
@@ -105,8 +108,9 @@ def _check_extent(points: PointSet) -> None:
     if len(found) < LEAST_POINTS:
         raise InputError(points.source, f"expected a cloud of at least {LEAST_POINTS} points, found {len(found)}")
     if not (np.abs(found).max() < FAR_MM and np.ptp(found, axis=0).max() < MOST_MM):
-        raise InputError(points.source, f"expected a part within {MOST_MM / 1000:g} m, and that within {FAR_MM:g} mm "
-                         "of the origin")  # fmt: skip
+        raise InputError(
+            points.source, f"expected a part within {MOST_MM / 1000:g} m, and that within {FAR_MM:g} mm of the origin"
+        )
 
 
 def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> MilledEdge:
@@ -114,15 +118,20 @@ def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> Mille
     # Passes may see one end of the root face each, and differ by the noise of two positions.
     passes_u_mm = math.sqrt(2.0) * robot_noise_mm if passes == "several passes" else 0.0
     told = {"one pass": (), "several passes": (SEVERAL.format(passes_u_mm),), "none": (NO_LINES,)}[passes]
-    direction_u = math.hypot(_noise_slope(edge.faces[ROOT_FACE]),
-                             STEP_SLOPE * passes_u_mm / float(np.nanmedian(edge.root.value)))  # fmt: skip
+    direction_u = math.hypot(
+        _noise_slope(edge.faces[ROOT_FACE]), STEP_SLOPE * passes_u_mm / float(np.nanmedian(edge.root.value))
+    )
     root, bevel = dict(edge.root.u_by_source), dict(edge.bevel.u_by_source)
     root[END] = root[END] / math.sqrt(SLICE_WEIGHT)  # neighbouring slices cut the same scan lines
     whole = np.ones(edge.arc_length_mm.size)
     lever = 0.5 * edge.root.value / np.abs(np.tan(edge.bevel.value))
     root[PASSES], bevel[PASSES] = np.hypot(passes_u_mm, lever * direction_u), direction_u * whole
-    return replace(edge, root=replace(edge.root, u_by_source=root), bevel=replace(edge.bevel, u_by_source=bevel),
-                   warnings=(*edge.warnings, SLICED, *told))  # fmt: skip
+    return replace(
+        edge,
+        root=replace(edge.root, u_by_source=root),
+        bevel=replace(edge.bevel, u_by_source=bevel),
+        warnings=(*edge.warnings, SLICED, *told),
+    )
 
 
 def _noise_slope(face: FaceLines) -> float:

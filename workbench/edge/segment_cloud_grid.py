@@ -33,6 +33,14 @@ def organised(points: PointSet, x_mm: Float32, z_mm: Float32, base_from_profiler
     noise = [noise_sigma(z_mm[i][keep[i]].astype(np.float64)) for i in sample if keep[i].sum() > LEAST_POINTS]
     tolerance = max(LEAST_TOLERANCE_MM, NOISE_SIGMAS * float(np.median(noise)) if noise else 0.0)
     keep, isolated, streaks = reject_outliers(z_mm, keep, pass_index, tolerance, WINDOW_FRAMES, JUMP_MM)
-    return Cloud(x_mm, z_mm, keep, base_from_profiler, np.arange(frames, dtype=np.float64), pass_index,
-                 source=points.source, part=points.part,
-                 rejected={"isolated returns": isolated, "short streaks": streaks})  # fmt: skip
+    return Cloud(
+        x_mm,
+        z_mm,
+        keep,
+        base_from_profiler,
+        np.arange(frames, dtype=np.float64),
+        pass_index,
+        source=points.source,
+        part=points.part,
+        rejected={"isolated returns": isolated, "short streaks": streaks},
+    )

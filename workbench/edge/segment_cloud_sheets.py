@@ -32,9 +32,12 @@ def check_one_sheet(cloud: Cloud, found: TrackedFaces) -> None:
         two = [fit for fit in fits if _is_double(fit)]
         if len(two) >= max(LEAST_PATCHES, LEAST_PART * len(fits)):
             apart = float(np.median([fit.distance_mm for fit in two]))
-            raise InputError(cloud.source, f"points of the {FACE_NAMES[label]} lie on two sheets {apart:.2g} mm apart "
-                             f"in {len(two)} of {len(fits)} places: expected one surface. Passes do not agree, or the "
-                             "robot shook; give points in scan order or each pass alone")  # fmt: skip
+            raise InputError(
+                cloud.source,
+                f"points of the {FACE_NAMES[label]} lie on two sheets {apart:.2g} mm apart "
+                f"in {len(two)} of {len(fits)} places: expected one surface. Passes do not agree, or the "
+                "robot shook; give points in scan order or each pass alone",
+            )
 
 
 def _is_double(fit: Sheets) -> bool:

@@ -125,14 +125,20 @@ def _sliced(points: PointSet, laid: Laid, view: Float, step: Spacing, most: int)
     first, length = float(laid.s.min()), float(np.ptp(laid.s))
     count = int(length / step.thickness_mm)
     if count < LEAST_SLICES:
-        raise InputError(points.source, f"expected a cloud along an edge, found {length:.3g} mm of it with points "
-                         f"about {step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart")  # fmt: skip
+        raise InputError(
+            points.source,
+            f"expected a cloud along an edge, found {length:.3g} mm of it with points "
+            f"about {step.width_mm:.3g} x {step.thickness_mm:.3g} mm apart",
+        )
     chosen = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
     at = np.asarray(first + step.thickness_mm * (chosen + 0.5), dtype=np.float64)
     columns = min(float(np.hypot(*np.ptp(laid.place, axis=0))) / step.width_mm, MOST_COLUMNS)
     if len(at) * columns > LEAST_CELLS + MOST_CELLS * len(laid.s):
-        raise InputError(points.source, "points are too unevenly dense to be sliced: expected one scanned edge, about "
-                         f"evenly covered; most lie {step.width_mm:.3g} mm apart")  # fmt: skip
+        raise InputError(
+            points.source,
+            "points are too unevenly dense to be sliced: expected one scanned edge, about "
+            f"evenly covered; most lie {step.width_mm:.3g} mm apart",
+        )
     x, z, pose = cut(laid, view, at, step.thickness_mm, step.width_mm)
     return organised(points, x, z, pose, np.zeros(len(at), np.int64))
 
@@ -153,8 +159,11 @@ def best_view(points: PointSet, laid: Laid, step: Spacing, nominal: Nominal) -> 
         if total > score:
             best, score = _between(found, cloud), total
     if best is None:
-        raise InputError(points.source, "no edge in view: expected a root face next to a bevel face of "
-                         f"{nominal.bevel_deg:g} deg (a raw edge has none)")  # fmt: skip
+        raise InputError(
+            points.source,
+            "no edge in view: expected a root face next to a bevel face of "
+            f"{nominal.bevel_deg:g} deg (a raw edge has none)",
+        )
     return best
 
 

@@ -80,7 +80,10 @@ def segment_groove(
     kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
     share = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles: no groove?"
     mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
-    checks = [check("groove_share", read.share, share, given=given), check("groove_agreement", read.agreement, mixed, given=given)]  # fmt: skip  # noqa: E501
+    checks = [
+        check("groove_share", read.share, share, given=given),
+        check("groove_agreement", read.agreement, mixed, given=given),
+    ]
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, s = groove_curve(cloud, read)
     turn, tilt, about = plate_turn(cloud, read, curve, s)
@@ -88,17 +91,25 @@ def segment_groove(
     length = float(np.nanmax(s) - np.nanmin(s))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
     first = float(np.nanmin(s))
-    measured = _Measured(lines, s, cloud.pass_index[read.frame], at + first, _skew(cloud, curve, s, read.frame),
-                         _direction_u(cloud, curve, at + first, robot_noise_mm), tilt.u(at + first),
-                         _lean(cloud, read.frame, curve, s, turn))  # fmt: skip
+    measured = _Measured(
+        lines,
+        s,
+        cloud.pass_index[read.frame],
+        at + first,
+        _skew(cloud, curve, s, read.frame),
+        _direction_u(cloud, curve, at + first, robot_noise_mm),
+        tilt.u(at + first),
+        _lean(cloud, read.frame, curve, s, turn),
+    )
     measured.measure()
     level = measured.level_share()
     told = f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
     checks.append(check("groove_level", level, told, given=given))
     gap = measured.sizes["gap_mm"]
     overlap = float(np.nanmedian(-gap.value - 3.0 * gap.u))
-    checks.append(check("groove_overlap_mm", overlap, "the plates' roots overlap: no gap, other faces were followed",
-                        given=given))  # fmt: skip
+    checks.append(
+        check("groove_overlap_mm", overlap, "the plates' roots overlap: no gap, other faces were followed", given=given)
+    )
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
     seen_s = np.full(len(cloud.keep), np.nan)
@@ -106,13 +117,25 @@ def segment_groove(
     t = curve.tangent(at + first)
     right, up = axes(curve, at + first, about - tilt.value(at + first))
     return Groove(
-        type=type_, alternatives=alternatives, declared=declared, arc_length_mm=at,
-        origin_mm=curve.position(at + first), tangent=t, normal=right, across=up,
-        seen=covered(seen_s, cloud.pass_index, at), sizes=measured.sizes, corners=measured.corners,
-        frame_arc_length_mm=seen_s, x_mm=cloud.x_mm, base_from_profiler=cloud.base_from_profiler,
-        pass_index=cloud.pass_index, part=cloud.part, checks=(*cloud.checks, *checks),
+        type=type_,
+        alternatives=alternatives,
+        declared=declared,
+        arc_length_mm=at,
+        origin_mm=curve.position(at + first),
+        tangent=t,
+        normal=right,
+        across=up,
+        seen=covered(seen_s, cloud.pass_index, at),
+        sizes=measured.sizes,
+        corners=measured.corners,
+        frame_arc_length_mm=seen_s,
+        x_mm=cloud.x_mm,
+        base_from_profiler=cloud.base_from_profiler,
+        pass_index=cloud.pass_index,
+        part=cloud.part,
+        checks=(*cloud.checks, *checks),
         warnings=_alike(type_, alternatives, declared),
-    )  # fmt: skip
+    )
 
 
 def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bool) -> tuple[str, ...]:
@@ -139,7 +162,9 @@ def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool
     return ("Y", "X") if root_face else ("V",) if no_root_face else ("V", "Y", "X")
 
 
-def _type(cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:  # fmt: skip  # noqa: E501
+def _type(
+    cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given
+) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:
     possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
     words = {"edge": "a square edge", "square": "a square face", "bevel": "a bevel", "round": "a flank with a fillet"}
     shown = f"the left plate shows {words[kinds[0]]}, the right one {words[kinds[1]]}"
@@ -179,8 +204,17 @@ def _direction_u(cloud: Cloud, curve: Curve, at: Float, robot_noise_mm: float) -
 class _Measured:
     """Sizes and corners of a groove at stations, from both plates' lines in every profile."""
 
-    def __init__(self, lines: list[Lines], s: Float, group: Int, at: Float, skew: float, direction_u: Float,
-                 tilt_u: Float, lean: float) -> None:  # fmt: skip
+    def __init__(
+        self,
+        lines: list[Lines],
+        s: Float,
+        group: Int,
+        at: Float,
+        skew: float,
+        direction_u: Float,
+        tilt_u: Float,
+        lean: float,
+    ) -> None:
         self.lines, self.s, self.group, self.at, self.lean = lines, s, group, at, lean
         self.tilt_u = tilt_u
         self.scale_u = skew * direction_u + direction_u**2  # relative error of lengths in the section plane
@@ -206,7 +240,9 @@ class _Measured:
         width = self._course(-right.corner[:, 0] - left.corner[:, 0], wide[0] + wide[1])
         shared = self._shared(*wide)
         self._mm("width_mm", width.value + hidden, width.u, edge_u, shared)
-        step = self._course(right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1])  # fmt: skip  # noqa: E501
+        step = self._course(
+            right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1]
+        )
         lever = np.abs(width.value) * self.tilt_u
         high = self._shared(*(one.corner_variance[:, 1] for one in self.lines))
         self._mm("misalignment_mm", step.value, np.hypot(step.u, lever), 0.0, high)
@@ -226,20 +262,33 @@ class _Measured:
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in ("bevel", "round")]
         if depths:
             n = len(depths)
-            self._mm("depth_mm", np.asarray(sum(d.depth for d in depths)) / n,
-                     np.sqrt(sum(d.depth_u**2 for d in depths)) / n, math.hypot(*(d.depth_end for d in depths)) / n, high)  # fmt: skip  # noqa: E501
+            self._mm(
+                "depth_mm",
+                np.asarray(sum(d.depth for d in depths)) / n,
+                np.sqrt(sum(d.depth_u**2 for d in depths)) / n,
+                math.hypot(*(d.depth_end for d in depths)) / n,
+                high,
+            )
         square = [float(np.nanmedian(one.corner[:, 1] - one.last[:, 1])) for one in self.lines if one.kind == "square"]
         self.depth = max(square + [float(np.nanmedian(d.depth)) for d in depths], default=LEAST_DEPTH_MM)
-        self._mm("gap_mm", width.value + hidden - sum(r.run for r in roots),
-                 np.sqrt(width.u ** 2 + sum(r.run_u**2 for r in roots)),
-                 math.hypot(*(r.run_end for r in roots), edge_u), shared)  # fmt: skip
+        self._mm(
+            "gap_mm",
+            width.value + hidden - sum(r.run for r in roots),
+            np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
+            math.hypot(*(r.run_end for r in roots), edge_u),
+            shared,
+        )
         round_ = [one for one in self.lines if one.kind == "round"]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]
             n = len(radius)
-            self._mm("root_radius_mm", np.asarray(sum(r.value for r in radius)) / n,
-                     np.sqrt(sum(r.u ** 2 for r in radius)) / n, 0.0,
-                     self._shared(*(one.radius_variance for one in round_)) / n)  # fmt: skip
+            self._mm(
+                "root_radius_mm",
+                np.asarray(sum(r.value for r in radius)) / n,
+                np.sqrt(sum(r.u**2 for r in radius)) / n,
+                0.0,
+                self._shared(*(one.radius_variance for one in round_)) / n,
+            )
         self._corners(roots)
         self._root_faces(roots)
 
@@ -252,10 +301,13 @@ class _Measured:
         s = self.s if s is None else s
         good = np.isfinite(value) & np.isfinite(self.s) & np.isfinite(s) & np.isfinite(variance)
         if good.sum() < LEAST_ENDS:
-            raise InputError("groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, "
-                             f"found {good.sum()}")  # fmt: skip
+            raise InputError(
+                "groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, found {good.sum()}"
+            )
         spread = np.abs(value - np.nanmedian(value[good]))
-        good = self._smooth(value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good]))))  # fmt: skip  # noqa: E501
+        good = self._smooth(
+            value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good])))
+        )
         if good.sum() < LEAST_ENDS:
             raise InputError("groove", "its faces lie at another place in every profile: no groove?")
         course = fit_course(s[good], value[good], variance[good], self.group[good])
@@ -279,15 +331,25 @@ class _Measured:
         return math.sqrt(pattern * sum(float(np.nanmedian(v)) for v in variances))
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float) -> None:
-        self.sizes[name] = Quantity(value, {
-            FACES: np.hypot(WIDER_MM * faces, LEAST_U_MM), PATTERN: np.full(value.size, pattern),
-            RETURNS: np.full(value.size, returns),
-            DIRECTION: np.abs(value) * self.scale_u})  # fmt: skip
+        self.sizes[name] = Quantity(
+            value,
+            {
+                FACES: np.hypot(WIDER_MM * faces, LEAST_U_MM),
+                PATTERN: np.full(value.size, pattern),
+                RETURNS: np.full(value.size, returns),
+                DIRECTION: np.abs(value) * self.scale_u,
+            },
+        )
 
     def _deg(self, name: str, value: Float, u: Float, pattern: float, turns: float = 1.0) -> None:
-        self.sizes[name] = Quantity(value / DEG, {FACES: np.hypot(WIDER_ANGLE * u / DEG, LEAST_U_DEG),
-                                                  PATTERN: np.full(value.size, pattern / DEG),
-                                                  DIRECTION: turns * self.turn_u / DEG})  # fmt: skip
+        self.sizes[name] = Quantity(
+            value / DEG,
+            {
+                FACES: np.hypot(WIDER_ANGLE * u / DEG, LEAST_U_DEG),
+                PATTERN: np.full(value.size, pattern / DEG),
+                DIRECTION: turns * self.turn_u / DEG,
+            },
+        )
 
     def _fall(self, name: str, one: Lines) -> tuple[Float, Float] | None:
         """Angle of a bevel or flank below its plate, and u (k,), rad; None: it has none."""
@@ -326,8 +388,14 @@ class _Measured:
         angle, angle_u = fall
         c, d, end = np.cos(angle), np.sin(angle), STEP_SHARE * step
         mean = float(np.nanmedian(angle))
-        return _Root(far * d, np.hypot(d * far_u, c * far * angle_u), end * math.sin(mean),
-                     far * c, np.hypot(c * far_u, d * far * angle_u), end * math.cos(mean))  # fmt: skip
+        return _Root(
+            far * d,
+            np.hypot(d * far_u, c * far * angle_u),
+            end * math.sin(mean),
+            far * c,
+            np.hypot(c * far_u, d * far * angle_u),
+            end * math.cos(mean),
+        )
 
     def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
         """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""
@@ -357,8 +425,16 @@ class _Measured:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step = self.s[order], low[order], step[order]
         rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
-        ends = Ends(s, low, step, np.full(s.size, sigma), np.full(s.size, 0.05), np.ones(s.size),
-                    np.full(s.size, np.nan), np.full(s.size, np.nan))  # fmt: skip
+        ends = Ends(
+            s,
+            low,
+            step,
+            np.full(s.size, sigma),
+            np.full(s.size, 0.05),
+            np.ones(s.size),
+            np.full(s.size, np.nan),
+            np.full(s.size, np.nan),
+        )
         found = find_end(ends, rough)
         near = np.full(self.s.size, np.nan)
         near[order] = s
@@ -374,12 +450,17 @@ class _Measured:
             a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
             place = np.stack([a.value, b.value], axis=1)
             end = math.hypot(END_SHARE * float(np.nanmedian(one.step)), ROUNDED_U_MM) if one.kind == "edge" else 0.0
-            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)  # fmt: skip
+            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in ("bevel", "round"):
                 low = place + np.stack([root.run, -root.depth], axis=1)
-                low_u = np.stack([np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
-                                  np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2)], axis=1)  # fmt: skip
+                low_u = np.stack(
+                    [
+                        np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
+                        np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2),
+                    ],
+                    axis=1,
+                )
                 self.corners[f"{name}_root"] = Corner(low * [mirror, 1.0], low_u)
 
     def _root_faces(self, roots: list[_Root]) -> None:
@@ -391,13 +472,20 @@ class _Measured:
             towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
             column = float(np.nanmedian(one.step)) * abs(math.cos(float(np.nanmedian(one.face))))
             shown = np.isfinite(one.lowest).all(axis=1) & np.isfinite(self.s)
-            if one.kind == "bevel" and towards > SURE_LEAN and SURE_FACE_MM * towards > SURE_STEPS * column and shown.mean() < 0.05:  # fmt: skip  # noqa: E501
+            if (
+                one.kind == "bevel"
+                and towards > SURE_LEAN
+                and SURE_FACE_MM * towards > SURE_STEPS * column
+                and shown.mean() < 0.05
+            ):
                 self.root_face_excluded = True
             if shown.sum() < 3 or shown.mean() < SHOWS:
                 continue
             self.root_face_seen = True
             drop = one.corner[:, 1] - one.lowest[:, 1]
-            good = shown & (np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing))  # fmt: skip  # noqa: E501
+            good = shown & (
+                np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing)
+            )
             if good.sum() < 3 or towards <= 0.0:
                 continue
             far, far_u, step = self._silhouette(drop, one.spacing, one.sigma, good)

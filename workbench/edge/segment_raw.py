@@ -96,10 +96,24 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     return RawEdge(
-        part=cloud.part, faces=found.faces, labels=found.labels, pass_index=cloud.pass_index,
-        frame_arc_length_mm=lower_s - start, arc_length_mm=at - start, position_mm=position, tangent=t,
-        tangent_u=np.hypot(measured.curve.tangent_u(at), doubtful), normal=n, across=m, seen=seen,
-        burr_stations=raw_burr_stations(found, measured, at), upper_position_mm=upper, upper_inward=inward,
-        position_u_mm=np.stack([stand_u, low_u], axis=1), normal_u=np.hypot(tilt_u, turn),
-        hand_eye_u_mm=shared, checks=cloud.checks, warnings=told,
-    )  # fmt: skip
+        part=cloud.part,
+        faces=found.faces,
+        labels=found.labels,
+        pass_index=cloud.pass_index,
+        frame_arc_length_mm=lower_s - start,
+        arc_length_mm=at - start,
+        position_mm=position,
+        tangent=t,
+        tangent_u=np.hypot(measured.curve.tangent_u(at), doubtful),
+        normal=n,
+        across=m,
+        seen=seen,
+        burr_stations=raw_burr_stations(found, measured, at),
+        upper_position_mm=upper,
+        upper_inward=inward,
+        position_u_mm=np.stack([stand_u, low_u], axis=1),
+        normal_u=np.hypot(tilt_u, turn),
+        hand_eye_u_mm=shared,
+        checks=cloud.checks,
+        warnings=told,
+    )

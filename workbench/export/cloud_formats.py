@@ -66,8 +66,11 @@ def _e57(table: PointTable) -> bytes:
     import pye57
 
     if max(int(table.frame.max()), int(table.column.max())) > MOST_E57_ROWS:
-        raise InputError("cloud.e57", f"expected at most {MOST_E57_ROWS} frames and columns, found "
-                         f"{table.frame.max() + 1} x {table.column.max() + 1}: write another format")  # fmt: skip
+        raise InputError(
+            "cloud.e57",
+            f"expected at most {MOST_E57_ROWS} frames and columns, found "
+            f"{table.frame.max() + 1} x {table.column.max() + 1}: write another format",
+        )
     with tempfile.TemporaryDirectory(prefix="workbench-export-") as folder:
         path = Path(folder) / "cloud.e57"
         file = pye57.E57(str(path), mode="w")

@@ -15,17 +15,40 @@ from workbench.stage import stage
 FORMAT, VERSION = "bevel-inspection-rows", 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured
 PART = {
-    "part_id": "string", "drawing": "string", "operator": "string", "recorded_at": "string", "sensor": "string",
-    "sensor_serial": "string", "robot": "string", "robot_serial": "string", "simulated": "bool",
-}  # fmt: skip
+    "part_id": "string",
+    "drawing": "string",
+    "operator": "string",
+    "recorded_at": "string",
+    "sensor": "string",
+    "sensor_serial": "string",
+    "robot": "string",
+    "robot_serial": "string",
+    "simulated": "bool",
+}
 COLUMNS: dict[str, str] = {
-    **PART, "recording": "string", "recording_sha256": "string", "section": "int32",
-    "arc_length_mm": "float64", "x_mm": "float64", "y_mm": "float64", "z_mm": "float64", "root_mm": "float64",
-    "root_u_mm": "float64", "root_nominal_mm": "float64", "root_lower_mm": "float64", "root_upper_mm": "float64",
-    "bevel_deg": "float64", "bevel_u_deg": "float64", "bevel_nominal_deg": "float64", "bevel_lower_deg": "float64",
-    "bevel_upper_deg": "float64", "guard_factor": "float64", "verdict": "string", "reason": "string",
+    **PART,
+    "recording": "string",
+    "recording_sha256": "string",
+    "section": "int32",
+    "arc_length_mm": "float64",
+    "x_mm": "float64",
+    "y_mm": "float64",
+    "z_mm": "float64",
+    "root_mm": "float64",
+    "root_u_mm": "float64",
+    "root_nominal_mm": "float64",
+    "root_lower_mm": "float64",
+    "root_upper_mm": "float64",
+    "bevel_deg": "float64",
+    "bevel_u_deg": "float64",
+    "bevel_nominal_deg": "float64",
+    "bevel_lower_deg": "float64",
+    "bevel_upper_deg": "float64",
+    "guard_factor": "float64",
+    "verdict": "string",
+    "reason": "string",
     "part_verdict": "string",
-}  # name -> type, as pyarrow calls it  # fmt: skip
+}  # name -> type, as pyarrow calls it
 
 
 @stage("export.inspection")
@@ -64,14 +87,25 @@ def _row(inspection: Inspection, section: Section) -> dict[str, Any]:
     x, y, z = section.origin_mm.tolist()
     (root_low, root_high), (bevel_low, bevel_high) = required.root_tolerance_mm, required.bevel_tolerance_deg
     return {
-        "section": section.index, "arc_length_mm": section.arc_length_mm, "x_mm": x, "y_mm": y, "z_mm": z,
-        "root_mm": section.root_mm, "root_u_mm": section.root_u_mm, "root_nominal_mm": required.root_nominal_mm,
-        "root_lower_mm": required.root_nominal_mm + root_low, "root_upper_mm": required.root_nominal_mm + root_high,
-        "bevel_deg": section.bevel_deg, "bevel_u_deg": section.bevel_u_deg,
-        "bevel_nominal_deg": required.bevel_nominal_deg, "bevel_lower_deg": required.bevel_nominal_deg + bevel_low,
-        "bevel_upper_deg": required.bevel_nominal_deg + bevel_high, "guard_factor": inspection.guard_factor,
-        "verdict": section.verdict, "reason": section.reason,
-    }  # fmt: skip
+        "section": section.index,
+        "arc_length_mm": section.arc_length_mm,
+        "x_mm": x,
+        "y_mm": y,
+        "z_mm": z,
+        "root_mm": section.root_mm,
+        "root_u_mm": section.root_u_mm,
+        "root_nominal_mm": required.root_nominal_mm,
+        "root_lower_mm": required.root_nominal_mm + root_low,
+        "root_upper_mm": required.root_nominal_mm + root_high,
+        "bevel_deg": section.bevel_deg,
+        "bevel_u_deg": section.bevel_u_deg,
+        "bevel_nominal_deg": required.bevel_nominal_deg,
+        "bevel_lower_deg": required.bevel_nominal_deg + bevel_low,
+        "bevel_upper_deg": required.bevel_nominal_deg + bevel_high,
+        "guard_factor": inspection.guard_factor,
+        "verdict": section.verdict,
+        "reason": section.reason,
+    }
 
 
 def _parquet(rows: list[dict[str, Any]]) -> bytes:

@@ -31,8 +31,10 @@ def qdas(inspection: Inspection) -> tuple[Document, Document]:
     head = [("K0100", str(2 * len(inspection.sections))), *_part(inspection)]
     lines = [f"{key} {value}" for key, value in head if value] + described
     values = CHARACTERISTIC.join(_values(inspection))
-    return (Document("inspection.dfd", _encoded(END.join(lines) + END)),
-            Document("inspection.dfx", _encoded(values + END)))  # fmt: skip
+    return (
+        Document("inspection.dfd", _encoded(END.join(lines) + END)),
+        Document("inspection.dfx", _encoded(values + END)),
+    )
 
 
 def _part(inspection: Inspection) -> Iterator[tuple[str, str]]:
@@ -55,11 +57,19 @@ def _characteristics(inspection: Inspection) -> Iterator[list[tuple[str, str]]]:
             k = inspection.uncertainty.coverage_factor
             told = f"U = {k * u:.{places + 1}f} {unit} (k = {k:g})" if u is not None else "not measured"
             yield [
-                ("K2001", f"{symbol}-{section.index}"), ("K2002", f"{name}, section {section.index}"), ("K2004", "0"),
-                ("K2022", str(places)), ("K2101", _number(nominal)), ("K2110", _number(nominal + lower)),
-                ("K2111", _number(nominal + upper)), ("K2120", "1"), ("K2121", "1"), ("K2142", unit), *gauge,
+                ("K2001", f"{symbol}-{section.index}"),
+                ("K2002", f"{name}, section {section.index}"),
+                ("K2004", "0"),
+                ("K2022", str(places)),
+                ("K2101", _number(nominal)),
+                ("K2110", _number(nominal + lower)),
+                ("K2111", _number(nominal + upper)),
+                ("K2120", "1"),
+                ("K2121", "1"),
+                ("K2142", unit),
+                *gauge,
                 ("K2900", told),
-            ]  # fmt: skip
+            ]
 
 
 def _numbered(fields: list[tuple[str, str]], k: int) -> Iterator[str]:

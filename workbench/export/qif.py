@@ -74,11 +74,23 @@ def characteristics(inspection: Inspection) -> tuple[Characteristic, Characteris
     """Root face and bevel angle, with their values a section."""
     needs, sections = inspection.requirements, inspection.sections
     return (
-        Characteristic("Width", "c", "root face", needs.root_nominal_mm, needs.root_tolerance_mm,
-                       tuple((s.root_mm, s.root_u_mm) for s in sections)),
-        Characteristic("Angle", "beta", "bevel angle", needs.bevel_nominal_deg, needs.bevel_tolerance_deg,
-                       tuple((s.bevel_deg, s.bevel_u_deg) for s in sections)),
-    )  # fmt: skip
+        Characteristic(
+            "Width",
+            "c",
+            "root face",
+            needs.root_nominal_mm,
+            needs.root_tolerance_mm,
+            tuple((s.root_mm, s.root_u_mm) for s in sections),
+        ),
+        Characteristic(
+            "Angle",
+            "beta",
+            "bevel angle",
+            needs.bevel_nominal_deg,
+            needs.bevel_tolerance_deg,
+            tuple((s.bevel_deg, s.bevel_u_deg) for s in sections),
+        ),
+    )
 
 
 def _units(root: Element) -> None:
@@ -95,11 +107,19 @@ def _devices(root: Element, part: Part, ids: Iterator[int]) -> list[int]:
     listed = SubElement(SubElement(root, "MeasurementResources"), "MeasurementDevices", n="2")
     made = []
     for name, what, serial, facts in (
-        (part.sensor or "unknown", "laser profile sensor", part.sensor_serial,
-         {"calibrated at": part.sensor_calibrated_at}),
-        (part.robot or "unknown", "robot that carries the sensor", part.robot_serial,
-         {"hand-eye calibration": part.hand_eye, "hand-eye calibrated at": part.hand_eye_calibrated_at}),
-    ):  # fmt: skip
+        (
+            part.sensor or "unknown",
+            "laser profile sensor",
+            part.sensor_serial,
+            {"calibrated at": part.sensor_calibrated_at},
+        ),
+        (
+            part.robot or "unknown",
+            "robot that carries the sensor",
+            part.robot_serial,
+            {"hand-eye calibration": part.hand_eye, "hand-eye calibrated at": part.hand_eye_calibrated_at},
+        ),
+    ):
         made.append(next(ids))
         device = SubElement(listed, "MeasurementDevice", id=str(made[-1]))
         _text(device, "Name", name)
@@ -116,8 +136,9 @@ def _product(root: Element, part: Part, ids: Iterator[int]) -> None:
     _text(made, "ModelNumber", part.drawing or "unknown")
 
 
-def _characteristics(root: Element, found: tuple[Characteristic, ...], devices: list[int], inspection: Inspection,
-                     ids: Iterator[int]) -> list[list[int]]:  # fmt: skip
+def _characteristics(
+    root: Element, found: tuple[Characteristic, ...], devices: list[int], inspection: Inspection, ids: Iterator[int]
+) -> list[list[int]]:
     """Definitions, nominals and items; the ids of the items, a list a characteristic."""
     holder = SubElement(root, "Characteristics")
     definitions = SubElement(holder, "CharacteristicDefinitions", n=str(len(found)))
@@ -150,8 +171,15 @@ def _characteristics(root: Element, found: tuple[Characteristic, ...], devices: 
     return made
 
 
-def _results(root: Element, inspection: Inspection, provenance: Provenance | None, found: tuple[Characteristic, ...],
-             items: list[list[int]], devices: list[int], ids: Iterator[int]) -> None:  # fmt: skip
+def _results(
+    root: Element,
+    inspection: Inspection,
+    provenance: Provenance | None,
+    found: tuple[Characteristic, ...],
+    items: list[list[int]],
+    devices: list[int],
+    ids: Iterator[int],
+) -> None:
     results = SubElement(root, "Results")
     component, part = next(ids), inspection.part
     made = SubElement(SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(next(ids)))
@@ -163,8 +191,9 @@ def _results(root: Element, inspection: Inspection, provenance: Provenance | Non
         if part.operator:
             _text(SubElement(trace, "InspectionOperator"), "Name", part.operator)
     _text(made, "ThisResultsInstanceQPId", _unique(inspection, provenance, "results"))
-    measured = SubElement(SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements",
-                          n=str(sum(map(len, items))))  # fmt: skip
+    measured = SubElement(
+        SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements", n=str(sum(map(len, items)))
+    )
     for one, mine in zip(found, items, strict=True):
         for item, (value, u) in zip(mine, one.values, strict=True):
             element = SubElement(measured, f"{one.kind}CharacteristicMeasurement", id=str(next(ids)))
@@ -195,8 +224,11 @@ def _context(inspection: Inspection, provenance: Provenance | None) -> Iterator[
     yield "simulated", {None: "unknown", True: "true", False: "false"}[inspection.part.simulated]
     yield "coverage factor of expanded uncertainties", f"{inspection.uncertainty.coverage_factor:g}"
     for k, source in enumerate(inspection.uncertainty.sources, 1):
-        yield (f"uncertainty source {k}", f"{source.name}; type {source.kind}; u(c) {source.root_u_mm:.6f} mm; "
-               f"u(beta) {source.bevel_u_deg:.6f} degree")  # fmt: skip
+        yield (
+            f"uncertainty source {k}",
+            f"{source.name}; type {source.kind}; u(c) {source.root_u_mm:.6f} mm; "
+            f"u(beta) {source.bevel_u_deg:.6f} degree",
+        )
     for k, sentence in enumerate(inspection.uncertainty.not_included, 1):
         yield f"not included in the uncertainty {k}", sentence
     for name, path, digest in provenance.inputs if provenance else ():

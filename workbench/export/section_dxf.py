@@ -10,8 +10,17 @@ import numpy as np
 from workbench.artefacts import FACE_NAMES, Section
 from workbench.export.section_shapes import SectionShape
 
-LAYERS = {"unlabelled": 9, "root face": 1, "bevel face": 5, "upper surface": 8, "lower surface": 8, "fit": 7,
-          "corners": 6, "dimensions": 3, "text": 7}  # name -> AutoCAD colour index  # fmt: skip
+LAYERS = {
+    "unlabelled": 9,
+    "root face": 1,
+    "bevel face": 5,
+    "upper surface": 8,
+    "lower surface": 8,
+    "fit": 7,
+    "corners": 6,
+    "dimensions": 3,
+    "text": 7,
+}  # name -> AutoCAD colour index
 CORNER_MM, TEXT_MM, GAP_MM = 0.05, 0.35, 5.0
 DIMENSION_MM = 0.8  # of the dimension line, off the root face
 DIMENSIONS = {
@@ -67,9 +76,13 @@ def _draw(block: Any, shape: SectionShape) -> None:
         attributes = {"layer": "dimensions"}
         block.add_aligned_dim(*root.tolist(), DIMENSION_MM * -1.0, override=DIMENSIONS, dxfattribs=attributes).render()
         block.add_angular_dim_3p(  # between the root face, carried on upwards, and the bevel
-            root[1] + np.array([0.0, 2.0 * DIMENSION_MM]), root[1], root[1] + np.array([0.0, 1.0]), bevel[1],
-            override=DIMENSIONS, dxfattribs=attributes,
-        ).render()  # fmt: skip
+            root[1] + np.array([0.0, 2.0 * DIMENSION_MM]),
+            root[1],
+            root[1] + np.array([0.0, 1.0]),
+            bevel[1],
+            override=DIMENSIONS,
+            dxfattribs=attributes,
+        ).render()
     for number, text in enumerate(_texts(shape.section)):
         block.add_text(text, height=TEXT_MM, dxfattribs={"layer": "text"}).set_placement(
             (_extent(shape)[0], -1.5 * TEXT_MM * (number + 3))
@@ -80,8 +93,11 @@ def _texts(section: Section) -> list[str]:
     lines = [f"section {section.index} at {section.arc_length_mm:.2f} mm: {section.verdict}"]
     if section.root_mm is None or section.bevel_deg is None:
         return [*lines, section.reason]
-    return [*lines, f"root {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
-            f"bevel {section.bevel_deg:.2f} deg, u {section.bevel_u_deg:.2f} deg"]  # fmt: skip
+    return [
+        *lines,
+        f"root {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
+        f"bevel {section.bevel_deg:.2f} deg, u {section.bevel_u_deg:.2f} deg",
+    ]
 
 
 def _extent(shape: SectionShape) -> tuple[float, float]:

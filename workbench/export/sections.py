@@ -51,10 +51,18 @@ def sections(
 def _rows(shape: SectionShape) -> list[str]:
     section, table = shape.section, shape.points
     start = f"{section.index},{section.arc_length_mm:.6f}"
-    values = zip(table.face.tolist(), table.frame.tolist(), table.column.tolist(), shape.place_mm.tolist(),
-                 table.position_mm.tolist(), strict=True)  # fmt: skip
-    rows = [f"{start},point,{face},{frame},{column},{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}"
-            for face, frame, column, (u, v), (x, y, z) in values]  # fmt: skip
+    values = zip(
+        table.face.tolist(),
+        table.frame.tolist(),
+        table.column.tolist(),
+        shape.place_mm.tolist(),
+        table.position_mm.tolist(),
+        strict=True,
+    )
+    rows = [
+        f"{start},point,{face},{frame},{column},{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}"
+        for face, frame, column, (u, v), (x, y, z) in values
+    ]
     if shape.root_line_mm is None:
         return rows
     for name, (u, v) in zip(("lower_edge", "upper_edge"), shape.root_line_mm, strict=True):

@@ -49,15 +49,25 @@ def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float, see
     found = []
     for _ in range(TRIES):
         start = registration.registration_ransac_based_on_feature_matching(
-            *clouds, *features, True, near, registration.TransformationEstimationPointToPoint(False), 3,
-            [registration.CorrespondenceCheckerBasedOnEdgeLength(ALIKE_EDGES),
-             registration.CorrespondenceCheckerBasedOnDistance(near)],
+            *clouds,
+            *features,
+            True,
+            near,
+            registration.TransformationEstimationPointToPoint(False),
+            3,
+            [
+                registration.CorrespondenceCheckerBasedOnEdgeLength(ALIKE_EDGES),
+                registration.CorrespondenceCheckerBasedOnDistance(near),
+            ],
             registration.RANSACConvergenceCriteria(TRIALS, CONFIDENCE),
-        )  # fmt: skip
+        )
         fine = registration.registration_icp(
-            *clouds, near, start.transformation, registration.TransformationEstimationPointToPlane(),
+            *clouds,
+            near,
+            start.transformation,
+            registration.TransformationEstimationPointToPlane(),
             registration.ICPConvergenceCriteria(1e-7, 1e-7, 60),
-        )  # fmt: skip
+        )
         pose = shifts[1] @ np.array(fine.transformation) @ inverse(shifts[0])
         turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]))  # orthonormal to the last digit
         found.append(Found(pose_from(turn, pose[:3, 3]), float(fine.fitness), float(fine.inlier_rmse)))

@@ -128,8 +128,18 @@ def fit_course(
     misfit = float((weight[:, None] * left**2).sum()) / (left.shape[1] * max(weight.size - spent, 1.0))
     raised, value = max(1.0, misfit), value + between / max(1.0, misfit)
     found = np.column_stack([grid[counts], share])
-    return Course(spline, stations, value * raised, slope * raised, bins.kept, bins.frame_factor, noise_factor,
-                  misfit, float(scores.max() + math.log(np.exp(scores - scores.max()).mean())), found)  # fmt: skip
+    return Course(
+        spline,
+        stations,
+        value * raised,
+        slope * raised,
+        bins.kept,
+        bins.frame_factor,
+        noise_factor,
+        misfit,
+        float(scores.max() + math.log(np.exp(scores - scores.max()).mean())),
+        found,
+    )
 
 
 def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM) -> Bins:
@@ -327,8 +337,10 @@ class _Problem:
     def average(self, grid: Float, share: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
         """Mean coefficients (K, d), variance of value and slope at `at`, over stiffnesses by their shares (eq. (4))."""
         rows = BSpline.design_matrix(at, knots, 3).toarray()
-        steep = (BSpline.design_matrix(np.minimum(at + 0.5, at[-1]), knots, 3).toarray()
-                 - BSpline.design_matrix(np.maximum(at - 0.5, at[0]), knots, 3).toarray())  # fmt: skip
+        steep = (
+            BSpline.design_matrix(np.minimum(at + 0.5, at[-1]), knots, 3).toarray()
+            - BSpline.design_matrix(np.maximum(at - 0.5, at[0]), knots, 3).toarray()
+        )
         steep /= (np.minimum(at + 0.5, at[-1]) - np.maximum(at - 0.5, at[0]))[:, None]
         both = np.concatenate([rows, steep])
         found, within = [], np.zeros(len(both))

@@ -253,8 +253,21 @@ def _stands_alone(z: Float32, j: int, way: int) -> bool:
 
 
 @kernel
-def _read_frame(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, sense: float, names: Int, work: Float,
-                at: Int, chosen: Bool, sums: Float, ends: Float, labels: AnyArray) -> bool:  # fmt: skip
+def _read_frame(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    gx: float,
+    gz: float,
+    sense: float,
+    names: Int,
+    work: Float,
+    at: Int,
+    chosen: Bool,
+    sums: Float,
+    ends: Float,
+    labels: AnyArray,
+) -> bool:
     """One frame of `read_frames`; work (3, M), at (M,) and chosen (M,) are scratch. False: no end face."""
     p, q, depth = work[0], work[1], work[2]
     n = _turned(x, z, keep, gx, gz, at, p, q)
@@ -331,8 +344,9 @@ def _slope_at(x: Float32, z: Float32, at: Int, depth: Float, end: int, way: int,
 
 
 @kernel
-def _label_surface(p: Float, depth: Float, at: Int, first: int, last: int, a: float, b: float, gate: float, name: int,
-                   labels: AnyArray) -> None:  # fmt: skip
+def _label_surface(
+    p: Float, depth: Float, at: Int, first: int, last: int, a: float, b: float, gate: float, name: int, labels: AnyArray
+) -> None:
     """Name the points of a surface: those on its line behind the face, as far as it goes."""
     for k in range(first, last):
         if depth[k] > 0.0 and abs(p[k] - a - b * depth[k]) < gate and labels[at[k]] == 0:
@@ -340,8 +354,20 @@ def _label_surface(p: Float, depth: Float, at: Int, first: int, last: int, a: fl
 
 
 @kernel
-def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, names: Int, sums: Float, ends: Float,
-                seen: Bool, labels: AnyArray, first: int, last: int) -> None:  # fmt: skip
+def read_frames(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    along: Float,
+    sense: float,
+    names: Int,
+    sums: Float,
+    ends: Float,
+    seen: Bool,
+    labels: AnyArray,
+    first: int,
+    last: int,
+) -> None:
     """The end face, its ends and the surfaces that join it, in frames first to last - 1.
 
     x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
@@ -352,7 +378,20 @@ def read_frames(x: Float32, z: Float32, keep: Bool, along: Float, sense: float, 
     work, at, chosen = np.empty((3, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)
     for i in range(first, last):
         if np.isfinite(along[i, 0]):
-            seen[i] = _read_frame(x[i], z[i], keep[i], along[i, 0], along[i, 1], sense, names, work, at, chosen,
-                                  sums[i], ends[i], labels[i])  # fmt: skip
+            seen[i] = _read_frame(
+                x[i],
+                z[i],
+                keep[i],
+                along[i, 0],
+                along[i, 1],
+                sense,
+                names,
+                work,
+                at,
+                chosen,
+                sums[i],
+                ends[i],
+                labels[i],
+            )
         if not seen[i]:
             sums[i], ends[i], labels[i] = 0.0, np.nan, 0

@@ -87,8 +87,12 @@ def fit_cylinder(points_mm: Float) -> Fit:
 
 
 FITS: dict[Shape, Callable[[Float], Fit]] = {
-    "line": fit_line, "plane": fit_plane, "circle": fit_circle, "sphere": fit_sphere, "cylinder": fit_cylinder,
-}  # fmt: skip
+    "line": fit_line,
+    "plane": fit_plane,
+    "circle": fit_circle,
+    "sphere": fit_sphere,
+    "cylinder": fit_cylinder,
+}
 
 
 def positive(direction: Float) -> Float:

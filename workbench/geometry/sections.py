@@ -33,8 +33,15 @@ class SectionLines:
     ray: Float  # (n, 2) direction of the range axis in (a, b)
 
 
-def section_lines(face: FaceLines, slope: Float, base_from_profiler: Float, side: Float, range_sigma_mm: Float,
-                  curve: Curve, s_frame: Float) -> SectionLines:  # fmt: skip
+def section_lines(
+    face: FaceLines,
+    slope: Float,
+    base_from_profiler: Float,
+    side: Float,
+    range_sigma_mm: Float,
+    curve: Curve,
+    s_frame: Float,
+) -> SectionLines:
     """Project a face's lines (n frames) into the section planes of the curve.
 
     slope (n,): the face's slope dz/dx as its neighbouring frames say. A frame's own slope counts by its difference
@@ -68,8 +75,9 @@ def section_lines(face: FaceLines, slope: Float, base_from_profiler: Float, side
     place = place - (bow * spread)[:, None] * lean
     variance = range_sigma_mm**2
     angle = np.arctan2(dv, du) + turn * (face.sxz / face.sxx - slope)
-    return SectionLines(s, place, angle, variance / face.sxx * turn**2, variance * across**2 / face.count,
-                        run, spread, ray)  # fmt: skip
+    return SectionLines(
+        s, place, angle, variance / face.sxx * turn**2, variance * across**2 / face.count, run, spread, ray
+    )
 
 
 def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, Float]:

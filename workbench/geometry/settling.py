@@ -15,8 +15,7 @@ LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
 SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
 
 
-def settled(low: Float, step: Float, sigma: Float, column: Int,
-            group: Int) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float, Float, Float]:
     """`low` and `step` (n,) freed of noise that neighbouring frames do not share; what remains of it, mm; and weights.
 
     Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of

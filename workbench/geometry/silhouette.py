@@ -72,11 +72,22 @@ def find_end(ends: Ends, first: Course, together_mm: float | None = None) -> End
         about = course.value(place)
         logs = np.zeros((place.size, GRID))
         low = ends.low - course.value(ends.s)
-        _add_up(as_input(cell), as_input(low), as_input(ends.step), as_input(ends.sigma), as_input(ends.missing),
-                as_input(ends.weight), as_input(ends.fill), as_input(ends.fill_sigma), grid, logs)  # fmt: skip
+        _add_up(
+            as_input(cell),
+            as_input(low),
+            as_input(ends.step),
+            as_input(ends.sigma),
+            as_input(ends.missing),
+            as_input(ends.weight),
+            as_input(ends.fill),
+            as_input(ends.fill_sigma),
+            grid,
+            logs,
+        )
         mean, variance = _sites(logs, grid, prior)
-        course = fit_course(place, about + mean, variance * _said_again(logs, grid), least_walk=least_walk,
-                            together_mm=together_mm)  # fmt: skip
+        course = fit_course(
+            place, about + mean, variance * _said_again(logs, grid), least_walk=least_walk, together_mm=together_mm
+        )
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     off = np.bincount(cell, _off_course(ends, course.value(ends.s))) / count
     return EndCourse(course, place, off > CONTRADICTED)
@@ -122,8 +133,18 @@ def _off_course(ends: Ends, about: Float) -> Float:
 
 
 @kernel
-def _add_up(cell: Int, low: Float, step: Float, sigma: Float, missing: Float, weight: Float, fill: Float,
-            fill_sigma: Float, grid: Float, out: Float) -> None:  # fmt: skip
+def _add_up(
+    cell: Int,
+    low: Float,
+    step: Float,
+    sigma: Float,
+    missing: Float,
+    weight: Float,
+    fill: Float,
+    fill_sigma: Float,
+    grid: Float,
+    out: Float,
+) -> None:
     """Add each frame's log-likelihood of an end at each place of the grid to the row of its cell (eq. (8))."""
     for i in range(cell.size):
         for g in range(grid.size):

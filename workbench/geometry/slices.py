@@ -49,8 +49,7 @@ def seen_from(laid: Laid, view: Float, at_mm: Float) -> tuple[Float, Float]:
     return axes, axes @ laid.place.T
 
 
-def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float,
-        width_mm: float) -> tuple[Float32, Float32, Float]:  # fmt: skip
+def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float, width_mm: float) -> tuple[Float32, Float32, Float]:
     """Slices of a thickness around arc lengths at_mm (N,), rising and at least a thickness apart, as profiles.
 
     view (3,): direction of sight, away from the observer, at the middle of the course.

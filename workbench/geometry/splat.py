@@ -90,10 +90,15 @@ def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     """(H, W) uint64: depth, the nearer the larger, in the upper half; number of the point + 1 in the lower; 0: none."""
     low, high = _depth_range(points_mm, camera)
     work = partial(
-        _splat, as_input(points_mm), camera.screen * camera.scale_px_mm, camera.centre_mm,
-        np.array([camera.width_px, camera.height_px]), 1.0 / (camera.scale_px_mm * camera.distance_mm),
-        np.array([low, high]) * camera.scale_px_mm, size_px,
-    )  # fmt: skip
+        _splat,
+        as_input(points_mm),
+        camera.screen * camera.scale_px_mm,
+        camera.centre_mm,
+        np.array([camera.width_px, camera.height_px]),
+        1.0 / (camera.scale_px_mm * camera.distance_mm),
+        np.array([low, high]) * camera.scale_px_mm,
+        size_px,
+    )
     step = max(1, -(-len(points_mm) // cores()))
     return reduce(
         _merged,
@@ -128,9 +133,16 @@ def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, flo
 
 @kernel
 def _splat(
-    points: AnyArray, screen: Float, centre: Float, shape: AnyArray, closeness: float, depths: Float, size: float,
-    first: int, last: int,
-) -> AnyArray:  # fmt: skip
+    points: AnyArray,
+    screen: Float,
+    centre: Float,
+    shape: AnyArray,
+    closeness: float,
+    depths: Float,
+    size: float,
+    first: int,
+    last: int,
+) -> AnyArray:
     """Points [first, last) as discs of `size` pixels; `screen` turns mm into pixels, `closeness` is 1 / distance."""
     width, height = shape[0], shape[1]
     nearest = np.zeros((height, width), np.uint64)
@@ -180,9 +192,16 @@ def _lit(nearest: AnyArray, colour: AnyArray, fine: Camera, depths_mm: tuple[flo
 
 @kernel
 def _shade(
-    nearest: AnyArray, colour: AnyArray, rgb: AnyArray, near: Float32, depths: Float, scale: float, reach: int,
-    first: int, last: int,
-) -> None:  # fmt: skip
+    nearest: AnyArray,
+    colour: AnyArray,
+    rgb: AnyArray,
+    near: Float32,
+    depths: Float,
+    scale: float,
+    reach: int,
+    first: int,
+    last: int,
+) -> None:
     """Rows [first, last) of the picture, each pixel the mean of its finer ones, white where there is no point.
 
     After eye-dome lighting (Boucheny 2009): dark where both neighbours across a pixel, taken together, stand before it.

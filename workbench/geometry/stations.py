@@ -28,15 +28,23 @@ class SectionTable(NamedTuple):
     stock: Float  # (n, 4) upper edge, and the unit direction along the upper surface into the plate, along n and m
 
 
-def section_table(step: float, position_mm: Float, tangent: Float, normal: Float, across: Float, upper_mm: Float,
-                  inward: Float) -> SectionTable:  # fmt: skip
+def section_table(
+    step: float, position_mm: Float, tangent: Float, normal: Float, across: Float, upper_mm: Float, inward: Float
+) -> SectionTable:
     """A table from the lower edge (n, 3) mm, its axes (n, 3), the upper edge (n, 2) mm and `inward` (n, 2)."""
     axes = np.concatenate([position_mm, tangent, normal, across], axis=1)
     return SectionTable(float(step), as_input(axes), as_input(np.concatenate([upper_mm, inward], axis=1)))
 
 
-def foreign_points(x_mm: Float32, z_mm: Float32, usable: Bool, base_from_profiler: Float, sections: SectionTable,
-                   start: Int, tolerance_mm: Float) -> tuple[Int, Int]:  # fmt: skip
+def foreign_points(
+    x_mm: Float32,
+    z_mm: Float32,
+    usable: Bool,
+    base_from_profiler: Float,
+    sections: SectionTable,
+    start: Int,
+    tolerance_mm: Float,
+) -> tuple[Int, Int]:
     """Frames and columns of the points that belong to no face of the stock: clamps, the table.
 
     They stand out of the end face, above the upper surface or below the lower one by more than the tolerance of their
@@ -78,8 +86,20 @@ def _section_of(q0: float, q1: float, q2: float, i: int, axes: Float, step: floa
 
 
 @kernel
-def _stand_out(x: Float32, z: Float32, usable: Bool, poses: Float, axes: Float, stock: Float, step: float, start: Int,
-               tolerance: Float, out: Bool, first: int, last: int) -> None:  # fmt: skip
+def _stand_out(
+    x: Float32,
+    z: Float32,
+    usable: Bool,
+    poses: Float,
+    axes: Float,
+    stock: Float,
+    step: float,
+    start: Int,
+    tolerance: Float,
+    out: Bool,
+    first: int,
+    last: int,
+) -> None:
     for i in range(first, last):
         a, k = poses[i], start[i]
         for j in range(x.shape[1]):
@@ -112,9 +132,18 @@ def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
             out[i, j] = frames >= SUPPORT_FRAMES and points >= SUPPORT_POINTS
 
 
-def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler: Float, sections: SectionTable,
-                    start: Int, bevel: tuple[float, float, float], face_mm: Float, reach_mm: Float,
-                    beyond_mm: float = 0.0) -> AnyArray:  # fmt: skip
+def standing_layers(
+    x_mm: Float32,
+    z_mm: Float32,
+    keep: Bool,
+    base_from_profiler: Float,
+    sections: SectionTable,
+    start: Int,
+    bevel: tuple[float, float, float],
+    face_mm: Float,
+    reach_mm: Float,
+    beyond_mm: float = 0.0,
+) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point.
 
     65535: it belongs to the finished part; 65534: it stands above the finished face, and no layer takes it.
@@ -142,9 +171,22 @@ def standing_layers(x_mm: Float32, z_mm: Float32, keep: Bool, base_from_profiler
 
 
 @kernel
-def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, step: float, start: Int,
-              slope: tuple[float, float, float, float], face: Float, lowest: Float, reach: Float, out: AnyArray,
-              first: int, last: int) -> None:  # fmt: skip
+def _standing(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    poses: Float,
+    axes: Float,
+    step: float,
+    start: Int,
+    slope: tuple[float, float, float, float],
+    face: Float,
+    lowest: Float,
+    reach: Float,
+    out: AnyArray,
+    first: int,
+    last: int,
+) -> None:
     cosine, sine, finished, beyond = slope
     last_station = axes.shape[0] - 1
     for i in range(first, last):
@@ -172,8 +214,15 @@ def _standing(x: Float32, z: Float32, keep: Bool, poses: Float, axes: Float, ste
                     break
 
 
-def needed_heights(points_mm: Float, station: Int, origin_mm: Float, tangent: Float, outward: Float, axis: Float,
-                   reach: tuple[float, float, float]) -> Float:  # fmt: skip
+def needed_heights(
+    points_mm: Float,
+    station: Int,
+    origin_mm: Float,
+    tangent: Float,
+    outward: Float,
+    axis: Float,
+    reach: tuple[float, float, float],
+) -> Float:
     """Height (k,) of the cutter above its k places that keeps it clear of points (p, 3); -inf where none is near.
 
     The cutter is a cylinder about an axis along `axis`, which touches its place from outside, without end on the

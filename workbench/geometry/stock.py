@@ -59,8 +59,9 @@ def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands:
     return Stock(x, z, poses, as_input(stands), as_input(spheres), as_input(block_stands), as_input(shape))
 
 
-def axis_distances(stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float,
-                   flat: bool = False) -> Float:  # fmt: skip
+def axis_distances(
+    stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float, flat: bool = False
+) -> Float:
     """Least distance (k,) of axes, straight from `start_mm` to `end_mm` (k, 3), to the points that still stand.
 
     Args:
@@ -89,8 +90,16 @@ def _levels(frames: int, columns: int) -> Int:
 
 
 @kernel
-def _leaves(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray,
-            first: int, last: int) -> None:  # fmt: skip
+def _leaves(
+    x: Float32,
+    z: Float32,
+    poses: Float,
+    stands: AnyArray,
+    spheres: Float,
+    block_stands: AnyArray,
+    first: int,
+    last: int,
+) -> None:
     """Spheres of the leaves in rows first to last of the blocks: about the corners of x and z, in every frame."""
     frames, columns = x.shape
     across = (columns + LEAF_COLUMNS - 1) // LEAF_COLUMNS
@@ -163,8 +172,22 @@ def _enclose(ball: Float, other: Float) -> None:
 
 
 @kernel
-def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float, block_stands: AnyArray, shape: Int,
-         start: Float, end: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:  # fmt: skip
+def _ask(
+    x: Float32,
+    z: Float32,
+    poses: Float,
+    stands: AnyArray,
+    spheres: Float,
+    block_stands: AnyArray,
+    shape: Int,
+    start: Float,
+    end: Float,
+    layer: Int,
+    flat: bool,
+    out: Float,
+    first: int,
+    last: int,
+) -> None:
     levels = shape.shape[0]
     top = shape[levels - 1, 0]
     nodes, bounds = np.empty((MOST_NODES, 3), np.int64), np.empty(MOST_NODES)
@@ -199,8 +222,20 @@ def _ask(x: Float32, z: Float32, poses: Float, stands: AnyArray, spheres: Float,
 
 
 @kernel
-def _open(spheres: Float, block_stands: AnyArray, shape: Int, axis: Axis, layer: int, best: float, level: int,
-          r: int, c: int, nodes: Int, bounds: Float, waiting: int) -> int:  # fmt: skip
+def _open(
+    spheres: Float,
+    block_stands: AnyArray,
+    shape: Int,
+    axis: Axis,
+    layer: int,
+    best: float,
+    level: int,
+    r: int,
+    c: int,
+    nodes: Int,
+    bounds: Float,
+    waiting: int,
+) -> int:
     """Put the children that may hold something nearer on the stack, the nearest on top; how many wait then."""
     below, rows, across = shape[level - 1, 0], shape[level - 1, 1], shape[level - 1, 2]
     floor = waiting
@@ -233,8 +268,18 @@ def _bound(sphere: Float, axis: Axis) -> float:
 
 
 @kernel
-def _nearest(x: Float32, z: Float32, poses: Float, stands: AnyArray, leaf: int, across: int, axis: Axis,
-             layer: int, flat: bool, best: float) -> float:  # fmt: skip
+def _nearest(
+    x: Float32,
+    z: Float32,
+    poses: Float,
+    stands: AnyArray,
+    leaf: int,
+    across: int,
+    axis: Axis,
+    layer: int,
+    flat: bool,
+    best: float,
+) -> float:
     """The least of `best` and the distances of a leaf's points that still stand.
 
     In a frame both the place along the axis and the square of the distance from its start are polynomials of x and z.

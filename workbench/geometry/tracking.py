@@ -94,8 +94,9 @@ def _spans(x: Float32, keep: Bool, side: float, limits: Float) -> Int:
 
 
 @kernel
-def _sums(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
-          out: Float) -> None:  # fmt: skip
+def _sums(
+    x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float, out: Float
+) -> None:
     """Fill `out` (4, 8), rows COUNT to SZZ: each face's sums over the points within its limits and gate, mm along z."""
     for f in range(4):
         i, j = spans[f, 0], spans[f, 1]
@@ -108,8 +109,9 @@ def _sums(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Fl
 
 
 @kernel(fastmath={"reassoc", "contract"})
-def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop: float, slope: float, offset: float,
-             gate: float) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+def _moments(
+    x: Float32, z: Float32, keep: Bool, side: float, start: float, stop: float, slope: float, offset: float, gate: float
+) -> tuple[float, float, float, float, float, float]:
     """Count, means of x and r and centred sums xx, xr, rr of a face's points: x from its start, r from its line."""
     n, sx, sr, sxx, sxr, srr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(x.size):
@@ -123,8 +125,9 @@ def _moments(x: Float32, z: Float32, keep: Bool, side: float, start: float, stop
 
 
 @kernel
-def _mark_ends(x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float,
-               out: Float) -> None:  # fmt: skip
+def _mark_ends(
+    x: Float32, z: Float32, keep: Bool, spans: Int, side: float, state: Float, limits: Float, gates: Float, out: Float
+) -> None:
     """Fill FIRST and LAST of `out` (4, 8): the first and the last column that `_sums` counts; -1 if there is none."""
     for f in range(4):
         out[f, FIRST] = out[f, LAST] = -1.0
@@ -186,8 +189,7 @@ def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float)
 
 
 @kernel
-def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Float, sense: float,
-            gate: float) -> bool:  # fmt: skip
+def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Float, sense: float, gate: float) -> bool:
     """Does the surface rise out of the face's line beyond column j, without a jump: a burr on its end?"""
     rising = 0
     for d in range(1, 4):
@@ -249,8 +251,9 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 
 @kernel
-def _follow_frame(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float,
-                  sums: Float, end: Float) -> bool:  # fmt: skip
+def _follow_frame(
+    x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float, sums: Float, end: Float
+) -> bool:
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
@@ -293,8 +296,9 @@ def _carry_ends(state: Float, root_dx: float, bevel_dx: float, side: float) -> N
 
 
 @kernel
-def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, names: Int,
-           labels: AnyArray) -> None:  # fmt: skip
+def _label(
+    x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, names: Int, labels: AnyArray
+) -> None:
     """Name the face of each point of a frame whose lines are known."""
     bounds = np.empty(5)
     bounds[1] = side * (_crossing(state, UPPER, BEVEL) if state[UPPER, SEEN] else state[BEVEL, END])
@@ -317,9 +321,22 @@ def _label(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma:
 
 
 @kernel
-def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float,
-                    sigma: Float, names: Int, rim_mm: float, sums: Float, end: Float, seen: Bool,
-                    labels: AnyArray) -> None:  # fmt: skip
+def _follow_stretch(
+    c: int,
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    side: float,
+    keys: Int,
+    states: Float,
+    sigma: Float,
+    names: Int,
+    rim_mm: float,
+    sums: Float,
+    end: Float,
+    seen: Bool,
+    labels: AnyArray,
+) -> None:
     """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
     first = 0 if c == 0 else keys[c - 1]
     last = x.shape[0] if c == keys.size else keys[c]
@@ -348,8 +365,21 @@ def _follow_stretch(c: int, x: Float32, z: Float32, keep: Bool, side: float, key
             lost += 1
 
 
-def follow(x: Float32, z: Float32, keep: Bool, side: float, keys: Int, states: Float, sigma: Float, names: Int,
-           rim_mm: float, sums: Float, end: Float, seen: Bool, labels: AnyArray) -> None:  # fmt: skip
+def follow(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    side: float,
+    keys: Int,
+    states: Float,
+    sigma: Float,
+    names: Int,
+    rim_mm: float,
+    sums: Float,
+    end: Float,
+    seen: Bool,
+    labels: AnyArray,
+) -> None:
     """Follow the faces through the frames between the key frames, on all cores.
 
     x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the

@@ -34,8 +34,9 @@ class Grid:
     no_intensity: str = ""  # why there is none
     ragged: str = ""  # how rows of different length were laid out
 
-    def append(self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None,
-               where: str) -> None:  # fmt: skip
+    def append(
+        self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None, where: str
+    ) -> None:
         """Add a profile. Raises InputError where it is too long."""
         if len(x_mm) > MAX_COLUMNS:
             raise InputError(where, f"expected a profile of at most {MAX_COLUMNS} points, found {len(x_mm)}")
@@ -79,9 +80,14 @@ class Grid:
         x_mm, z_mm = (self._stacked(name, columns, width, np.nan) for name in ("x", "z"))
         intensity = None if self.no_intensity else self._stacked("intensity", columns, width, 0)
         return ProfileFrames(
-            source=source, x_mm=x_mm, z_mm=z_mm, time_s=np.array(self.time_s), intensity=intensity,
-            pass_index=self._passes(pass_gap_s), length_unit=self.length_unit,
-        )  # fmt: skip
+            source=source,
+            x_mm=x_mm,
+            z_mm=z_mm,
+            time_s=np.array(self.time_s),
+            intensity=intensity,
+            pass_index=self._passes(pass_gap_s),
+            length_unit=self.length_unit,
+        )
 
     def _columns(self) -> list[AnyArray]:
         """Columns of the points of each block."""

@@ -44,10 +44,14 @@ def cloud_points(message: Any, where: str) -> Points:
     if not {"x", "y", "z"} & set(layout):
         named = ", ".join(str(field.name) for field in message.fields[:12]) or "none"
         raise InputError(where, f"expected fields x, y, z, found {named}")
-    dtype = np.dtype({
-        "names": list(layout), "formats": list(layout.values()),
-        "offsets": [fields[name].offset for name in layout], "itemsize": step,
-    })  # fmt: skip
+    dtype = np.dtype(
+        {
+            "names": list(layout),
+            "formats": list(layout.values()),
+            "offsets": [fields[name].offset for name in layout],
+            "itemsize": step,
+        }
+    )
     rows = np.ascontiguousarray(message.data.reshape(height, row)[:, : width * step])
     points = rows.view(dtype)
     xyz = np.zeros((3, height, width))

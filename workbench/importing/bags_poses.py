@@ -52,8 +52,7 @@ def pose_source(bag: Bag, part: BagPart) -> str | None:
     return topics[0] if topics else "tf" if moving else None
 
 
-def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None,
-               base_dir: Path) -> tuple[PoseStream, str]:  # fmt: skip
+def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None, base_dir: Path) -> tuple[PoseStream, str]:
     """The flange in the base, from the source that `pose_source` names, and a note on it.
 
     Args:

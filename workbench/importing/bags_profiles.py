@@ -75,8 +75,11 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
                 intensity = None if points.intensity is None else points.intensity[row]
                 grid.append(time_s, number, local[0, row], local[2, row], intensity, message.where)
     profiles = grid.frames(str(bag.path), part.pass_gap_s)
-    notes = [f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
-             f"x of the profiler is {lateral}, its z is {upward}", *grid.notes]  # fmt: skip
+    notes = [
+        f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
+        f"x of the profiler is {lateral}, its z is {upward}",
+        *grid.notes,
+    ]
     return Found(profiles, ros_from_profiler, frame_id, notes)
 
 

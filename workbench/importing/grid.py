@@ -122,9 +122,15 @@ def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | Non
 
 
 def _filled(
-    shape: tuple[int, int], starts: Int, counts: Int, columns: list[AnyArray] | None,
-    x: Float32, z: Float32, light: AnyArray | None, note: str,
-) -> Grid:  # fmt: skip
+    shape: tuple[int, int],
+    starts: Int,
+    counts: Int,
+    columns: list[AnyArray] | None,
+    x: Float32,
+    z: Float32,
+    light: AnyArray | None,
+    note: str,
+) -> Grid:
     """Points put into their columns, block by block; counted from column 0 where `columns` is None."""
     sources = [(x, np.nan), (z, np.nan), *([] if light is None else [(light, 0)])]
     grids = [np.full(shape, empty, values.dtype) for values, empty in sources]

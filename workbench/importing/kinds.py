@@ -14,9 +14,21 @@ from workbench.importing.text import first_bytes, head_text
 from workbench.storage import regular_file
 
 KINDS = (  # modules of workbench.importing
-    "bags", "gocator", "gopxl", "keyence", "scancontrol", "height_grids", "sick", "images", "arrays", "organised",
-    "tables", "poses", "joints", "stamps",
-)  # fmt: skip
+    "bags",
+    "gocator",
+    "gopxl",
+    "keyence",
+    "scancontrol",
+    "height_grids",
+    "sick",
+    "images",
+    "arrays",
+    "organised",
+    "tables",
+    "poses",
+    "joints",
+    "stamps",
+)
 
 
 class Reader(Protocol):

@@ -10,23 +10,87 @@ import numpy as np
 from workbench.importing.sniff import Form, steady
 from workbench.units import Float
 
-UNITS = {"mm": "mm", "m": "m", "um": "um", "µm": "um", "μm": "um", "inch": "inch", "in": "inch", "s": "s", "sec": "s",
-         "ms": "ms", "us": "us", "µs": "us", "ns": "ns", "deg": "deg", "°": "deg", "rad": "rad"}  # fmt: skip
+UNITS = {
+    "mm": "mm",
+    "m": "m",
+    "um": "um",
+    "µm": "um",
+    "μm": "um",
+    "inch": "inch",
+    "in": "inch",
+    "s": "s",
+    "sec": "s",
+    "ms": "ms",
+    "us": "us",
+    "µs": "us",
+    "ns": "ns",
+    "deg": "deg",
+    "°": "deg",
+    "rad": "rad",
+}
 LENGTHS, TIMES, ANGLES = ("mm", "m", "um", "inch"), ("s", "ms", "us", "ns"), ("deg", "rad")
 ALIKE = {
-    "x": "x", "xpos": "x", "posx": "x", "lateral": "x", "y": "y", "ypos": "y", "posy": "y", "z": "z", "zpos": "z",
-    "posz": "z", "range": "z", "height": "z", "distance": "z", "depth": "z",
-    "frame": "frame", "profile": "frame", "profileno": "frame", "profileid": "frame", "profilenumber": "frame",
-    "scan": "frame", "frameid": "frame", "framenumber": "frame", "frameno": "frame", "line": "frame",
+    "x": "x",
+    "xpos": "x",
+    "posx": "x",
+    "lateral": "x",
+    "y": "y",
+    "ypos": "y",
+    "posy": "y",
+    "z": "z",
+    "zpos": "z",
+    "posz": "z",
+    "range": "z",
+    "height": "z",
+    "distance": "z",
+    "depth": "z",
+    "frame": "frame",
+    "profile": "frame",
+    "profileno": "frame",
+    "profileid": "frame",
+    "profilenumber": "frame",
+    "scan": "frame",
+    "frameid": "frame",
+    "framenumber": "frame",
+    "frameno": "frame",
+    "line": "frame",
     "profileindex": "frame",
-    "t": "time", "time": "time", "stamp": "time", "timestamp": "time", "clock": "time", "zeit": "time",
-    "intensity": "intensity", "brightness": "intensity", "luminance": "intensity", "reflectance": "intensity",
-    "encoder": "travel", "travel": "travel", "feed": "travel",
-    "pass": "pass", "scanpass": "pass",
-    "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q1": "q1", "q2": "q2", "q3": "q3", "q4": "q4",
-    "w": "w", "p": "p", "r": "r", "a": "a", "b": "b", "c": "c", "rx": "rx", "ry": "ry", "rz": "rz",
-    "roll": "roll", "pitch": "pitch", "yaw": "yaw",
-}  # fmt: skip
+    "t": "time",
+    "time": "time",
+    "stamp": "time",
+    "timestamp": "time",
+    "clock": "time",
+    "zeit": "time",
+    "intensity": "intensity",
+    "brightness": "intensity",
+    "luminance": "intensity",
+    "reflectance": "intensity",
+    "encoder": "travel",
+    "travel": "travel",
+    "feed": "travel",
+    "pass": "pass",
+    "scanpass": "pass",
+    "qw": "qw",
+    "qx": "qx",
+    "qy": "qy",
+    "qz": "qz",
+    "q1": "q1",
+    "q2": "q2",
+    "q3": "q3",
+    "q4": "q4",
+    "w": "w",
+    "p": "p",
+    "r": "r",
+    "a": "a",
+    "b": "b",
+    "c": "c",
+    "rx": "rx",
+    "ry": "ry",
+    "rz": "rz",
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "yaw",
+}
 ORIENTATIONS = (  # columns, convention, robot, what is uncertain
     (("qw", "qx", "qy", "qz"), "quaternion_wxyz", "", ""),
     (("q1", "q2", "q3", "q4"), "abb", "ABB", ""),
@@ -198,6 +262,8 @@ def _angles(columns: Columns, values: Float, unit: str) -> Columns:
     if unit == "rad" or (not unit and largest <= 2 * np.pi + 1e-3):
         why = "poses.convention: rx, ry, rz within 2 pi are taken as UR's rotation vectors in rad"
         return columns._replace(convention="ur", robot="Universal Robots", doubts=(*columns.doubts, why))
-    why = ("poses.convention: rx, ry, rz in deg are taken as Rz Ry Rx about fixed axes (Yaskawa, ABB's X Y Z, FANUC); "
-           "Staubli's is staubli_rxyz")  # fmt: skip
+    why = (
+        "poses.convention: rx, ry, rz in deg are taken as Rz Ry Rx about fixed axes (Yaskawa, ABB's X Y Z, FANUC); "
+        "Staubli's is staubli_rxyz"
+    )
     return columns._replace(convention="yaskawa_rxyz", doubts=(*columns.doubts, why))

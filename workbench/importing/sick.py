@@ -78,9 +78,12 @@ def read(path: Path, mapping: Mapping) -> Imported:
         intensity = light.astype(np.uint16)
     note = f"{NAME}: {len(scans)} scan(s) of {x.shape[1]} points in mm; scans carry no travel"
     frames = ProfileFrames(
-        str(samples), bounded(np.where(nothing, np.nan, x)), bounded(np.where(nothing, np.nan, r)),
-        intensity=intensity, sensor="SICK",
-    )  # fmt: skip
+        str(samples),
+        bounded(np.where(nothing, np.nan, x)),
+        bounded(np.where(nothing, np.nan, r)),
+        intensity=intensity,
+        sensor="SICK",
+    )
     return Imported(profiles=frames, notes=(note,))
 
 

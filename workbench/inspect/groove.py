@@ -40,12 +40,14 @@ def groove(
     *,
     nominal: Annotated[
         dict[str, Any] | None,
-        Field(description="sizes by the names of groove.json and their tolerances: {'gap_mm': 2, "
-                          "'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"),
+        Field(
+            description="sizes by the names of groove.json and their tolerances: {'gap_mm': 2, "
+            "'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"
+        ),
     ] = None,
     sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the groove")] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
-) -> GrooveInspection:  # fmt: skip
+) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
     Section i lies at (i - 1/2)/n of the measured stretch. Verdicts by ISO 14253-1, as `inspect.sections`: a size that
@@ -70,12 +72,20 @@ def groove(
     sources = _sources(groove, at)
     known = groove.part.hand_eye_u_mm is not None
     return GrooveInspection(
-        type=groove.type, alternatives=groove.alternatives, declared=groove.declared, sections=inspected,
-        requirements=dict(nominal or {}), guard_factor=guard_factor, verdict=verdict,
+        type=groove.type,
+        alternatives=groove.alternatives,
+        declared=groove.declared,
+        sections=inspected,
+        requirements=dict(nominal or {}),
+        guard_factor=guard_factor,
+        verdict=verdict,
         reason=_reason(inspected, bool(required)),
         uncertainty=Uncertainty(not_included=LEFT_OUT if known else (*LEFT_OUT, NO_HAND_EYE)),
-        size_sources=sources, part=groove.part, warnings=groove.warnings, checks=groove.checks,
-    )  # fmt: skip
+        size_sources=sources,
+        part=groove.part,
+        warnings=groove.warnings,
+        checks=groove.checks,
+    )
 
 
 @stage("inspect.groove_gate")
@@ -133,8 +143,13 @@ def _tolerance_name(size: str) -> str:
     return f"{stem}_tolerance_{unit}"
 
 
-def _section(groove: Groove, index: int, at: float, required: Mapping[str, tuple[float, tuple[float, float]]],
-             guard_factor: float) -> GrooveSection:  # fmt: skip
+def _section(
+    groove: Groove,
+    index: int,
+    at: float,
+    required: Mapping[str, tuple[float, tuple[float, float]]],
+    guard_factor: float,
+) -> GrooveSection:
     values: dict[str, float | None] = {}
     for name in SIZES:
         if name not in groove.sizes:
@@ -152,13 +167,22 @@ def _section(groove: Groove, index: int, at: float, required: Mapping[str, tuple
         words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
         verdicts.append(told)
         reasons.append(f"{name} {words[told] if value_ is not None else 'not seen'}")
-    origin, tangent, normal, across = (_vector(groove, v, at) for v in
-                                       (groove.origin_mm, groove.tangent, groove.normal, groove.across))  # fmt: skip
+    origin, tangent, normal, across = (
+        _vector(groove, v, at) for v in (groove.origin_mm, groove.tangent, groove.normal, groove.across)
+    )
     corners = tuple(_corner(groove, name, at, origin, normal, across) for name in groove.corners)
     return GrooveSection(
-        index, at, origin, _unit(tangent), _unit(normal), _unit(across), values,
-        tuple(one for one in corners if one is not None), worst(verdicts), ", ".join(reasons) or NOTHING_REQUIRED,
-    )  # fmt: skip
+        index,
+        at,
+        origin,
+        _unit(tangent),
+        _unit(normal),
+        _unit(across),
+        values,
+        tuple(one for one in corners if one is not None),
+        worst(verdicts),
+        ", ".join(reasons) or NOTHING_REQUIRED,
+    )
 
 
 def _near_seen(groove: Groove, at: float) -> bool:
@@ -167,7 +191,9 @@ def _near_seen(groove: Groove, at: float) -> bool:
 
 
 def _at(groove: Groove, quantity: Quantity, at: float) -> tuple[float, float]:
-    return float(np.interp(at, groove.arc_length_mm, quantity.value)), float(np.interp(at, groove.arc_length_mm, quantity.u))  # fmt: skip  # noqa: E501
+    return float(np.interp(at, groove.arc_length_mm, quantity.value)), float(
+        np.interp(at, groove.arc_length_mm, quantity.u)
+    )
 
 
 def _vector(groove: Groove, values: Float, at: float) -> Float:
@@ -185,8 +211,13 @@ def _corner(groove: Groove, name: str, at: float, origin: Float, normal: Float, 
     if not np.isfinite([a, b, *u]).all() or not _near_seen(groove, at):
         return None
     position = origin + a * _unit(normal) + b * _unit(across)
-    return {"name": name, "position_mm": position.tolist(), "u_mm": u, "section_mm": [a, b],
-            "column": _column(groove, position, at)}  # fmt: skip
+    return {
+        "name": name,
+        "position_mm": position.tolist(),
+        "u_mm": u,
+        "section_mm": [a, b],
+        "column": _column(groove, position, at),
+    }
 
 
 def _column(groove: Groove, position: Float, at: float) -> float | None:

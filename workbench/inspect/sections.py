@@ -57,23 +57,40 @@ def sections(
     inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
     verdict = worst(s.verdict for s in inspected)
     measured = np.array([s.arc_length_mm for s in inspected if s.root_mm is not None])
-    warnings = (*edge.warnings, *_no_bevel(edge.arc_length_mm[absurd]),
-                *_warnings(profile, required, guard_factor, verdict))  # fmt: skip
-    return Inspection(inspected, profile, required, guard_factor, verdict, _reason(inspected), "per section", edge.part,
-                      budget(edge, measured), warnings, edge.checks)  # fmt: skip
+    warnings = (
+        *edge.warnings,
+        *_no_bevel(edge.arc_length_mm[absurd]),
+        *_warnings(profile, required, guard_factor, verdict),
+    )
+    return Inspection(
+        inspected,
+        profile,
+        required,
+        guard_factor,
+        verdict,
+        _reason(inspected),
+        "per section",
+        edge.part,
+        budget(edge, measured),
+        warnings,
+        edge.checks,
+    )
 
 
 def _warnings(profile: EdgeProfile, required: Requirements, guard_factor: float, verdict: Verdict) -> list[str]:
     """What the sections alone do not say: failures between them."""
     failing = []
-    for s, root, root_u, bevel, bevel_u in zip(profile.arc_length_mm, profile.root_mm, profile.root_u_mm,
-                                               profile.bevel_deg, profile.bevel_u_deg, strict=True):  # fmt: skip
+    for s, root, root_u, bevel, bevel_u in zip(
+        profile.arc_length_mm, profile.root_mm, profile.root_u_mm, profile.bevel_deg, profile.bevel_u_deg, strict=True
+    ):
         if np.isfinite(root) and judge(root, root_u, bevel, bevel_u, required, guard_factor)[0] == "fail":
             failing.append(s)
     if not failing or verdict == "fail":
         return []
-    return [f"out of tolerance between sections, at {len(failing)} places of the profile from arc length "
-            f"{failing[0]:.1f} to {failing[-1]:.1f} mm; the verdict rests on the sections"]  # fmt: skip
+    return [
+        f"out of tolerance between sections, at {len(failing)} places of the profile from arc length "
+        f"{failing[0]:.1f} to {failing[-1]:.1f} mm; the verdict rests on the sections"
+    ]
 
 
 def is_bevel(edge: MilledEdge) -> Bool:
@@ -86,8 +103,10 @@ def _no_bevel(at_mm: Float) -> list[str]:
     """Places (m,) where what was followed is no bevel: told, and not measured."""
     if not at_mm.size:
         return []
-    return [f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root size or "
-            "an angle that no bevel has: not measured there"]  # fmt: skip
+    return [
+        f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root size or "
+        "an angle that no bevel has: not measured there"
+    ]
 
 
 def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
@@ -96,8 +115,9 @@ def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
     return EdgeProfile(edge.arc_length_mm, edge.position_mm, *(np.where(seen, v, np.nan) for v in values))
 
 
-def _section(edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Requirements,
-             guard_factor: float) -> Section:  # fmt: skip
+def _section(
+    edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Requirements, guard_factor: float
+) -> Section:
     found = (
         float(np.interp(at, edge.arc_length_mm, profile.root_mm)),
         float(u_at(edge, edge.root, np.array([at]))[0]),
@@ -108,11 +128,20 @@ def _section(edge: MilledEdge, profile: EdgeProfile, index: int, at: float, requ
     verdict, reason = judge(root, root_u, bevel, bevel_u, required, guard_factor)
     near = np.abs(edge.frame_arc_length_mm - at) <= NEAR_MM
     return Section(
-        index=index, arc_length_mm=at, origin_mm=_along(edge, edge.position_mm, at),
-        tangent=_unit(edge, edge.tangent, at), normal=_unit(edge, edge.normal, at), across=_unit(edge, edge.across, at),
-        root_mm=root, root_u_mm=root_u, bevel_deg=bevel, bevel_u_deg=bevel_u, verdict=verdict, reason=reason,
+        index=index,
+        arc_length_mm=at,
+        origin_mm=_along(edge, edge.position_mm, at),
+        tangent=_unit(edge, edge.tangent, at),
+        normal=_unit(edge, edge.normal, at),
+        across=_unit(edge, edge.across, at),
+        root_mm=root,
+        root_u_mm=root_u,
+        bevel_deg=bevel,
+        bevel_u_deg=bevel_u,
+        verdict=verdict,
+        reason=reason,
         frames=np.flatnonzero(near & (root is not None)),
-    )  # fmt: skip
+    )
 
 
 def _along(edge: MilledEdge, values: Float, at: float) -> Float:

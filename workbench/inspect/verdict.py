@@ -14,8 +14,14 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
     return max(verdicts, key=lambda v: RANK[v], default="undecided")
 
 
-def judge(root_mm: float | None, root_u_mm: float | None, bevel_deg: float | None, bevel_u_deg: float | None,
-          required: Requirements, guard_factor: float) -> tuple[Verdict, str]:  # fmt: skip
+def judge(
+    root_mm: float | None,
+    root_u_mm: float | None,
+    bevel_deg: float | None,
+    bevel_u_deg: float | None,
+    required: Requirements,
+    guard_factor: float,
+) -> tuple[Verdict, str]:
     """Verdict of one section, and the reason in words."""
     if root_mm is None or root_u_mm is None or bevel_deg is None or bevel_u_deg is None:
         return "undecided", "the edge is hidden here"

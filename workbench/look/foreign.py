@@ -25,8 +25,11 @@ def frames_alone(found: Imported, source: str) -> Seen:
     assert frames is not None
     count, columns = frames.z_mm.shape
     seen = np.isfinite(frames.x_mm) & np.isfinite(frames.z_mm)
-    lines = [*found.notes, f"profiles: {count} frames of {columns} columns, pitch {pitch_mm(frames.x_mm):.4g} mm, "
-             f"{100 * (1 - seen.mean()):.1f} % missing"]  # fmt: skip
+    lines = [
+        *found.notes,
+        f"profiles: {count} frames of {columns} columns, pitch {pitch_mm(frames.x_mm):.4g} mm, "
+        f"{100 * (1 - seen.mean()):.1f} % missing",
+    ]
     if seen.any():
         x, z = frames.x_mm[seen], frames.z_mm[seen]
         lines.append(f"returns: x {x.min():.4g} to {x.max():.4g} mm, z {z.min():.4g} to {z.max():.4g} mm")

@@ -34,7 +34,7 @@ def check(
     penetration_mm: Annotated[
         float, Field(gt=0, le=2, description="how deep the cutter may touch what must remain, besides 3 u of the edge")
     ] = PENETRATION_MM,
-) -> PathGate:  # fmt: skip
+) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
     Layers: the last one lies on the finished bevel, none below it; each takes no more than the depth of cut, and some
@@ -70,19 +70,29 @@ def check(
         predicted = correction.comes
     comes = toolpath if predicted is None else loaded(toolpath, predicted)
     faults: Iterator[str] = chain(
-        layer_faults(comes, edge), frame_faults(comes, edge), feed_faults(toolpath, v_fast_mm_s, acceleration_mm_s2),
+        layer_faults(comes, edge),
+        frame_faults(comes, edge),
+        feed_faults(toolpath, v_fast_mm_s, acceleration_mm_s2),
         collisions(comes, edge, cloud, penetration_mm),
-    )  # fmt: skip
+    )
     if predicted is not None:
         given_way = greatest_mm(predicted)
         much = [f"the tool is expected {given_way:.2f} mm beside the path, more than {MOST_DEFLECTION_MM:g} mm"]
-        faults = chain(much if given_way > MOST_DEFLECTION_MM else [], faults,
-                       collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False))  # fmt: skip
+        faults = chain(
+            much if given_way > MOST_DEFLECTION_MM else [],
+            faults,
+            collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False),
+        )
     return decision(toolpath, faults, penetration_mm, (*weakened(penetration_mm), *loosened_checks(toolpath)))
 
 
-def decision(toolpath: Toolpath, faults: Iterable[str], tolerance_mm: float, loosened: tuple[str, ...],
-             unchecked: tuple[str, ...] = ()) -> PathGate:  # fmt: skip
+def decision(
+    toolpath: Toolpath,
+    faults: Iterable[str],
+    tolerance_mm: float,
+    loosened: tuple[str, ...],
+    unchecked: tuple[str, ...] = (),
+) -> PathGate:
     """The gate: passed where there is no fault."""
     told = list(_first(iter(faults)))
     points = sum(len(layer.arc_length_mm) for layer in toolpath.layers)

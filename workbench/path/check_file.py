@@ -43,8 +43,13 @@ def check_file(
     claim = toolpath.claim
     told = [f"its file says: {claim.reason}"] if claim and not claim.passed else []
     loosened = (*(claim.loosened if claim else ()), *weakened(penetration_mm))
-    return decision(toolpath, chain(told, _own_faults(toolpath, penetration_mm)), penetration_mm, loosened,
-                    claim.unchecked if claim else (ALONE,))  # fmt: skip
+    return decision(
+        toolpath,
+        chain(told, _own_faults(toolpath, penetration_mm)),
+        penetration_mm,
+        loosened,
+        claim.unchecked if claim else (ALONE,),
+    )
 
 
 def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:

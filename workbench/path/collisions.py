@@ -21,8 +21,9 @@ CORE_SHARE = 0.95  # of the radius: what comes so near the axis was run into, wh
 STEP_MM = 1.0  # between looks at a travel move
 
 
-def collisions(toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float,
-               as_it_comes: bool = True) -> Iterator[str]:  # fmt: skip
+def collisions(
+    toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float, as_it_comes: bool = True
+) -> Iterator[str]:
     """Where the cutter enters what it must not, in words.
 
     The finished part and all that is foreign by more than `penetration_mm` + 3 u; where it is not meant to cut, the
@@ -60,8 +61,9 @@ def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
     return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
 
 
-def _entered(toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float,
-             what: str) -> Iterator[str]:  # fmt: skip
+def _entered(
+    toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float, what: str
+) -> Iterator[str]:
     """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
     radius, tip = toolpath.cutter.diameter_mm / 2.0, toolpath.cutter.flute_length_mm / 2.0
     centre, axis = axes_of(toolpath, points)

@@ -108,8 +108,14 @@ def correct(
 
     moved = float(np.median(cut.moved_mm))
     sine = math.sin(bevel)
-    shift = along((cut.root_mm - toolpath.root_mm) * sine, np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
-                  -frames.x, -frames_at.x, LARGEST_MM, repeatability_mm)  # fmt: skip
+    shift = along(
+        (cut.root_mm - toolpath.root_mm) * sine,
+        np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
+        -frames.x,
+        -frames_at.x,
+        LARGEST_MM,
+        repeatability_mm,
+    )
     turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
     evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
     expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
@@ -119,13 +125,25 @@ def correct(
     path, comes = _corrected(finishing, frames_at, by, tilt)
     stock = _stock(toolpath.finish_allowance_mm, shift, turn, tilt, finish)
     found = PathCorrection(
-        arc_length_mm=finish.arc_length_mm, cut=finish.cutting, displacement_mm=shift.value,
-        displacement_u_mm=expected.u, turn=turn.value, turn_u=turn.u, shift_mm=by, tilt=tilt, stock_mm=stock,
-        bevel=bevel, length_mm=toolpath.edge_length_mm, allowance_mm=toolpath.finish_allowance_mm,
-        repeatability_mm=repeatability_mm, moved_mm=moved, variation_mm=shift.variation, comes=comes,
+        arc_length_mm=finish.arc_length_mm,
+        cut=finish.cutting,
+        displacement_mm=shift.value,
+        displacement_u_mm=expected.u,
+        turn=turn.value,
+        turn_u=turn.u,
+        shift_mm=by,
+        tilt=tilt,
+        stock_mm=stock,
+        bevel=bevel,
+        length_mm=toolpath.edge_length_mm,
+        allowance_mm=toolpath.finish_allowance_mm,
+        repeatability_mm=repeatability_mm,
+        moved_mm=moved,
+        variation_mm=shift.variation,
+        comes=comes,
         reason=_reason(shift, turn, by, tilt, finish.cutting),
         warnings=finishing.warnings,
-    )  # fmt: skip
+    )
     checks = _checks(cut, found, shift, finish, most_moved_mm, toolpath.depth_of_cut_mm)
     evidence = (*finishing.evidence, *inspection.checks, *checks)
     found, refused = replace(found, checks=checks), "; ".join(c.finding for c in checks if not c.passed)
@@ -133,9 +151,13 @@ def correct(
         return replace(path, evidence=evidence), found
     nothing, finishing = np.zeros_like(by), _without_first(toolpath.finishing)
     return replace(finishing, evidence=evidence), replace(
-        found, shift_mm=nothing, tilt=nothing, comes=_unmoved(finishing), refused=refused,
+        found,
+        shift_mm=nothing,
+        tilt=nothing,
+        comes=_unmoved(finishing),
+        refused=refused,
         reason="nothing corrected: refused",
-    )  # fmt: skip
+    )
 
 
 def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
@@ -158,14 +180,23 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
     along = (off * poses.y[at]).sum(axis=1)
     here = (away <= NEAR_MM) & (np.abs(along) <= 0.75 * KEY_POINT_MM)
     if here.sum() < LEAST_PLACES:
-        raise InputError("inspection", f"expected that of the edge that this path milled: {int(here.sum())} of its "
-                         f"{len(position)} places lie within {NEAR_MM:g} mm of where the path cut")  # fmt: skip
+        raise InputError(
+            "inspection",
+            f"expected that of the edge that this path milled: {int(here.sum())} of its "
+            f"{len(position)} places lie within {NEAR_MM:g} mm of where the path cut",
+        )
     arc = (final.arc_length_mm[at] + along)[here]
     if np.median(np.diff(arc)) < 0.0:
         raise InputError("inspection", "the inspected edge runs against the planned one: is upper_side reversed?")
     keep = np.flatnonzero(known)[here]
-    return Cut(arc, profile.root_mm[keep], profile.root_u_mm[keep], profile.bevel_deg[keep] * DEG,
-               profile.bevel_u_deg[keep] * DEG, (off * b[at]).sum(axis=1)[here])  # fmt: skip
+    return Cut(
+        arc,
+        profile.root_mm[keep],
+        profile.root_u_mm[keep],
+        profile.bevel_deg[keep] * DEG,
+        profile.bevel_u_deg[keep] * DEG,
+        (off * b[at]).sum(axis=1)[here],
+    )
 
 
 def _well_inside(layer: Layer, radius_mm: float) -> Bool:
@@ -181,8 +212,14 @@ def _well_inside(layer: Layer, radius_mm: float) -> Bool:
     return np.asarray(layer.cutting & (cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
 
 
-def _under_load(shift: Estimate, predicted: PathDeflection | None, yield_share: float, toolpath: Toolpath,
-                finish: Layer, evened: bool) -> Estimate:  # fmt: skip
+def _under_load(
+    shift: Estimate,
+    predicted: PathDeflection | None,
+    yield_share: float,
+    toolpath: Toolpath,
+    finish: Layer,
+    evened: bool,
+) -> Estimate:
     """The shift as the finishing pass will show it: its load over that of the first cut's last layer is not 1.
 
     Load goes with the face's width and with a power of the height of the stock. That is less where the cut went too
@@ -207,8 +244,10 @@ def _gives_way(layer: Layer, predicted: PathDeflection) -> Float:
     """Displacement (k,) along b, against x, at a layer's points."""
     moved = predicted.by_layer_mm.get(layer.index)
     if moved is None or moved.shape != layer.position_mm.shape:
-        raise InputError("prediction", f"expected that of the first path; it has no layer {layer.index} of "
-                         f"{len(layer.position_mm)} points")  # fmt: skip
+        raise InputError(
+            "prediction",
+            f"expected that of the first path; it has no layer {layer.index} of {len(layer.position_mm)} points",
+        )
     return -moved[:, 0]
 
 
@@ -241,8 +280,7 @@ def _without_first(path: Toolpath) -> Toolpath:
     return replace(path, layers=(replace(path.layers[-1], index=1),), travels=travels)
 
 
-def _corrected(finishing: Toolpath, frames: Poses, by_mm: Float,
-               tilt: Float) -> tuple[Toolpath, PathDeflection]:  # fmt: skip
+def _corrected(finishing: Toolpath, frames: Poses, by_mm: Float, tilt: Float) -> tuple[Toolpath, PathDeflection]:
     """The finishing pass moved along b by (k,) at the root end of its face and turned about it; how the tool comes."""
     final, b, up = finishing.layers[-1], -frames.x, -frames.z
     width = _width(final, final.arc_length_mm)
@@ -272,8 +310,9 @@ def _stock(allowance_mm: float, shift: Estimate, turn: Estimate, tilt: Float, fi
     return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
 
 
-def _checks(cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, most_moved_mm: float,
-            depth_of_cut_mm: float) -> tuple[Check, ...]:  # fmt: skip
+def _checks(
+    cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, most_moved_mm: float, depth_of_cut_mm: float
+) -> tuple[Check, ...]:
     """What must hold for a correction: the part lies where it lay, enough was measured, the allowance suffices."""
     typical, worst = float(np.median(np.abs(cut.moved_mm))), int(np.argmax(np.abs(cut.moved_mm)))
     moved = (
@@ -289,15 +328,39 @@ def _checks(cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, mos
     most = found.allowance_mm + depth_of_cut_mm
     thick = _off_plan(found, shift, found.stock_mm > most, np.argmax, "higher")
     return (
-        Check("edge_moved_mm", round(typical, 4), most_moved_mm, typical <= most_moved_mm,
-              "a part that moved after the cut would be cut in another place", moved),
-        Check("first_cut_measured_share", round(share, 4), (LEAST_SHARE, 1.0), share >= LEAST_SHARE,
-              "what was not measured is only guessed from its neighbours", hardly),
-        Check("least_finishing_stock_mm", round(float(stock.min()), 4), (round(LEAST_DEPTH_MM + u, 4), most), not thin,
-              "what was cut too deep cannot be corrected", thin),
-        Check("most_finishing_stock_mm", round(float(stock.max()), 4), most, not thick,
-              "one layer takes no more than the depth of cut, and the allowance is left to the last", thick),
-    )  # fmt: skip
+        Check(
+            "edge_moved_mm",
+            round(typical, 4),
+            most_moved_mm,
+            typical <= most_moved_mm,
+            "a part that moved after the cut would be cut in another place",
+            moved,
+        ),
+        Check(
+            "first_cut_measured_share",
+            round(share, 4),
+            (LEAST_SHARE, 1.0),
+            share >= LEAST_SHARE,
+            "what was not measured is only guessed from its neighbours",
+            hardly,
+        ),
+        Check(
+            "least_finishing_stock_mm",
+            round(float(stock.min()), 4),
+            (round(LEAST_DEPTH_MM + u, 4), most),
+            not thin,
+            "what was cut too deep cannot be corrected",
+            thin,
+        ),
+        Check(
+            "most_finishing_stock_mm",
+            round(float(stock.max()), 4),
+            most,
+            not thick,
+            "one layer takes no more than the depth of cut, and the allowance is left to the last",
+            thick,
+        ),
+    )
 
 
 def _off_plan(found: PathCorrection, shift: Estimate, wrong: Bool, pick: Callable[[Float], Any], word: str) -> str:

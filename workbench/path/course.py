@@ -56,11 +56,14 @@ def lower_course(edge: Edge, s: Float) -> Course:
     return Course(
         arc_length_mm=s,
         position_mm=lower(np.clip(at, *stations[seen][[0, -1]])) + (s - at)[:, None] * tangent,
-        tangent=tangent, normal=normal, across=across,
-        upper_mm=np.zeros((s.size, 2)), inward=np.tile([-1.0, 0.0], (s.size, 1)),
+        tangent=tangent,
+        normal=normal,
+        across=across,
+        upper_mm=np.zeros((s.size, 2)),
+        inward=np.tile([-1.0, 0.0], (s.size, 1)),
         curvature=np.where(inside[:, None], _curvature(edge, at, normal, across), 0.0),
         seen=_seen(stations, seen, at),
-    )  # fmt: skip
+    )
 
 
 def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:

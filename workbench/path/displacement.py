@@ -45,8 +45,17 @@ class Estimate:
         return bool(np.sqrt(np.mean((self.value / self.u) ** 2)) > 2.0)
 
 
-def estimate(s: Float, values: Float, u: Float, axes: Float, at: Float, axes_at: Float, largest: float,
-             unrepeated: float, unrepeated_length_mm: float) -> Estimate:  # fmt: skip
+def estimate(
+    s: Float,
+    values: Float,
+    u: Float,
+    axes: Float,
+    at: Float,
+    axes_at: Float,
+    largest: float,
+    unrepeated: float,
+    unrepeated_length_mm: float,
+) -> Estimate:
     """Estimate what repeats from values at arc lengths `s` (n,), finite and in any order, for arc lengths `at` (m,).
 
     Args:

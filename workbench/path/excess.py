@@ -46,11 +46,14 @@ def excess_of(inspection: Inspection, bevel: Bevel, thickness_mm: Float) -> Exce
     high = (thickness_mm - bevel.root_mm) * sine - (thickness_mm - root) * np.tan(angle) * cosine
     guard = inspection.guard_factor
     low_u = profile.root_u_mm * sine
-    high_u = np.hypot(profile.root_u_mm * np.tan(angle) * cosine,
-                      (thickness_mm - root) * profile.bevel_u_deg * DEG * cosine / np.cos(angle) ** 2)  # fmt: skip
+    high_u = np.hypot(
+        profile.root_u_mm * np.tan(angle) * cosine,
+        (thickness_mm - root) * profile.bevel_u_deg * DEG * cosine / np.cos(angle) ** 2,
+    )
     small, large = _outside(root - required.root_nominal_mm, required.root_tolerance_mm, guard * profile.root_u_mm)
-    steep, flat = _outside(profile.bevel_deg - required.bevel_nominal_deg, required.bevel_tolerance_deg,
-                           guard * profile.bevel_u_deg)  # fmt: skip
+    steep, flat = _outside(
+        profile.bevel_deg - required.bevel_nominal_deg, required.bevel_tolerance_deg, guard * profile.bevel_u_deg
+    )
     below = (low < -np.maximum(guard * low_u, LEAST_MM)) | (high < -np.maximum(guard * high_u, LEAST_MM))
     return Excess(low, high, small | large | steep | flat, small | ((steep | flat) & below))
 

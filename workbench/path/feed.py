@@ -62,9 +62,10 @@ def feed(
     parts = iter(np.split(limited, np.cumsum([len(points.position_mm) for points, _ in moves])[:-1]))
     fed = [replace(points, feed_mm_s=part) for (points, _), part in zip(moves, parts, strict=True)]
     return replace(
-        toolpath, layers=tuple(p for p in fed if isinstance(p, Layer)),
+        toolpath,
+        layers=tuple(p for p in fed if isinstance(p, Layer)),
         travels=tuple(p for p in fed if isinstance(p, Travel)),
-    )  # fmt: skip
+    )
 
 
 def feed_of_distance(distance_mm: Float, radius_mm: float, v_slow_mm_s: float, v_fast_mm_s: float) -> Float:

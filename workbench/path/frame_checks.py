@@ -52,8 +52,10 @@ def _directions(toolpath: Toolpath, layer: Layer, edge: Edge) -> Iterator[str]:
         angle = _angle(axis, target)
         if angle.max() > ANGLE_DEG * DEG:
             worst = int(np.argmax(angle))
-            yield (f"layer {layer.index} {words} at arc length {layer.arc_length_mm[worst]:.1f} mm "
-                   f"(off by {angle[worst] / DEG:.2f} deg)")  # fmt: skip
+            yield (
+                f"layer {layer.index} {words} at arc length {layer.arc_length_mm[worst]:.1f} mm "
+                f"(off by {angle[worst] / DEG:.2f} deg)"
+            )
 
 
 def _advance(toolpath: Toolpath, layer: Layer) -> Iterator[str]:

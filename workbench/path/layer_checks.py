@@ -34,8 +34,9 @@ def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
         yield from _fault(layer, np.abs(along) > ALONG_MM, "is not in the section of its arc length")
         yield from _fault(layer, layer.cutting & ~course.seen, "cuts where nothing was measured")
         yield from _fault(layer, layer.cutting & ~layer.measured, "cuts where nothing was measured")
-        yield from _fault(layer, layer.cutting & (layer.width_mm > toolpath.cutter.flute_length_mm),
-                          "is wider than the flute")  # fmt: skip
+        yield from _fault(
+            layer, layer.cutting & (layer.width_mm > toolpath.cutter.flute_length_mm), "is wider than the flute"
+        )
         yield from _spacing(layer, toolpath.edge_length_mm)
         if not layer.cutting.any():
             yield f"layer {layer.index} cuts nothing but air"

@@ -57,7 +57,7 @@ def layers(
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
     ] = 10.0,
     least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
-) -> Toolpath:  # fmt: skip
+) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
     Key points lie every 1 mm of the lower edge. A layer's bevel face stands a multiple of the depth of cut above the
@@ -108,15 +108,26 @@ def layers(
         plan = make_plan(edge, cloud, course, table, to, cutter, air, v_slow_mm_s)
         cut = _cut_layers(plan, heights_of)
         return Toolpath(
-            cutter=cutter, layers=cut, travels=travels_of(plan, cut, cutter), root_mm=to.root_mm, bevel_deg=bevel_deg,
-            depth_of_cut_mm=depth_of_cut_mm, v_slow_mm_s=v_slow_mm_s, edge_length_mm=length, part=cloud.part,
-            source=cloud.source, refused=_refused(plan, cut[-1]), warnings=edge.warnings, evidence=edge.checks,
-        )  # fmt: skip
+            cutter=cutter,
+            layers=cut,
+            travels=travels_of(plan, cut, cutter),
+            root_mm=to.root_mm,
+            bevel_deg=bevel_deg,
+            depth_of_cut_mm=depth_of_cut_mm,
+            v_slow_mm_s=v_slow_mm_s,
+            edge_length_mm=length,
+            part=cloud.part,
+            source=cloud.source,
+            refused=_refused(plan, cut[-1]),
+            warnings=edge.warnings,
+            evidence=edge.checks,
+        )
 
     if finish_allowance_mm == 0.0:
         return path(bevel, lambda stock: layer_heights(stock, depth_of_cut_mm))
-    first = path(raised(bevel, finish_allowance_mm),
-                 lambda stock: layer_heights(stock, depth_of_cut_mm, finish_allowance_mm))  # fmt: skip
+    first = path(
+        raised(bevel, finish_allowance_mm), lambda stock: layer_heights(stock, depth_of_cut_mm, finish_allowance_mm)
+    )
     before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in first.layers)
     finishing = replace(path(bevel, lambda _: np.array([finish_allowance_mm, 0.0])), before=before)
     return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)

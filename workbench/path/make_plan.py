@@ -23,8 +23,17 @@ from workbench.path.refusals import refuse_tight_curve
 from workbench.path.section import Bevel
 
 
-def make_plan(edge: Edge, cloud: Cloud, course: Course, table: Course, bevel: Bevel, cutter: Cutter, air: Air,
-              v_slow_mm_s: float, leave: Sequence[Lift] = ()) -> Plan:  # fmt: skip
+def make_plan(
+    edge: Edge,
+    cloud: Cloud,
+    course: Course,
+    table: Course,
+    bevel: Bevel,
+    cutter: Cutter,
+    air: Air,
+    v_slow_mm_s: float,
+    leave: Sequence[Lift] = (),
+) -> Plan:
     """Tool frames along the course, and what must be passed above.
 
     Args:

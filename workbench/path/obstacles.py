@@ -77,8 +77,9 @@ def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> Foreign:
     return Foreign(rows, columns, points, arc)
 
 
-def clearance_heights(foreign: Foreign, course: Course, origin_mm: Float, quaternion_wxyz: Float,
-                      reach: tuple[float, float, float]) -> Float:  # fmt: skip
+def clearance_heights(
+    foreign: Foreign, course: Course, origin_mm: Float, quaternion_wxyz: Float, reach: tuple[float, float, float]
+) -> Float:
     """Height (k,) above the final layer's places that keeps the cutter clear of the foreign points.
 
     Args:
@@ -149,10 +150,13 @@ def merged(lifts: Sequence[Lift]) -> list[Lift]:
         if out and lift.from_mm - lift.ramp_mm < out[-1].to_mm + out[-1].ramp_mm + LEAST_CUT_MM:
             before = out.pop()
             lift = Lift(
-                before.from_mm, max(before.to_mm, lift.to_mm), max(before.height_mm, lift.height_mm),
+                before.from_mm,
+                max(before.to_mm, lift.to_mm),
+                max(before.height_mm, lift.height_mm),
                 IN_THE_WAY if IN_THE_WAY in (before.reason, lift.reason) else before.reason,
-                max(before.ramp_mm, lift.ramp_mm), max(before.share, lift.share),
-            )  # fmt: skip
+                max(before.ramp_mm, lift.ramp_mm),
+                max(before.share, lift.share),
+            )
         out.append(lift)
     return out
 

@@ -78,12 +78,16 @@ def make_layer(plan: Plan, index: int, height_mm: float) -> Layer:
     inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
     cutting = course.seen & inside & (lift < CUTTING_LIFT_MM) & (plan.stock_mm - height_mm > LEAST_DEPTH_MM)
     return Layer(
-        index=index, height_mm=float(height_mm), arc_length_mm=s,
+        index=index,
+        height_mm=float(height_mm),
+        arc_length_mm=s,
         position_mm=origins(course, plan.bevel, height_mm) + lift[:, None] * plan.outward,
-        quaternion_wxyz=plan.quaternion_wxyz, feed_mm_s=np.full(s.shape, plan.v_slow_mm_s),
-        cutting=cutting, measured=course.seen,
+        quaternion_wxyz=plan.quaternion_wxyz,
+        feed_mm_s=np.full(s.shape, plan.v_slow_mm_s),
+        cutting=cutting,
+        measured=course.seen,
         width_mm=np.where(cutting, plan.bevel.width_mm(course, height_mm), 0.0),
-    )  # fmt: skip
+    )
 
 
 def lead_heights(beyond_mm: Float, lead_mm: float, clear_mm: float) -> Float:

@@ -52,14 +52,20 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
     )
     _want(len(feeds) > 0, f"{where}.layers", "expected points that cut, found none")
     return Toolpath(
-        cutter=_cutter(document.get("cutter"), f"{where}.cutter"), layers=layers,
+        cutter=_cutter(document.get("cutter"), f"{where}.cutter"),
+        layers=layers,
         travels=tuple(_travel(one, f"{where}.travels[{i}]") for i, one in enumerate(travels)),
         v_slow_mm_s=float(feeds.min()),
         edge_length_mm=_size(document.get("edge_length_mm", float(lengths.max())), f"{where}.edge_length_mm"),
-        base_from_workobject=_frame(document, where), source=str(toolpath), part=_part(document, where),
-        root_mm=needs["root_mm"], bevel_deg=needs["bevel_deg"], depth_of_cut_mm=needs["depth_of_cut_mm"],
-        claim=read_claim(document, where), evidence=read_evidence(document, where),
-    )  # fmt: skip
+        base_from_workobject=_frame(document, where),
+        source=str(toolpath),
+        part=_part(document, where),
+        root_mm=needs["root_mm"],
+        bevel_deg=needs["bevel_deg"],
+        depth_of_cut_mm=needs["depth_of_cut_mm"],
+        claim=read_claim(document, where),
+        evidence=read_evidence(document, where),
+    )
 
 
 def _layers(value: Any, where: str, depth_mm: float) -> tuple[Layer, ...]:
@@ -82,11 +88,14 @@ def _layer(value: Any, where: str, depth_mm: float, above: int) -> Layer:
     _want(not (cutting & ~measured).any(), f"{where}.points", "expected no cutting where nothing was measured")
     given = [point.get("width_mm", depth_mm * bool(cuts)) for point, cuts in zip(points, cutting, strict=True)]
     return Layer(
-        index=index, height_mm=_size(value.get("height_mm", above * depth_mm), f"{where}.height_mm", zero=True),
+        index=index,
+        height_mm=_size(value.get("height_mm", above * depth_mm), f"{where}.height_mm", zero=True),
         arc_length_mm=_column([p.get("arc_length_mm") for p in points], (), f"{where}.points", "arc_length_mm"),
-        cutting=cutting, measured=measured, width_mm=_column(given, (), f"{where}.points", "width_mm"),
+        cutting=cutting,
+        measured=measured,
+        width_mm=_column(given, (), f"{where}.points", "width_mm"),
         **_poses(points, f"{where}.points"),
-    )  # fmt: skip
+    )
 
 
 def _travel(value: Any, where: str) -> Travel:

@@ -21,8 +21,11 @@ def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:
     """An edge of which too little was seen."""
     share = float(np.mean(edge.seen))
     if share < least_seen_share:
-        raise InputError("edge", f"seen on {100 * share:.0f} % of its length only, expected at least "
-                         f"{100 * least_seen_share:.0f} % (least_seen_share)")  # fmt: skip
+        raise InputError(
+            "edge",
+            f"seen on {100 * share:.0f} % of its length only, expected at least "
+            f"{100 * least_seen_share:.0f} % (least_seen_share)",
+        )
 
 
 def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
@@ -30,13 +33,18 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
     thickness, s = course.upper_mm[at, 1], course.arc_length_mm[at]
     least = int(np.argmin(thickness))
     if bevel.root_mm >= thickness[least]:
-        raise InputError("root_mm", f"{bevel.root_mm:g} mm of root leave nothing to mill: the stock is "
-                         f"{thickness[least]:.2f} mm thick at arc length {s[least]:.1f} mm")  # fmt: skip
+        raise InputError(
+            "root_mm",
+            f"{bevel.root_mm:g} mm of root leave nothing to mill: the stock is "
+            f"{thickness[least]:.2f} mm thick at arc length {s[least]:.1f} mm",
+        )
     slope = -(course.inward[at] @ bevel.normal)
     flat = int(np.argmin(slope))
     if slope[flat] < LEAST_SLOPE:
-        raise InputError("bevel_deg", f"{np.degrees(bevel.angle):g} deg lies along the stock's upper surface at arc "
-                         f"length {s[flat]:.1f} mm")  # fmt: skip
+        raise InputError(
+            "bevel_deg",
+            f"{np.degrees(bevel.angle):g} deg lies along the stock's upper surface at arc length {s[flat]:.1f} mm",
+        )
     if bevel.height_mm(course.upper_mm)[at].max() <= LEAST_DEPTH_MM:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
 
@@ -45,8 +53,11 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
     known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))
     if bevel.root_mm < known_mm:
-        raise InputError("root_mm", f"{bevel.root_mm:g} mm of root is less than the {known_mm:.3g} mm to which edge "
-                         "and robot are known: is it in another unit?")  # fmt: skip
+        raise InputError(
+            "root_mm",
+            f"{bevel.root_mm:g} mm of root is less than the {known_mm:.3g} mm to which edge "
+            "and robot are known: is it in another unit?",
+        )
 
 
 def refuse_allowance(course: Course, at: Bool, bevel: Bevel, allowance_mm: float, depth_of_cut_mm: float) -> None:
@@ -54,19 +65,27 @@ def refuse_allowance(course: Course, at: Bool, bevel: Bevel, allowance_mm: float
     if allowance_mm == 0.0:
         return
     if not 2.0 * LEAST_DEPTH_MM <= allowance_mm <= depth_of_cut_mm:
-        raise InputError("finish_allowance_mm", f"expected {2.0 * LEAST_DEPTH_MM:g} mm to the depth of cut "
-                         f"({depth_of_cut_mm:g} mm), found {allowance_mm:g} mm")  # fmt: skip
+        raise InputError(
+            "finish_allowance_mm",
+            f"expected {2.0 * LEAST_DEPTH_MM:g} mm to the depth of cut "
+            f"({depth_of_cut_mm:g} mm), found {allowance_mm:g} mm",
+        )
     stock = float(bevel.height_mm(course.upper_mm)[at].max())
     if stock - allowance_mm <= LEAST_DEPTH_MM:
-        raise InputError("finish_allowance_mm", f"{allowance_mm:g} mm leave the first cut nothing: the stock stands "
-                         f"{stock:.2f} mm above the finished bevel")  # fmt: skip
+        raise InputError(
+            "finish_allowance_mm",
+            f"{allowance_mm:g} mm leave the first cut nothing: the stock stands "
+            f"{stock:.2f} mm above the finished bevel",
+        )
 
 
 def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_of_cut_mm: float) -> None:
     """A cutter that cannot make this bevel in such layers."""
     if depth_of_cut_mm > cutter.diameter_mm / 2.0:
-        raise InputError("depth_of_cut_mm", f"{depth_of_cut_mm:g} mm is more than the cutter's radius of "
-                         f"{cutter.diameter_mm / 2.0:g} mm")  # fmt: skip
+        raise InputError(
+            "depth_of_cut_mm",
+            f"{depth_of_cut_mm:g} mm is more than the cutter's radius of {cutter.diameter_mm / 2.0:g} mm",
+        )
     width = bevel.width_mm(course, 0.0)
     widest = int(np.argmax(np.where(at, width, -1.0)))
     if width[widest] > cutter.flute_length_mm:
@@ -81,5 +100,8 @@ def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: C
     if stretch[worst] < LEAST_STRETCH:
         radius = 1.0 / float(np.linalg.norm(course.curvature[worst]))
         where = f"arc length {course.arc_length_mm[worst]:.1f} mm: concave with a radius of {radius:.1f} mm"
-        raise InputError("edge", f"{where}, too tight: a cutter of {cutter.diameter_mm:g} mm, "
-                         f"{height_mm[worst]:.1f} mm above the finished bevel, would cross its path")  # fmt: skip
+        raise InputError(
+            "edge",
+            f"{where}, too tight: a cutter of {cutter.diameter_mm:g} mm, "
+            f"{height_mm[worst]:.1f} mm above the finished bevel, would cross its path",
+        )

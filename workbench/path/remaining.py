@@ -61,13 +61,23 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
             faces.append(_at_stations(height, layer.arc_length_mm, table.arc_length_mm))
     down = (from_edge(toolpath, layer, course) @ np.array([[sine], [-cosine]]))[:, 0]
     reach = np.interp(table.arc_length_mm, layer.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
-    return standing_layers(cloud.x_mm, cloud.z_mm, cloud.keep, cloud.base_from_profiler, sections, start,
-                           (cosine, sine, bevel.root_mm * sine), np.stack(faces, axis=1), reach,
-                           radius if swept else 0.0)  # fmt: skip
+    return standing_layers(
+        cloud.x_mm,
+        cloud.z_mm,
+        cloud.keep,
+        cloud.base_from_profiler,
+        sections,
+        start,
+        (cosine, sine, bevel.root_mm * sine),
+        np.stack(faces, axis=1),
+        reach,
+        radius if swept else 0.0,
+    )
 
 
-def stock_distances(remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int,
-                    at: Bool | None = None) -> Float:  # fmt: skip
+def stock_distances(
+    remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int, at: Bool | None = None
+) -> Float:
     """d_min of equation (26): distance (k,) mm of the cutter's axis to the stock after `done` layers.
 
     The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false.

@@ -87,8 +87,10 @@ def rework(
 
 
 def _left_out(edge: MilledEdge, mask: Bool) -> tuple[str, ...]:
-    return tuple(f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
-                 for a, b in cut_stretches(edge.arc_length_mm, mask))  # fmt: skip
+    return tuple(
+        f"arc length {a:.1f} to {b:.1f} mm was not milled: not judged here"
+        for a, b in cut_stretches(edge.arc_length_mm, mask)
+    )
 
 
 def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
@@ -96,8 +98,16 @@ def _widened(s: Float, mask: Bool, by_mm: float) -> list[tuple[float, float]]:
     return [(max(a - by_mm, 0.0), min(b + by_mm, float(s[-1]))) for a, b in cut_stretches(s, mask)]
 
 
-def _path(edge: MilledEdge, cloud: Cloud, before: Toolpath, table: Course, bevel: Bevel, excess: Excess,
-          wanted: list[tuple[float, float]], air: Air) -> Toolpath:  # fmt: skip
+def _path(
+    edge: MilledEdge,
+    cloud: Cloud,
+    before: Toolpath,
+    table: Course,
+    bevel: Bevel,
+    excess: Excess,
+    wanted: list[tuple[float, float]],
+    air: Air,
+) -> Toolpath:
     """The path over the whole edge that comes down on the wanted stretches only."""
     s = key_points(float(edge.arc_length_mm[-1]), air.lead_mm)
     course = with_thickness(lower_course(edge, s), table.arc_length_mm, table.upper_mm[:, 1])
@@ -108,18 +118,35 @@ def _path(edge: MilledEdge, cloud: Cloud, before: Toolpath, table: Course, bevel
     plan = make_plan(edge, cloud, course, table, bevel, before.cutter, air, before.v_slow_mm_s, leave)
     good = np.isfinite(excess.height_mm)
     stock = np.interp(s, edge.arc_length_mm[good], excess.height_mm[good])
-    plan = Plan(course, bevel, stock, plan.outward, plan.quaternion_wxyz, plan.lifts, plan.clear_mm, air,
-                plan.length_mm, plan.v_slow_mm_s)  # fmt: skip
+    plan = Plan(
+        course,
+        bevel,
+        stock,
+        plan.outward,
+        plan.quaternion_wxyz,
+        plan.lifts,
+        plan.clear_mm,
+        air,
+        plan.length_mm,
+        plan.v_slow_mm_s,
+    )
     down = make_layer(plan, 1, 0.0).cutting
     if not down.any():
         raise InputError("edge", "what fails lies beside clamps or was not measured: the cutter cannot reach it")
     heights = layer_heights(stock[down], before.depth_of_cut_mm)
     cut = tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
     return Toolpath(
-        cutter=before.cutter, layers=cut, travels=travels_of(plan, cut, before.cutter), root_mm=bevel.root_mm,
-        bevel_deg=bevel.angle / DEG, depth_of_cut_mm=before.depth_of_cut_mm, v_slow_mm_s=before.v_slow_mm_s,
-        edge_length_mm=plan.length_mm, part=cloud.part, source=cloud.source,
-    )  # fmt: skip
+        cutter=before.cutter,
+        layers=cut,
+        travels=travels_of(plan, cut, before.cutter),
+        root_mm=bevel.root_mm,
+        bevel_deg=bevel.angle / DEG,
+        depth_of_cut_mm=before.depth_of_cut_mm,
+        v_slow_mm_s=before.v_slow_mm_s,
+        edge_length_mm=plan.length_mm,
+        part=cloud.part,
+        source=cloud.source,
+    )
 
 
 def _between(wanted: list[tuple[float, float]], clear_mm: float, ramp_mm: float) -> list[Lift]:
@@ -149,6 +176,8 @@ def _reason(too_much: tuple[Stretch, ...], too_little: tuple[Stretch, ...]) -> s
     if too_much:
         parts.append(f"too much material on {len(too_much)} stretches, from arc length {too_much[0].from_mm:.1f} mm")
     if too_little:
-        parts.append(f"too little material on {len(too_little)} stretches, from arc length "
-                     f"{too_little[0].from_mm:.1f} mm: these cannot be mended")  # fmt: skip
+        parts.append(
+            f"too little material on {len(too_little)} stretches, from arc length "
+            f"{too_little[0].from_mm:.1f} mm: these cannot be mended"
+        )
     return "; ".join(parts) or LEAVE

@@ -49,10 +49,14 @@ def simplify(
     arcs: Annotated[bool, Field(description="circular moves too; false: straight ones only")] = True,
     least_sweep_deg: Annotated[
         float,
-        Field(gt=0, le=90, description="of a circular move; ABB asks for 1 deg between via and target seen from the "
-              "start, a quarter of the sweep"),
+        Field(
+            gt=0,
+            le=90,
+            description="of a circular move; ABB asks for 1 deg between via and target seen from the "
+            "start, a quarter of the sweep",
+        ),
     ] = 4.2,
-) -> Moves:  # fmt: skip
+) -> Moves:
     """Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
 
     From each target the longest move is taken, straight or circular, whose every skipped point lies within the chord
@@ -86,20 +90,32 @@ def simplify(
         via, via_turn = np.full((len(targets), 3), np.nan), np.full((len(targets), 4), np.nan)
     else:
         targets, circular, via, via_turn = merge_poses(
-            points.position_mm, points.quaternion_wxyz, points.feed_mm_s,
-            _labels(points), chord_mm=chord_tolerance_mm,
+            points.position_mm,
+            points.quaternion_wxyz,
+            points.feed_mm_s,
+            _labels(points),
+            chord_mm=chord_tolerance_mm,
             angle=angle_tolerance_deg * DEG,
             feed_share=np.where(points.cutting, feed_tolerance, air_feed_tolerance),
             least_sweep=least_sweep_deg * DEG if arcs else math.inf,
-        )  # fmt: skip
+        )
     slowest = np.minimum.reduceat(points.feed_mm_s, np.append(0, targets[:-1] + 1))
     return Moves(
-        position_mm=points.position_mm[targets], quaternion_wxyz=points.quaternion_wxyz[targets], circular=circular,
-        via_position_mm=via, via_quaternion_wxyz=via_turn, feed_mm_s=slowest, cutting=points.cutting[targets],
-        layer=points.layer[targets], toolpath=toolpath, points_before=len(every.layer),
-        chord_tolerance_mm=chord_tolerance_mm, angle_tolerance_deg=angle_tolerance_deg, postures=postures,
+        position_mm=points.position_mm[targets],
+        quaternion_wxyz=points.quaternion_wxyz[targets],
+        circular=circular,
+        via_position_mm=via,
+        via_quaternion_wxyz=via_turn,
+        feed_mm_s=slowest,
+        cutting=points.cutting[targets],
+        layer=points.layer[targets],
+        toolpath=toolpath,
+        points_before=len(every.layer),
+        chord_tolerance_mm=chord_tolerance_mm,
+        angle_tolerance_deg=angle_tolerance_deg,
+        postures=postures,
         point=None if postures is None else kept[targets],
-    )  # fmt: skip
+    )
 
 
 def _labels(points: Points) -> Int:

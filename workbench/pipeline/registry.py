@@ -67,8 +67,14 @@ def load_file(path: str | Path) -> None:
     except PipelineError:
         raise
     except Exception as error:  # a plug-in may fail in any way while it is imported
-        line = next((frame.lineno for frame in reversed(traceback.extract_tb(error.__traceback__))
-                     if frame.filename == str(where)), getattr(error, "lineno", None))  # fmt: skip
+        line = next(
+            (
+                frame.lineno
+                for frame in reversed(traceback.extract_tb(error.__traceback__))
+                if frame.filename == str(where)
+            ),
+            getattr(error, "lineno", None),
+        )
         place = f"--plugin {path}" + (f": line {line}" if line else "")
         raise PipelineError(place, f"cannot be run: {type(error).__name__}: {error}") from error
     if not set(REGISTRY) - before and not any(one.function.__module__ == name for one in REGISTRY.values()):

@@ -149,9 +149,13 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
         "reason": found.reason,
         "stations": [dict(zip(columns, row, strict=True)) for row in rows],
         "checks": [dataclasses.asdict(check) for check in found.checks],
-        "uncertainty": {"repeatability_mm": found.repeatability_mm, "variation_mm": found.variation_mm,
-                        "cancels": list(CANCELS), "not_included": list(NOT_INCLUDED)},
-    }  # fmt: skip
+        "uncertainty": {
+            "repeatability_mm": found.repeatability_mm,
+            "variation_mm": found.variation_mm,
+            "cancels": list(CANCELS),
+            "not_included": list(NOT_INCLUDED),
+        },
+    }
 
 
 def groove_document(found: GrooveInspection) -> dict[str, Any]:

@@ -203,6 +203,9 @@ def _check_result_files(steps: list[Step], document: PipelineDocument) -> None:
         for file in filter(None, map(file_of, step.stage.produces)) if step.write else ():
             if makers.get(file, step.id) not in {step.id, *taken}:
                 where = f"{document.name}: stages[{i}]"
-                raise PipelineError(where, f"{step.id} and {makers[file]} would both write {file}: keep one of "
-                                    'them, or say "write": false of the other')  # fmt: skip
+                raise PipelineError(
+                    where,
+                    f"{step.id} and {makers[file]} would both write {file}: keep one of "
+                    'them, or say "write": false of the other',
+                )
             makers[file] = step.id

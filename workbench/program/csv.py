@@ -48,5 +48,4 @@ def _rows(part: Layer | Travel) -> Iterator[str]:
     else:
         starts, ends = ["0,"] * len(part.feed_mm_s), ["0,1"] * len(part.feed_mm_s)
     for start, (p, q, feed), end in zip(starts, pose, ends, strict=True):
-        yield (f"{start},{p[0]:.6f},{p[1]:.6f},{p[2]:.6f},{q[0]:.9f},{q[1]:.9f},{q[2]:.9f},{q[3]:.9f},"
-               f"{feed:.6f},{end}")  # fmt: skip
+        yield (f"{start},{p[0]:.6f},{p[1]:.6f},{p[2]:.6f},{q[0]:.9f},{q[1]:.9f},{q[2]:.9f},{q[3]:.9f},{feed:.6f},{end}")

@@ -58,8 +58,10 @@ class Fanuc:
     def __post_init__(self) -> None:
         """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
         if self.job.moves.feed_mm_s.min() < 0.1:
-            raise InputError("program.write", "expected feeds of 0.1 mm/s or more for FANUC, found "
-                             f"{self.job.moves.feed_mm_s.min():.3g}")  # fmt: skip
+            raise InputError(
+                "program.write",
+                f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
+            )
 
     @functools.cached_property
     def ends(self) -> list[str]:
@@ -209,8 +211,10 @@ def place(position_mm: Float, quaternion_wxyz: Float) -> Float:
 
 def spelled(values: Float) -> list[str]:
     """A position's two lines."""
-    texts = [f"{name} = {value:.3f} {'mm' if name in 'XYZ' else 'deg'}"
-             for name, value in zip("XYZWPR", values.tolist(), strict=True)]  # fmt: skip
+    texts = [
+        f"{name} = {value:.3f} {'mm' if name in 'XYZ' else 'deg'}"
+        for name, value in zip("XYZWPR", values.tolist(), strict=True)
+    ]
     return [",\t".join(texts[:3]) + ",", ",\t".join(texts[3:])]
 
 

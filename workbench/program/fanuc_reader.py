@@ -178,10 +178,16 @@ class _Program:
         if here.pose is None or (via and via.pose is None) or feed <= 0:
             lines.refuse("a speed above 0 and positions in space, with a configuration string", text)
         return ProgramMove(
-            lines.number, "C" if via else "L", *self.names, pose=here.pose, via=via.pose if via else None,
-            feed_mm_s=feed, zone_mm=float(zone or 0), configuration=here.configuration,
+            lines.number,
+            "C" if via else "L",
+            *self.names,
+            pose=here.pose,
+            via=via.pose if via else None,
+            feed_mm_s=feed,
+            zone_mm=float(zone or 0),
+            configuration=here.configuration,
             turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
-        )  # fmt: skip
+        )
 
     def first(self, text: str) -> ProgramMove:
         """J to the first posture."""
@@ -191,9 +197,13 @@ class _Program:
             self.lines.refuse("J to joint angles, 1% to 100%, FINE, as the first motion", text)
         joints = here.joints_deg * DEG
         return ProgramMove(
-            self.lines.number, "J", *self.names, joints=free_joint_3(self.chain, joints) if self.level else joints,
-            joint_speed=int(found[2]) / 100, turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
-        )  # fmt: skip
+            self.lines.number,
+            "J",
+            *self.names,
+            joints=free_joint_3(self.chain, joints) if self.level else joints,
+            joint_speed=int(found[2]) / 100,
+            turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
+        )
 
     @property
     def names(self) -> tuple[str, str]:

@@ -53,8 +53,11 @@ def _data(lines: Lines) -> dict[str, tuple[str, Any]]:
     declared: dict[str, tuple[str, Any]] = {}
     while (line := lines.peek()).startswith("DECL"):
         kind = line.split()[1] if len(line.split()) > 1 else ""
-        wanted = {"E6AXIS": rf"\{{{AXES}{EXTERNAL}\}}",
-                  "E6POS": rf"\{{{POSE},S (\d+),T (\d+){EXTERNAL}\}}", "POS": FRAME}  # fmt: skip
+        wanted = {
+            "E6AXIS": rf"\{{{AXES}{EXTERNAL}\}}",
+            "E6POS": rf"\{{{POSE},S (\d+),T (\d+){EXTERNAL}\}}",
+            "POS": FRAME,
+        }
         shape = wanted.get(kind, "(?!)")
         found = lines.take(rf"DECL {kind} {NAME}={shape}", "a declaration of E6AXIS, E6POS or POS")
         if found[1] in declared:
@@ -137,16 +140,30 @@ class _Source:
             values = self.position(found[1], "E6AXIS")
             if not 0 < self.percent <= 100:
                 lines.refuse("BAS (#VEL_PTP,percent) of 1 to 100 before PTP", found[0])
-            move = ProgramMove(lines.number, "J", self.tool, self.base, joints=np.array(values[:6]) * DEG,
-                               joint_speed=self.percent / 100, turntable=_turntable(values[6]))  # fmt: skip
+            move = ProgramMove(
+                lines.number,
+                "J",
+                self.tool,
+                self.base,
+                joints=np.array(values[:6]) * DEG,
+                joint_speed=self.percent / 100,
+                turntable=_turntable(values[6]),
+            )
         else:
             values = self.position(found[(word == "CIRC" and 2) or 1], "E6POS")
             via = euler_pose(self.position(found[1], "POS")) if word == "CIRC" else None
             move = ProgramMove(
-                lines.number, "C" if via is not None else "L", self.tool, self.base, pose=euler_pose(values[:6]),
-                via=via, feed_mm_s=self.feed, zone_mm=self.zone if found[len(found.groups())] else 0.0,
-                turntable=_turntable(values[8]), configuration=(int(values[6]), int(values[7])),
-            )  # fmt: skip
+                lines.number,
+                "C" if via is not None else "L",
+                self.tool,
+                self.base,
+                pose=euler_pose(values[:6]),
+                via=via,
+                feed_mm_s=self.feed,
+                zone_mm=self.zone if found[len(found.groups())] else 0.0,
+                turntable=_turntable(values[8]),
+                configuration=(int(values[6]), int(values[7])),
+            )
         self.moves.append(move)
 
     def position(self, name: str, kind: str) -> list[float]:

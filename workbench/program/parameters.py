@@ -40,8 +40,17 @@ def program_job(name: str, moves: Moves, cell: Cell, zone_mm: float, rounding_mm
     assert mass is not None
     assert centre is not None
     spindle = MillingTool(tool[:3, 3] - radius * tool[:3, 0], quaternion_from_rotation(tool[:3, :3]), mass, centre)
-    return ProgramJob(name, seen, spindle, zone_mm, moves.turntable_deg, rounding_mm, cell.base_from_workobject,
-                      cell.tool_name, cell.work_object_name)  # fmt: skip
+    return ProgramJob(
+        name,
+        seen,
+        spindle,
+        zone_mm,
+        moves.turntable_deg,
+        rounding_mm,
+        cell.base_from_workobject,
+        cell.tool_name,
+        cell.work_object_name,
+    )
 
 
 def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Moves:
@@ -55,5 +64,6 @@ def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Mov
     via, via_turn = moves.via_position_mm.copy(), moves.via_quaternion_wxyz.copy()
     arcs = moves.circular
     via[arcs], via_turn[arcs] = turned(via[arcs], via_turn[arcs])
-    return dataclasses.replace(moves, position_mm=position, quaternion_wxyz=quaternion, via_position_mm=via,
-                               via_quaternion_wxyz=via_turn)  # fmt: skip
+    return dataclasses.replace(
+        moves, position_mm=position, quaternion_wxyz=quaternion, via_position_mm=via, via_quaternion_wxyz=via_turn
+    )

@@ -77,16 +77,28 @@ class Rapid:
             yield f"  CONST speeddata feed{i}:=[{feed:.7g},{TURN_DEG_S},5000,1000];"
         assert job.moves.joints_deg is not None
         said = configurations(self.cell, job.moves.joints_deg * DEG)
-        yield from _targets("p", np.arange(len(job.moves.layer)), job.moves.position_mm, job.moves.quaternion_wxyz,
-                            job.turntable_deg, said)  # fmt: skip
+        yield from _targets(
+            "p",
+            np.arange(len(job.moves.layer)),
+            job.moves.position_mm,
+            job.moves.quaternion_wxyz,
+            job.turntable_deg,
+            said,
+        )
         arcs = np.flatnonzero(job.moves.circular)
         yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
         if self.skeleton:
             yield from self.skeleton.data()
             place, turn = self.skeleton.retracted
             last = None if job.turntable_deg is None else job.turntable_deg[-1:]
-            yield from _targets("retract", np.array([0]), place, turn, last,
-                                configurations(self.cell, self.skeleton.retract_joints[None]))  # fmt: skip
+            yield from _targets(
+                "retract",
+                np.array([0]),
+                place,
+                turn,
+                last,
+                configurations(self.cell, self.skeleton.retract_joints[None]),
+            )
         else:
             yield from self._start_posture()
         yield f"  PROC {self.procedure}()"
@@ -97,8 +109,12 @@ class Rapid:
         """By the axes to the first posture, and exactly to the first target."""
         end = self.ends[0]
         begin = self.skeleton.start(end) if self.skeleton else []
-        return [*begin, f"    MoveAbsJ jStart\\NoEOffs,{end}", *(self.skeleton.on() if self.skeleton else []),
-                f"    MoveL p1,{end}"]  # fmt: skip
+        return [
+            *begin,
+            f"    MoveAbsJ jStart\\NoEOffs,{end}",
+            *(self.skeleton.on() if self.skeleton else []),
+            f"    MoveL p1,{end}",
+        ]
 
     def _layer(self, i: int) -> list[str]:
         """What stands before move i where a layer begins with it."""

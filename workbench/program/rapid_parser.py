@@ -37,9 +37,13 @@ ON_CONTROLLER = ("tooldata", "wobjdata", "jointtarget")  # what a move may name 
 LEAST_DISTANCE_MM, LEAST_ANGLE_DEG = 0.1, 1.0  # of MoveC: start to via and target; between these, seen from the start
 MOVES = {"movel": "MoveL", "movec": "MoveC", "movej": "MoveJ", "moveabsj": "MoveAbsJ"}
 EVENTS = {  # what follows each: names and numbers, signs, one of several words
-    "setdo": ("name", ",", "0|1"), "waitdi": ("name", ",", "1", "\\", "maxtime", ":=", "number"),
-    "waittime": ("number",), "actunit": ("name",), "velset": ("number", ",", "number"), "stop": (),
-}  # fmt: skip
+    "setdo": ("name", ",", "0|1"),
+    "waitdi": ("name", ",", "1", "\\", "maxtime", ":=", "number"),
+    "waittime": ("number",),
+    "actunit": ("name",),
+    "velset": ("number", ",", "number"),
+    "stop": (),
+}
 SWITCHES = {"confl": ("on", "off"), "confj": ("on", "off"), "cirpathmode": ("pathframe", "objectframe", "cirpointori")}
 
 
@@ -124,8 +128,10 @@ class _Parser:
             tokens.take(":" if kind == "label" else ";")
             return kind, (name,)
         word = tokens.take(*EVENTS)
-        arguments: list[str | float] = [self.known() if part == "name" else self.amount() if part == "number" else
-                                        tokens.take(*part.split("|")) for part in EVENTS[word]]  # fmt: skip
+        arguments: list[str | float] = [
+            self.known() if part == "name" else self.amount() if part == "number" else tokens.take(*part.split("|"))
+            for part in EVENTS[word]
+        ]
         tokens.take(";")
         return word, tuple(one for one in arguments if one not in (",", "\\", ":=", "maxtime"))
 

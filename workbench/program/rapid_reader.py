@@ -105,8 +105,11 @@ def _events(events: tuple[Event, ...], process: ProcessPart | None, name: str) -
         first, second = (*(str(one).lower() for one in event.arguments[:2]), "", "")[:2]
         kind = plain.get(event.instruction) or known.get((event.instruction, first, second))
         if kind is None:
-            raise InputError(name, f"line {event.line}: expected a name and a use of the cell file's process section, "
-                             f"found {event.instruction} {event.arguments[0]}")  # fmt: skip
+            raise InputError(
+                name,
+                f"line {event.line}: expected a name and a use of the cell file's process section, "
+                f"found {event.instruction} {event.arguments[0]}",
+            )
         value = ",".join(f"{one:g}" if isinstance(one, float) else one for one in event.arguments)
         yield ProgramEvent(event.line, event.before, kind, value)
 

@@ -39,8 +39,14 @@ class Skeleton:
     def __post_init__(self) -> None:
         """Refuse names that mean something in RAPID."""
         process, spindle = self.process, self.process.spindle
-        names = [process.coolant_signal, process.mechanical_unit, process.home.controller_name, *process.before,
-                 *process.after, *((spindle.on_signal, spindle.at_speed_signal) if spindle else ())]  # fmt: skip
+        names = [
+            process.coolant_signal,
+            process.mechanical_unit,
+            process.home.controller_name,
+            *process.before,
+            *process.after,
+            *((spindle.on_signal, spindle.at_speed_signal) if spindle else ()),
+        ]
         for name in filter(None, names):
             try:
                 free_name(name)
@@ -95,8 +101,10 @@ class Skeleton:
         near = branches + 2 * np.pi * np.round((there - branches) / (2 * np.pi))
         away = np.abs(near - there).max(axis=1)
         if not np.isfinite(away).any():
-            raise InputError(f"{self.cell.source}: $.process.{which}", f"expected a point that the robot reaches, "
-                             f"{distance_mm:g} mm along the cutter's axis is none")  # fmt: skip
+            raise InputError(
+                f"{self.cell.source}: $.process.{which}",
+                f"expected a point that the robot reaches, {distance_mm:g} mm along the cutter's axis is none",
+            )
         return np.asarray(near[np.nanargmin(away)])
 
     def first(self) -> list[str]:

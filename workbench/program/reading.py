@@ -80,9 +80,11 @@ def numbers(found: re.Match[str], first: int, last: int) -> list[float]:
 def euler_pose(values: list[float]) -> Float:
     """The pose (4, 4) of X, Y, Z in mm and A, B, C in deg: R = Rz(A) Ry(B) Rx(C)."""
     (ca, cb, cc), (sa, sb, sc) = np.cos(np.array(values[3:]) * DEG), np.sin(np.array(values[3:]) * DEG)
-    turn = np.array([
-        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
-        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
-        [-sb, cb * sc, cb * cc],
-    ])  # fmt: skip
+    turn = np.array(
+        [
+            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
+            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
+            [-sb, cb * sc, cb * cc],
+        ]
+    )
     return pose_from(turn, np.array(values[:3]))

@@ -35,8 +35,11 @@ def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
         if row[0] <= (rows[-1][0] if rows else -1.0) or (not rows and row[0] != 0.0):
             lines.refuse("times that rise from 0", found[0])
         rows.append(row)
-        moves.append(ProgramMove(lines.number, "J", TOOL, BASE, joints=np.array(row[1:7]) * DEG, turntable=row[7] * DEG,
-                                 time_s=row[0]))  # fmt: skip
+        moves.append(
+            ProgramMove(
+                lines.number, "J", TOOL, BASE, joints=np.array(row[1:7]) * DEG, turntable=row[7] * DEG, time_s=row[0]
+            )
+        )
     if len(moves) < 2:
         raise InputError(name, f"expected at least two rows, found {len(moves)}")
     tool = _same(rows, *one_file(files, ".json"))

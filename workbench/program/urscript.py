@@ -119,8 +119,10 @@ class UrScript:
         """Positions (k, 3) and rotations (k, 3, 3) of targets."""
         place, turn = self.job.work_object
         base_from_object = pose_from(rotation_from_quaternion(turn), place)
-        return (position_mm @ base_from_object[:3, :3].T + place,
-                base_from_object[:3, :3] @ rotation_from_quaternion(quaternion_wxyz))  # fmt: skip
+        return (
+            position_mm @ base_from_object[:3, :3].T + place,
+            base_from_object[:3, :3] @ rotation_from_quaternion(quaternion_wxyz),
+        )
 
 
 def poses(position_mm: Float, rotation: Float) -> list[str]:

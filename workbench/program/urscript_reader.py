@@ -83,8 +83,17 @@ def _move(lines: Lines, turntable: float | None, before: list[ProgramMove]) -> P
             lines.refuse(
                 f"blends that do not overlap: {last.zone_mm:g} and {1000 * radius:g} mm on {chord:.3g} mm", found[0]
             )
-    return ProgramMove(lines.number, "C" if circular else "L", TOOL, BASE, pose=pose, via=via, feed_mm_s=1000 * feed,
-                       zone_mm=1000 * radius, turntable=turntable)  # fmt: skip
+    return ProgramMove(
+        lines.number,
+        "C" if circular else "L",
+        TOOL,
+        BASE,
+        pose=pose,
+        via=via,
+        feed_mm_s=1000 * feed,
+        zone_mm=1000 * radius,
+        turntable=turntable,
+    )
 
 
 def _pose(values: list[float]) -> Float:

@@ -27,8 +27,11 @@ from workbench.stage import stage
 Controller = Literal["abb", "kuka", "fanuc", "ur", "trajectory"]
 Name = Annotated[str, AfterValidator(free_name)]
 OTHERS: dict[str, Callable[[ProgramJob, Cell], Dialect]] = {
-    "kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "trajectory": Trajectory,
-}  # fmt: skip
+    "kuka": Krl,
+    "fanuc": Fanuc,
+    "ur": UrScript,
+    "trajectory": Trajectory,
+}
 
 
 @stage("program.write")
@@ -86,8 +89,11 @@ def write(
         released(name, moves.toolpath, gate, cell, moves)
         return (gate,)
     if chosen is None:
-        raise InputError(f"{cell.source}: $.controller", "expected the make of the robot's controller: abb, kuka, "
-                         "fanuc, ur or trajectory (or the pipeline's input 'controller')")  # fmt: skip
+        raise InputError(
+            f"{cell.source}: $.controller",
+            "expected the make of the robot's controller: abb, kuka, "
+            "fanuc, ur or trajectory (or the pipeline's input 'controller')",
+        )
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
     if known not in (None, chosen):

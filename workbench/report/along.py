@@ -109,13 +109,24 @@ def _draw_measured(axes: Axes, what: Characteristic, s: Float) -> None:
     axes.plot(s, what.value, color=MEASURED, linewidth=1.1, zorder=3)
     for section, value, u in what.at_sections:
         axes.errorbar(
-            section.arc_length_mm, value, COVERAGE * u, markersize=4, capsize=2.5, linewidth=1.0,
-            color=VERDICTS[section.verdict], zorder=4,
-        )  # fmt: skip
+            section.arc_length_mm,
+            value,
+            COVERAGE * u,
+            markersize=4,
+            capsize=2.5,
+            linewidth=1.0,
+            color=VERDICTS[section.verdict],
+            zorder=4,
+        )
 
 
 def _label_level(axes: Axes, level: float, text: str) -> None:
     axes.annotate(
-        text, (1.0, level), (6, 0), xycoords=("axes fraction", "data"), va="center",
-        fontsize=8, color=INK if text.startswith("nominal") else LIMIT,
-    )  # fmt: skip
+        text,
+        (1.0, level),
+        (6, 0),
+        xycoords=("axes fraction", "data"),
+        va="center",
+        fontsize=8,
+        color=INK if text.startswith("nominal") else LIMIT,
+    )

@@ -52,11 +52,25 @@ def specification(inspection: Inspection) -> list[tuple[str, ...]]:
     needs, sections = inspection.requirements, inspection.sections
     rows = []
     for name, symbol, unit, nominal, (lower, upper), values, u in (
-        ("Root face", "c", " mm", needs.root_nominal_mm, needs.root_tolerance_mm,
-         [s.root_mm for s in sections], [s.root_u_mm for s in sections]),
-        ("Bevel angle", "β", "°", needs.bevel_nominal_deg, needs.bevel_tolerance_deg,
-         [s.bevel_deg for s in sections], [s.bevel_u_deg for s in sections]),
-    ):  # fmt: skip
+        (
+            "Root face",
+            "c",
+            " mm",
+            needs.root_nominal_mm,
+            needs.root_tolerance_mm,
+            [s.root_mm for s in sections],
+            [s.root_u_mm for s in sections],
+        ),
+        (
+            "Bevel angle",
+            "β",
+            "°",
+            needs.bevel_nominal_deg,
+            needs.bevel_tolerance_deg,
+            [s.bevel_deg for s in sections],
+            [s.bevel_u_deg for s in sections],
+        ),
+    ):
         places, known = decimals(u), [value for value in values if value is not None]
         ends = [measured(end(known), None, places) + unit if known else "–" for end in (min, max)]
         largest = max((one for one in u if one is not None), default=None)
@@ -77,9 +91,8 @@ def budget(known: Uncertainty, sections: tuple[Section, ...]) -> tuple[list[tupl
     k = known.coverage_factor
     return [(s.name, s.kind, small(s.root_u_mm, root), small(s.bevel_u_deg, bevel)) for s in known.sources], [
         ("Combined standard uncertainty u", "", small(largest[0], root), small(largest[1], bevel)),
-        (f"Expanded U = k u, coverage factor k = {k:g}", "",
-         small(k * largest[0], root), small(k * largest[1], bevel)),
-    ]  # fmt: skip
+        (f"Expanded U = k u, coverage factor k = {k:g}", "", small(k * largest[0], root), small(k * largest[1], bevel)),
+    ]
 
 
 def _places(u: float) -> int:

@@ -27,21 +27,26 @@ def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -
         lead=_lead(found),
         found=list(_found_rows(found)),
         chart=data_address(_chart(found)),
-        checks=[(c.name, _number(c.value), _limit(c.limit), "passed" if c.passed else one_line(c.finding))
-                for c in found.checks],
+        checks=[
+            (c.name, _number(c.value), _limit(c.limit), "passed" if c.passed else one_line(c.finding))
+            for c in found.checks
+        ],
         cancels=CANCELS,
         not_included=NOT_INCLUDED,
         repeatability=f"{found.repeatability_mm:g}",
         finished=list(_finished_rows(finished)),
         parts=data_address(_parts_chart(finished)) if finished else "",
-    )  # fmt: skip
+    )
 
 
 def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
     """The loop in one line."""
     said = [f"refused: {one_line(found.refused)}" if found.refused else found.reason]
-    said += [f"{name}: root off by {off[0]:+.3f} mm in the mean" for name, one in finished.items()
-             if (off := _off(one, "root_mm"))]  # fmt: skip
+    said += [
+        f"{name}: root off by {off[0]:+.3f} mm in the mean"
+        for name, one in finished.items()
+        if (off := _off(one, "root_mm"))
+    ]
     return "; ".join(said)
 
 
@@ -122,8 +127,14 @@ def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
     for one in finished.values():
         for section in one.sections:
             if section.root_mm is not None:
-                top.plot(section.arc_length_mm, section.root_mm - one.requirements.root_nominal_mm, "o",
-                         markersize=3.5, color=VERDICTS[section.verdict], zorder=4)  # fmt: skip
+                top.plot(
+                    section.arc_length_mm,
+                    section.root_mm - one.requirements.root_nominal_mm,
+                    "o",
+                    markersize=3.5,
+                    color=VERDICTS[section.verdict],
+                    zorder=4,
+                )
     top.legend()
     top.set_ylabel("root face\ndeviation, mm")
     below.set_ylabel("bevel angle\ndeviation, °")

@@ -10,9 +10,18 @@ from workbench.spreadsheet import as_text
 from workbench.stage import stage
 
 HEADER = (
-    "section", "arc_length_mm", "x_mm", "y_mm", "z_mm",
-    "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg", "verdict", "reason",
-)  # fmt: skip
+    "section",
+    "arc_length_mm",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "root_mm",
+    "root_u_mm",
+    "bevel_deg",
+    "bevel_u_deg",
+    "verdict",
+    "reason",
+)
 
 
 @stage("report.csv")

@@ -87,7 +87,12 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
     for face in (ROOT_FACE, BEVEL_FACE):
         of_face = label == face
         strip.plot(
-            along[of_face], off[of_face], ".", color=FACES[face], markersize=1.4, alpha=0.6,
-        )  # fmt: skip
+            along[of_face],
+            off[of_face],
+            ".",
+            color=FACES[face],
+            markersize=1.4,
+            alpha=0.6,
+        )
     strip.axhline(0.0, color=INK, linewidth=0.5)
     strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2)

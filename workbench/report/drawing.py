@@ -68,16 +68,29 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.tick_params(labelsize=8)
     axes.annotate(
-        f"{section.index}", (0, 1), (0, 3), xycoords="axes fraction",
-        fontsize=11, fontweight="bold",
-    )  # fmt: skip
+        f"{section.index}",
+        (0, 1),
+        (0, 3),
+        xycoords="axes fraction",
+        fontsize=11,
+        fontweight="bold",
+    )
     axes.annotate(
-        f"at {section.arc_length_mm:.1f} mm", (0, 1), (16, 3), xycoords="axes fraction", color=GREY,
-    )  # fmt: skip
+        f"at {section.arc_length_mm:.1f} mm",
+        (0, 1),
+        (16, 3),
+        xycoords="axes fraction",
+        color=GREY,
+    )
     axes.annotate(
-        f"{SIGNS[section.verdict]} {section.verdict}", (1, 1), (0, 3), xycoords="axes fraction",
-        ha="right", color=VERDICTS[section.verdict], fontweight="bold",
-    )  # fmt: skip
+        f"{SIGNS[section.verdict]} {section.verdict}",
+        (1, 1),
+        (0, 3),
+        xycoords="axes fraction",
+        ha="right",
+        color=VERDICTS[section.verdict],
+        fontweight="bold",
+    )
     if section.root_mm is None or section.bevel_deg is None:
         text = textwrap.fill(section.reason or "not measured", 24)
         axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", color=GREY)

@@ -65,8 +65,9 @@ class Need:
         return math.sqrt(left) if left > 0.0 else None
 
 
-def needs(links: Sequence[Link], measured: bool, bevel: float, root_half_mm: float,
-          bevel_half_deg: float) -> tuple[Need, Need]:  # fmt: skip
+def needs(
+    links: Sequence[Link], measured: bool, bevel: float, root_half_mm: float, bevel_half_deg: float
+) -> tuple[Need, Need]:
     """Root face and bevel angle (`bevel` in rad): milled blindly, or corrected by a measured cut."""
     share = [link.left if measured else 1.0 for link in links]
     root = tuple(link.along_b_mm * s / math.sin(bevel) for link, s in zip(links, share, strict=True))

@@ -27,6 +27,13 @@ def hatch_hidden(axes: Axes, stretches_mm: list[tuple[float, float]]) -> None:
         axes.axvspan(start, end, hatch="////", zorder=0.6)
         if end - start > 0.05 * (axes.get_xlim()[1] - axes.get_xlim()[0]):
             axes.annotate(
-                "hidden", ((start + end) / 2, 0.5), xycoords=("data", "axes fraction"), ha="center", va="center",
-                rotation=90, fontsize=8, color=GREY, box=True,
-            )  # fmt: skip
+                "hidden",
+                ((start + end) / 2, 0.5),
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="center",
+                rotation=90,
+                fontsize=8,
+                color=GREY,
+                box=True,
+            )

@@ -69,9 +69,15 @@ def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name
         at, value, planned = row.section.arc_length_mm, getattr(row.section, value_name), getattr(row, value_name)
         if value is not None:
             axes.errorbar(
-                at, value - asked, COVERAGE * (getattr(row.section, u_name) or 0.0), markersize=4,
-                capsize=2.5, linewidth=1.0, color=VERDICTS[row.section.verdict], zorder=4,
-            )  # fmt: skip
+                at,
+                value - asked,
+                COVERAGE * (getattr(row.section, u_name) or 0.0),
+                markersize=4,
+                capsize=2.5,
+                linewidth=1.0,
+                color=VERDICTS[row.section.verdict],
+                zorder=4,
+            )
         if planned is not None:
             axes.plot(at, planned - asked, "x", color=INK, markersize=6, zorder=5)
     hatch_hidden(axes, gaps(s, np.isfinite(off)))

@@ -43,9 +43,15 @@ def edges_in_plane(cloud: Cloud, edge: RawEdge) -> bytes:
         if np.isfinite(along).any():
             middle = float(np.nanmedian(across))
             in_plane.annotate(
-                name, (0.5, middle), (0, -9), xycoords=("axes fraction", "data"),
-                ha="center", va="center", color=colour, fontsize=8,
-            )  # fmt: skip
+                name,
+                (0.5, middle),
+                (0, -9),
+                xycoords=("axes fraction", "data"),
+                ha="center",
+                va="center",
+                color=colour,
+                fontsize=8,
+            )
         off.plot(along, out, color=colour, linewidth=1.1)
     in_plane.margins(x=0.01, y=0.22)
     low, high = off.get_ylim()
@@ -70,9 +76,14 @@ def feed_chart(edge: Edge, toolpath: Toolpath) -> bytes:
     _mark_cutting(axes, s, final.cutting)
     axes.axhline(toolpath.v_slow_mm_s, color=LIMIT, linewidth=0.8, dashes=(4, 2.5), zorder=0.8)
     axes.annotate(
-        f"cutting feed {toolpath.v_slow_mm_s:g} mm/s", (1.0, toolpath.v_slow_mm_s), (6, 0),
-        xycoords=("axes fraction", "data"), va="center", fontsize=8, color=LIMIT,
-    )  # fmt: skip
+        f"cutting feed {toolpath.v_slow_mm_s:g} mm/s",
+        (1.0, toolpath.v_slow_mm_s),
+        (6, 0),
+        xycoords=("axes fraction", "data"),
+        va="center",
+        fontsize=8,
+        color=LIMIT,
+    )
     axes.set_xlabel(ALONG)
     axes.set_ylabel("feed, mm/s")
     return svg(figure)
@@ -92,9 +103,14 @@ def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> 
         axes.set_ylim(bottom=0.0)
     rows[0].axhline(toolpath.depth_of_cut_mm, color=LIMIT, linewidth=0.8, dashes=(4, 2.5))
     rows[0].annotate(
-        f"depth of cut {toolpath.depth_of_cut_mm:g} mm", (1.0, toolpath.depth_of_cut_mm), (6, 0), va="center",
-        xycoords=("axes fraction", "data"), fontsize=8, color=LIMIT,
-    )  # fmt: skip
+        f"depth of cut {toolpath.depth_of_cut_mm:g} mm",
+        (1.0, toolpath.depth_of_cut_mm),
+        (6, 0),
+        va="center",
+        xycoords=("axes fraction", "data"),
+        fontsize=8,
+        color=LIMIT,
+    )
     for axes in rows:
         hatch_hidden(axes, hidden_stretches(edge))
     rows[-1].set_xlabel(ALONG)

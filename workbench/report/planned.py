@@ -54,9 +54,13 @@ def whole_run(toolpath: Toolpath) -> Run:
     cutting = [p.cutting if isinstance(p, Layer) else np.zeros(len(p.feed_mm_s), dtype=bool) for p in parts]
     layer = [np.full(len(p.feed_mm_s), p.index if isinstance(p, Layer) else 0) for p in parts]
     return Run(
-        position, feed, np.concatenate(cutting), np.concatenate(layer),
-        step_lengths_mm(position), step_times_s(position, feed),
-    )  # fmt: skip
+        position,
+        feed,
+        np.concatenate(cutting),
+        np.concatenate(layer),
+        step_lengths_mm(position),
+        step_times_s(position, feed),
+    )
 
 
 def frames_in_base(toolpath: Toolpath, layer: Layer) -> Float:

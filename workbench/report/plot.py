@@ -84,8 +84,16 @@ class Figure:
         self.axes.append(Axes(self, rect))
         return self.axes[-1]
 
-    def subplots(self, rows: int = 1, columns: int = 1, *, squeeze: bool = True, sharex: bool = False,
-                 sharey: bool = False, height_ratios: Sequence[float] | None = None) -> Any:  # fmt: skip
+    def subplots(
+        self,
+        rows: int = 1,
+        columns: int = 1,
+        *,
+        squeeze: bool = True,
+        sharex: bool = False,
+        sharey: bool = False,
+        height_ratios: Sequence[float] | None = None,
+    ) -> Any:
         """Axes in rows and columns, placed by `subplots_adjust`; inner ones of shared axes have no labels there."""
         grid = [[self.add_axes((0, 0, 1, 1)) for _ in range(columns)] for _ in range(rows)]
         first = grid[0][0]
@@ -99,8 +107,9 @@ class Figure:
         self.subplots_adjust(0.125, 0.11, 0.9, 0.88)
         return np.array(grid, dtype=object) if not squeeze else [one for row in grid for one in row]
 
-    def subplots_adjust(self, left: float, bottom: float, right: float, top: float, *, wspace: float = 0.2,
-                        hspace: float = 0.2) -> None:  # fmt: skip
+    def subplots_adjust(
+        self, left: float, bottom: float, right: float, top: float, *, wspace: float = 0.2, hspace: float = 0.2
+    ) -> None:
         """Where the subplots lie; `wspace`, `hspace`: between them, in shares of their mean size."""
         for grid, ratios in self._grid:
             rows, columns = len(grid), len(grid[0])
@@ -195,8 +204,14 @@ class Axes:
 
     # Settings.
 
-    def set(self, *, xlim: Limits | None = None, ylim: Limits | None = None, aspect: str = "",
-            xticks: Sequence[float] | None = None) -> None:  # fmt: skip
+    def set(
+        self,
+        *,
+        xlim: Limits | None = None,
+        ylim: Limits | None = None,
+        aspect: str = "",
+        xticks: Sequence[float] | None = None,
+    ) -> None:
         """Limits; `aspect` "equal": one scale both ways; `xticks`: [] for none."""
         for axis, limits in (("x", xlim), ("y", ylim)):
             if limits is not None:
@@ -277,14 +292,34 @@ class Axes:
 
     def set_title(self, text: str, *, fontsize: float = SIZE, color: str = INK, pad: float = 6.0) -> None:
         """Above the axes' left end."""
-        self.annotate(text, (0, 1), (0, pad), xycoords="axes fraction", textcoords="offset points", fontsize=fontsize,
-                      color=color, va="bottom")  # fmt: skip
+        self.annotate(
+            text,
+            (0, 1),
+            (0, pad),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            fontsize=fontsize,
+            color=color,
+            va="bottom",
+        )
 
     # What is drawn.
 
-    def plot(self, x: Any, y: Any, marker: str = "", *, color: Colour = INK, linewidth: float = 1.5,
-             dashes: Sequence[float] = (), zorder: float = 2.0, markersize: float = 6.0, alpha: float = 1.0,
-             label: str | None = None, clip_on: bool = True) -> None:  # fmt: skip
+    def plot(
+        self,
+        x: Any,
+        y: Any,
+        marker: str = "",
+        *,
+        color: Colour = INK,
+        linewidth: float = 1.5,
+        dashes: Sequence[float] = (),
+        zorder: float = 2.0,
+        markersize: float = 6.0,
+        alpha: float = 1.0,
+        label: str | None = None,
+        clip_on: bool = True,
+    ) -> None:
         """A line, broken where a point is not finite; or a marker at each: '.' (one picture of all), o, ^, x."""
         xy = np.column_stack([np.asarray(x, float).ravel(), np.asarray(y, float).ravel()])
         self._lines.append(Line(xy, marker))
@@ -344,8 +379,15 @@ class Axes:
         self.shared["x"].take(np.array([low, high]))
         self._later.append((zorder, True, lambda: self._rect((low, high), None, _filled(facecolor, hatch))))
 
-    def axhline(self, at: float, *, color: Colour = INK, linewidth: float = 1.5, dashes: Sequence[float] = (),
-                zorder: float = 2.0) -> None:  # fmt: skip
+    def axhline(
+        self,
+        at: float,
+        *,
+        color: Colour = INK,
+        linewidth: float = 1.5,
+        dashes: Sequence[float] = (),
+        zorder: float = 2.0,
+    ) -> None:
         """A line across the axes."""
         self.shared["y"].take(np.array([at]))
 
@@ -384,13 +426,24 @@ class Axes:
             one = width / len(colours)
             return "".join(
                 f'<rect x="{_n(left + k * one)}" y="{_n(top)}" width="{_n(one + 0.3)}" height="{_n(height)}" '
-                f'fill="{_colour(colour)}"/>' for k, colour in enumerate(colours)
-            )  # fmt: skip
+                f'fill="{_colour(colour)}"/>'
+                for k, colour in enumerate(colours)
+            )
 
         self._later.append((1.0, True, drawn))
 
-    def errorbar(self, x: float, y: float, half: float, *, color: Colour, markersize: float = 4.0, capsize: float = 2.5,
-                 linewidth: float = 1.0, zorder: float = 2.0) -> None:  # fmt: skip
+    def errorbar(
+        self,
+        x: float,
+        y: float,
+        half: float,
+        *,
+        color: Colour,
+        markersize: float = 4.0,
+        capsize: float = 2.5,
+        linewidth: float = 1.0,
+        zorder: float = 2.0,
+    ) -> None:
         """A value with its uncertainty."""
         self._take([x, x], [y - half, y + half])
 
@@ -398,15 +451,29 @@ class Axes:
             at, low, high = self._x(x), self._y(y - half), self._y(y + half)
             caps = "".join(f"M{_n(at - capsize)} {_n(v)}H{_n(at + capsize)}" for v in (low, high))
             ink = _colour(color)
-            return (f'<path d="M{_n(at)} {_n(low)}V{_n(high)}{caps}" fill="none" {_stroke(ink, linewidth)}/>'
-                    + _markers(np.array([[at, self._y(y)]]), "o", ink, markersize))  # fmt: skip
+            return f'<path d="M{_n(at)} {_n(low)}V{_n(high)}{caps}" fill="none" {_stroke(ink, linewidth)}/>' + _markers(
+                np.array([[at, self._y(y)]]), "o", ink, markersize
+            )
 
         self._later.append((zorder, True, drawn))
 
-    def annotate(self, text: str, at: Any, offset: tuple[float, float] = (0.0, 0.0), *,
-                 xycoords: str | tuple[str, str] = "data", textcoords: str = "offset points", ha: str = "left",
-                 va: str = "baseline", fontsize: float = SIZE, color: Colour = INK, fontweight: str = "normal",
-                 rotation: float = 0.0, box: bool = False, zorder: float = 3.0) -> None:  # fmt: skip
+    def annotate(
+        self,
+        text: str,
+        at: Any,
+        offset: tuple[float, float] = (0.0, 0.0),
+        *,
+        xycoords: str | tuple[str, str] = "data",
+        textcoords: str = "offset points",
+        ha: str = "left",
+        va: str = "baseline",
+        fontsize: float = SIZE,
+        color: Colour = INK,
+        fontweight: str = "normal",
+        rotation: float = 0.0,
+        box: bool = False,
+        zorder: float = 3.0,
+    ) -> None:
         """A text beside a place: in the axes' units, or in "axes fraction"; `box`: on white."""
         if textcoords != "offset points":
             raise ValueError(f"texts stand at 'offset points', not at '{textcoords}'")
@@ -428,8 +495,16 @@ class Axes:
 
         self._later.append((zorder, False, drawn))
 
-    def arrow(self, tip: Sequence[float] | Float, tail: Sequence[float] | Float, *, both: bool = False,
-              color: Colour = INK, linewidth: float = 0.6, head: Limits = (3.2, 1.3)) -> None:  # fmt: skip
+    def arrow(
+        self,
+        tip: Sequence[float] | Float,
+        tail: Sequence[float] | Float,
+        *,
+        both: bool = False,
+        color: Colour = INK,
+        linewidth: float = 0.6,
+        head: Limits = (3.2, 1.3),
+    ) -> None:
         """An arrow in the axes' units, with a head at its tip or both ends; `head`: length and half its width."""
         ends = np.array([tail, tip], float)
         self._take(ends[:, 0], ends[:, 1])
@@ -464,8 +539,10 @@ class Axes:
 
     def drawn(self, clip: str) -> str:
         """The axes as SVG elements."""
-        parts = [("" if inside else "</g>", draw(), "" if inside else f'<g clip-path="url(#{clip})">')
-                 for _, inside, draw in sorted(self._later, key=lambda one: one[0])]  # fmt: skip
+        parts = [
+            ("" if inside else "</g>", draw(), "" if inside else f'<g clip-path="url(#{clip})">')
+            for _, inside, draw in sorted(self._later, key=lambda one: one[0])
+        ]
         inside = "".join(text for part in parts for text in part)
         body = f'<g clip-path="url(#{clip})">{inside}</g>'.replace(f'<g clip-path="url(#{clip})"></g>', "")
         return f"<g>{body}{self._frame()}{''.join(one.drawn(clip) for one in self._insets)}</g>"
@@ -630,8 +707,18 @@ def _width(text: str, size: float) -> float:
     return 0.62 * size * max(map(len, text.split("\n")))
 
 
-def _text(text: str, x: float, y: float, size: float, ha: str, va: str, ink: str = INK, weight: str = "normal",
-          rotation: float = 0.0, box: bool = False) -> str:  # fmt: skip
+def _text(
+    text: str,
+    x: float,
+    y: float,
+    size: float,
+    ha: str,
+    va: str,
+    ink: str = INK,
+    weight: str = "normal",
+    rotation: float = 0.0,
+    box: bool = False,
+) -> str:
     """A text of one line or several, aligned about (x, y)."""
     rows, step = text.split("\n"), 1.2 * size
     first = {"baseline": 0.0, "bottom": -0.24 * size, "top": 0.78 * size, "center": 0.36 * size}[va]
@@ -641,8 +728,10 @@ def _text(text: str, x: float, y: float, size: float, ha: str, va: str, ink: str
     halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if box else ""
     lines = "".join(f'<tspan x="0" y="{_n(first + k * step)}">{escape(row)}</tspan>' for k, row in enumerate(rows))
     turned = f" rotate({_n(-rotation)})" if rotation else ""
-    return (f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
-            f'fill="{ink}"{bold}{halo}>{lines}</text>')  # fmt: skip
+    return (
+        f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
+        f'fill="{ink}"{bold}{halo}>{lines}</text>'
+    )
 
 
 def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: float, alpha: float) -> str:
@@ -667,5 +756,7 @@ def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: f
     out = io.BytesIO()
     image.save(out, "png", transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1)))
     data = base64.b64encode(out.getvalue()).decode()
-    return (f'<image x="{_n(left)}" y="{_n(top)}" width="{_n(width)}" height="{_n(height)}" preserveAspectRatio="none" '
-            f'href="data:image/png;base64,{data}"/>')  # fmt: skip
+    return (
+        f'<image x="{_n(left)}" y="{_n(top)}" width="{_n(width)}" height="{_n(height)}" preserveAspectRatio="none" '
+        f'href="data:image/png;base64,{data}"/>'
+    )

@@ -103,15 +103,28 @@ def sensitivity(
         Link("sensor", "the scanned edge", sensor_mm, sensor_deg, 0.0, "the measurement of the cut takes its place"),
         Link("hand-eye", known, eye / math.sqrt(3.0), hand_eye_deg, 0.0, "both scans and both cuts share it"),
         Link("robot, what repeats", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
-        Link("robot, what does not", "given", robot_repeatability_mm, 0.0, chance,
-             "new in the finishing pass, and a little of the first cut's"),
+        Link(
+            "robot, what does not",
+            "given",
+            robot_repeatability_mm,
+            0.0,
+            chance,
+            "new in the finishing pass, and a little of the first cut's",
+        ),
         Link("tool", tool_from, tool_mm, tool_deg, 0.0, "both cuts share it"),
-        Link("turntable", table_from, turntable_mm, turntable_deg, 0.0,
-             "both cuts share it, if it stands between them"),
-        Link("temperature", f"{temperature_k:g} K over {reach / 1000.0:.2f} m of steel", warm, 0.0,
-             drifts / warm if warm > 0.0 else 0.0, "what changes between the cuts"),
+        Link(
+            "turntable", table_from, turntable_mm, turntable_deg, 0.0, "both cuts share it, if it stands between them"
+        ),
+        Link(
+            "temperature",
+            f"{temperature_k:g} K over {reach / 1000.0:.2f} m of steel",
+            warm,
+            0.0,
+            drifts / warm if warm > 0.0 else 0.0,
+            "what changes between the cuts",
+        ),
         Link("wear", "given", uniform, 0.0, 1.0 / (len(toolpath.layers) + 1), "only the finishing pass's own"),
-    )  # fmt: skip
+    )
     measured = Link("measurement of the cut", "given", inspection_mm * sine, inspection_deg, 1.0, "it is new")
     root_half, bevel_half = (min(-low, high) for low, high in (root_tolerance_mm, bevel_tolerance_deg))
     blind = needs(links, False, bevel, root_half, bevel_half)
@@ -121,19 +134,38 @@ def sensitivity(
         "format": "bevel-sensitivity",
         "version": 1,
         "bevel_deg": toolpath.bevel_deg,
-        "links": [{"name": link.name, "source": link.source, "along_b_u_mm": link.along_b_mm,
-                   "tilt_u_deg": link.tilt_deg, "left": link.left} for link in (*links, measured)],
+        "links": [
+            {
+                "name": link.name,
+                "source": link.source,
+                "along_b_u_mm": link.along_b_mm,
+                "tilt_u_deg": link.tilt_deg,
+                "left": link.left,
+            }
+            for link in (*links, measured)
+        ],
         "characteristics": [
-            {"name": need.name, "unit": need.unit, "way": way, "tolerance_half_width": need.half_width,
-             "u": need.total, "holds": need.holds, "improve_first": chain[need.worst].name,
-             "links": [{"name": link.name, "u": u, "share": need.share(k), "allowed_u": need.allowed(k)}
-                       for k, (link, u) in enumerate(zip(chain, need.u, strict=True))]}
+            {
+                "name": need.name,
+                "unit": need.unit,
+                "way": way,
+                "tolerance_half_width": need.half_width,
+                "u": need.total,
+                "holds": need.holds,
+                "improve_first": chain[need.worst].name,
+                "links": [
+                    {"name": link.name, "u": u, "share": need.share(k), "allowed_u": need.allowed(k)}
+                    for k, (link, u) in enumerate(zip(chain, need.u, strict=True))
+                ],
+            }
             for way, chain, both in (("blind", links, blind), ("corrected", (*links, measured), corrected))
             for need in both
         ],
-    }  # fmt: skip
-    return (Chapter("Which link costs how much", html, summary=summary),
-            Document("sensitivity.json", strict_json(document)))  # fmt: skip
+    }
+    return (
+        Chapter("Which link costs how much", html, summary=summary),
+        Document("sensitivity.json", strict_json(document)),
+    )
 
 
 def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:

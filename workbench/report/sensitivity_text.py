@@ -40,5 +40,10 @@ def _verdict(need: Need, links: Sequence[Link]) -> str:
 
 def _row(link: Link, need: Need, k: int) -> tuple[str, ...]:
     allowed = need.allowed(k)
-    return (link.name, f"{need.u[k]:.4f}", f"{100 * need.share(k):.0f} %", f"{2 * need.without(k):.3f}",
-            "–" if allowed is None else f"{allowed:.3f}")  # fmt: skip
+    return (
+        link.name,
+        f"{need.u[k]:.4f}",
+        f"{100 * need.share(k):.0f} %",
+        f"{2 * need.without(k):.3f}",
+        "–" if allowed is None else f"{allowed:.3f}",
+    )

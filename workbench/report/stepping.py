@@ -62,11 +62,14 @@ def stepped_section(edge: RawEdge, toolpath: Toolpath) -> Stepped | None:
     axes = np.array([edge.normal[station], edge.across[station]])
     inward = edge.upper_inward[station]
     return Stepped(
-        arc_length_mm=float(s[k]), thickness_mm=float(high[station]), inward=axes @ inward,
+        arc_length_mm=float(s[k]),
+        thickness_mm=float(high[station]),
+        inward=axes @ inward,
         upper_edge=axes @ (edge.upper_position_mm[station] - edge.position_mm[station]),
         cuts=[cut for layer in toolpath.layers if (cut := _cut(edge, toolpath, layer, float(s[k])))],
-        root_mm=float(bevel.root_mm[k]), bevel_deg=float(bevel.bevel_deg[k]),
-    )  # fmt: skip
+        root_mm=float(bevel.root_mm[k]),
+        bevel_deg=float(bevel.bevel_deg[k]),
+    )
 
 
 def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Stepped) -> bytes:
@@ -123,9 +126,14 @@ def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None
     for face in np.unique(points.label):
         u, v = laid_out[points.label == face, 1:].T
         axes.plot(
-            u, v, ".", color=FACES[int(face)], markersize=2.6,
-            alpha=0.6, zorder=2,
-        )  # fmt: skip
+            u,
+            v,
+            ".",
+            color=FACES[int(face)],
+            markersize=2.6,
+            alpha=0.6,
+            zorder=2,
+        )
 
 
 def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
@@ -141,9 +149,15 @@ def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) 
         axes.plot(*np.array([cut.upper, end]).T, color=colour, linewidth=0.6, zorder=1)
         if cut.layer.index in named:
             axes.annotate(
-                f"{cut.layer.index}", tuple(beyond), (-5, -1), ha="right", va="center",
-                fontsize=8, color=INK, fontweight="bold" if final else "normal",
-            )  # fmt: skip
+                f"{cut.layer.index}",
+                tuple(beyond),
+                (-5, -1),
+                ha="right",
+                va="center",
+                fontsize=8,
+                color=INK,
+                fontweight="bold" if final else "normal",
+            )
 
 
 def _named(stepped: Stepped, size: float) -> set[int]:

@@ -79,10 +79,15 @@ def _because(reason: str) -> str:
 def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
     """A row a check that passed, or that did not: name, value, limits; what was found, or why the limit is there."""
     return [
-        (check.name.replace("_", " "), _number(check.value), _limit(check.limit),
-         one_line(check.reason if passed else check.finding or check.reason))
-        for check in checks if check.passed == passed
-    ]  # fmt: skip
+        (
+            check.name.replace("_", " "),
+            _number(check.value),
+            _limit(check.limit),
+            one_line(check.reason if passed else check.finding or check.reason),
+        )
+        for check in checks
+        if check.passed == passed
+    ]
 
 
 def _number(value: float | None) -> str:

@@ -16,8 +16,16 @@ STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
 @kernel(error_model="numpy")
-def _place(at: AnyArray, placed: AnyArray, middle: AnyArray, motion: AnyArray, link: AnyArray, is_box: AnyArray,
-           ends: AnyArray, pose: AnyArray) -> None:  # fmt: skip
+def _place(
+    at: AnyArray,
+    placed: AnyArray,
+    middle: AnyArray,
+    motion: AnyArray,
+    link: AnyArray,
+    is_box: AnyArray,
+    ends: AnyArray,
+    pose: AnyArray,
+) -> None:
     """Every volume where its link carries it: ends of capsules, poses of boxes, the middles of both."""
     for s in range(len(link)):
         if is_box[s]:
@@ -29,9 +37,21 @@ def _place(at: AnyArray, placed: AnyArray, middle: AnyArray, motion: AnyArray, l
 
 
 @kernel(error_model="numpy")
-def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
-                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
-                 pairs: AnyArray) -> AnyArray:  # fmt: skip
+def bound_kernel(
+    axes: AnyArray,
+    points: AnyArray,
+    joints: AnyArray,
+    table: AnyArray,
+    turned: AnyArray,
+    link: AnyArray,
+    is_box: AnyArray,
+    ends: AnyArray,
+    radius: AnyArray,
+    pose: AnyArray,
+    half: AnyArray,
+    around: AnyArray,
+    pairs: AnyArray,
+) -> AnyArray:
     """See `clearance_bound_mm`; `around` (S,): radius of the sphere around each volume."""
     found = np.empty(len(joints))
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
@@ -45,9 +65,21 @@ def bound_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
-                 is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
-                 pairs: AnyArray) -> tuple[AnyArray, AnyArray]:  # fmt: skip
+def pairs_kernel(
+    axes: AnyArray,
+    points: AnyArray,
+    joints: AnyArray,
+    table: AnyArray,
+    turned: AnyArray,
+    link: AnyArray,
+    is_box: AnyArray,
+    ends: AnyArray,
+    radius: AnyArray,
+    pose: AnyArray,
+    half: AnyArray,
+    around: AnyArray,
+    pairs: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
     found, middles = np.zeros((len(joints), len(pairs))), np.zeros((len(joints), len(link), 3))
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
@@ -63,9 +95,22 @@ def pairs_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyA
 
 
 @kernel(error_model="numpy")
-def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyArray, turned: AnyArray, link: AnyArray,
-                is_box: AnyArray, ends: AnyArray, radius: AnyArray, pose: AnyArray, half: AnyArray, around: AnyArray,
-                pairs: AnyArray, least: float) -> AnyArray:  # fmt: skip
+def near_kernel(
+    axes: AnyArray,
+    points: AnyArray,
+    joints: AnyArray,
+    table: AnyArray,
+    turned: AnyArray,
+    link: AnyArray,
+    is_box: AnyArray,
+    ends: AnyArray,
+    radius: AnyArray,
+    pose: AnyArray,
+    half: AnyArray,
+    around: AnyArray,
+    pairs: AnyArray,
+    least: float,
+) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least`."""
     found = np.zeros((len(joints), len(pairs)), np.bool_)
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
@@ -80,8 +125,16 @@ def near_kernel(axes: AnyArray, points: AnyArray, joints: AnyArray, table: AnyAr
 
 
 @kernel(error_model="numpy")
-def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray, half: AnyArray, around: AnyArray,
-              is_box: AnyArray, pairs: AnyArray) -> float:  # fmt: skip
+def _smallest(
+    at: AnyArray,
+    placed: AnyArray,
+    middle: AnyArray,
+    radius: AnyArray,
+    half: AnyArray,
+    around: AnyArray,
+    is_box: AnyArray,
+    pairs: AnyArray,
+) -> float:
     """The smallest distance of all pairs, or one that is 0 or less; pairs that are surely farther are passed over."""
     best = 1e9
     for i in range(len(pairs)):
@@ -102,8 +155,9 @@ def _smallest(at: AnyArray, placed: AnyArray, middle: AnyArray, radius: AnyArray
 
 
 @kernel(error_model="numpy")
-def _move(motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, joints: AnyArray, turned: float,
-          n: int) -> None:  # fmt: skip
+def _move(
+    motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, joints: AnyArray, turned: float, n: int
+) -> None:
     """Motions of base, six links and turntable: turns about the axes at zero, one after the other (Rodrigues)."""
     for r in range(3):
         motion[0, r, r] = 1.0
@@ -192,8 +246,9 @@ def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> flo
             low, left, f = left, right, g
             right = low + SECTION * (high - low)
             g = _outside(at, a, right, pose, half, b)
-    length = np.sqrt((at[a, 1, 0] - at[a, 0, 0]) ** 2 + (at[a, 1, 1] - at[a, 0, 1]) ** 2
-                     + (at[a, 1, 2] - at[a, 0, 2]) ** 2)  # fmt: skip
+    length = np.sqrt(
+        (at[a, 1, 0] - at[a, 0, 0]) ** 2 + (at[a, 1, 1] - at[a, 0, 1]) ** 2 + (at[a, 1, 2] - at[a, 0, 2]) ** 2
+    )
     return min(f, g) - (high - low) * length  # type: ignore[no-any-return]
 
 

@@ -41,10 +41,15 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     inside = np.where(radius < 0, np.linalg.norm(half, axis=1), radius)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + inside
     return BoundingVolumes(
-        link=np.array([max(shape.link, 0) for shape in cell.shapes]), is_box=(radius < 0).astype(np.int64),
-        ends_mm=ends, radius_mm=np.maximum(radius, 0.0), pose=np.array([_centred(shape) for shape in cell.shapes]),
-        half_mm=half, around_mm=around, pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
-    )  # fmt: skip
+        link=np.array([max(shape.link, 0) for shape in cell.shapes]),
+        is_box=(radius < 0).astype(np.int64),
+        ends_mm=ends,
+        radius_mm=np.maximum(radius, 0.0),
+        pose=np.array([_centred(shape) for shape in cell.shapes]),
+        half_mm=half,
+        around_mm=around,
+        pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
+    )
 
 
 def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0) -> Float:
@@ -55,29 +60,65 @@ def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turn
     q = np.ascontiguousarray(joints, float).reshape(-1, 6)
     v, table = volumes, np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
     return np.asarray(
-        bound_kernel(cell.chain.axes, cell.chain.points_mm, q, turntable_pose(cell, 0.0), table, v.link, v.is_box,
-                     v.ends_mm, v.radius_mm, v.pose, v.half_mm, v.around_mm, v.pairs)
-    )  # fmt: skip
+        bound_kernel(
+            cell.chain.axes,
+            cell.chain.points_mm,
+            q,
+            turntable_pose(cell, 0.0),
+            table,
+            v.link,
+            v.is_box,
+            v.ends_mm,
+            v.radius_mm,
+            v.pose,
+            v.half_mm,
+            v.around_mm,
+            v.pairs,
+        )
+    )
 
 
 def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> Bool:
     """Which pairs (n, P) are not proven to keep apart at joint angles (n, 6) and turntable angles (n,), rad."""
     v, least = volumes, cell.margin_mm + SAFE_MM
     return np.asarray(
-        near_kernel(cell.chain.axes, cell.chain.points_mm, np.ascontiguousarray(joints, float),
-                    turntable_pose(cell, 0.0), np.ascontiguousarray(turntable, float), v.link, v.is_box, v.ends_mm,
-                    v.radius_mm, v.pose, v.half_mm, v.around_mm, v.pairs, least)
-    )  # fmt: skip
+        near_kernel(
+            cell.chain.axes,
+            cell.chain.points_mm,
+            np.ascontiguousarray(joints, float),
+            turntable_pose(cell, 0.0),
+            np.ascontiguousarray(turntable, float),
+            v.link,
+            v.is_box,
+            v.ends_mm,
+            v.radius_mm,
+            v.pose,
+            v.half_mm,
+            v.around_mm,
+            v.pairs,
+            least,
+        )
+    )
 
 
 def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:
     """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,)."""
     v = volumes
     found, middles = pairs_kernel(
-        cell.chain.axes, cell.chain.points_mm, np.ascontiguousarray(joints, float), turntable_pose(cell, 0.0),
-        np.ascontiguousarray(turntable, float), v.link, v.is_box, v.ends_mm, v.radius_mm, v.pose, v.half_mm,
-        v.around_mm, v.pairs,
-    )  # fmt: skip
+        cell.chain.axes,
+        cell.chain.points_mm,
+        np.ascontiguousarray(joints, float),
+        turntable_pose(cell, 0.0),
+        np.ascontiguousarray(turntable, float),
+        v.link,
+        v.is_box,
+        v.ends_mm,
+        v.radius_mm,
+        v.pose,
+        v.half_mm,
+        v.around_mm,
+        v.pairs,
+    )
     return np.asarray(found), np.asarray(middles)
 
 

@@ -95,8 +95,13 @@ class Cell(RobotCell):
         """Of the work object as the controller has it; None: programs declare it."""
         return next(iter(self.controller_frames), None)
 
-    def judge(self, program: ProgramMoves, moves: Moves, tolerance_mm: float,
-              configuration: Callable[..., tuple[int, ...] | None]) -> Judgement:  # fmt: skip
+    def judge(
+        self,
+        program: ProgramMoves,
+        moves: Moves,
+        tolerance_mm: float,
+        configuration: Callable[..., tuple[int, ...] | None],
+    ) -> Judgement:
         """Drive a program through this cell (`workbench.robot.judge`)."""
         from workbench.robot.judge import judge
         from workbench.robot.surface import Planned
@@ -118,8 +123,10 @@ def within_margins(cell: Cell) -> Cell:
     if table is not None:
         table = dataclasses.replace(table, limits=table.limits + turntable_margin(cell) * np.array([1.0, -1.0]))
     if (np.diff(limits) <= 0).any():
-        raise InputError(f"{cell.source}: $.margins.limit_deg", f"no range is left of a joint within "
-                         f"{np.degrees(cell.margins.limit):g} deg of its limits")  # fmt: skip
+        raise InputError(
+            f"{cell.source}: $.margins.limit_deg",
+            f"no range is left of a joint within {np.degrees(cell.margins.limit):g} deg of its limits",
+        )
     return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits), turntable=table)
 
 

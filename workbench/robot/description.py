@@ -81,8 +81,10 @@ def check_posture(cell: Cell, joints: Float, turntable: float) -> None:
 def _cell(cell: Cell) -> Iterator[str]:
     chain = cell.chain
     yield f"cell: {cell.title}"
-    limits = ", ".join(f"{name} {low / DEG:.6g} to {high / DEG:.6g}"
-                       for name, (low, high) in zip(chain.joint_names, chain.limits, strict=True))  # fmt: skip
+    limits = ", ".join(
+        f"{name} {low / DEG:.6g} to {high / DEG:.6g}"
+        for name, (low, high) in zip(chain.joint_names, chain.limits, strict=True)
+    )
     yield f"robot: {chain.name}; limits, deg: {limits}"
     distance, what = reach_mm(chain)
     yield f"reach: {distance:.0f} mm from axis 1 ({what})"

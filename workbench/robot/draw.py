@@ -62,8 +62,10 @@ def draw(view: CellPicture, path: Path) -> None:
 
 def _bounds(view: CellPicture) -> tuple[Float, Float]:
     """Lowest and highest corner of what is to be in view: all bodies and frames but the huge ones."""
-    sizes = [(corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
-             for corners in (view.triangles_mm[view.body == b] for b in range(len(view.names)))]  # fmt: skip
+    sizes = [
+        (corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
+        for corners in (view.triangles_mm[view.body == b] for b in range(len(view.names)))
+    ]
     at = view.base_from_frame[:, :3, 3]
     robot = float(np.linalg.norm(np.ptp(at, axis=0))) + 1000.0
     kept = [(low, high) for low, high in sizes if (high - low).max() <= HUGE * robot] or sizes

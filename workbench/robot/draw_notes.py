@@ -14,8 +14,14 @@ INK, PAPER, GRID = "#1b1f24", "#ffffff", "#a4adb8"
 AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z
 FORWARD_MM = 2e4  # what lies this far in front is drawn over all bodies; a parallel projection leaves its place
 ABOVE_MM = 2.0  # the grid above the floor, or else they flicker
-NAMES_AT = {"base": (-0.06, -0.05), "turntable": (-0.14, -0.1), "cutter": (-0.06, 0.1), "flange": (0.1, 0.1),
-            "sensor": (0.14, 0.02), "gap": (-0.05, -0.13)}  # fmt: skip
+NAMES_AT = {
+    "base": (-0.06, -0.05),
+    "turntable": (-0.14, -0.1),
+    "cutter": (-0.06, 0.1),
+    "flange": (0.1, 0.1),
+    "sensor": (0.14, 0.02),
+    "gap": (-0.05, -0.13),
+}
 
 
 def add_grid(plotter: Any, low: Float, high: Float, spacing: float, look: Float) -> None:

@@ -39,8 +39,9 @@ class Places:
 
     def at(self, which: AnyArray) -> Places:
         """Some of them."""
-        return Places(self.segment[which], self.share[which], self.joints[which], self.turntable[which],
-                      self.tool[which])  # fmt: skip
+        return Places(
+            self.segment[which], self.share[which], self.joints[which], self.turntable[which], self.tool[which]
+        )
 
 
 def joined(parts: list[Places]) -> Places:

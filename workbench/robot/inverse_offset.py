@@ -62,9 +62,16 @@ class _Search:
         """Angles of joints 1 to 3 (m, 4, 3), error (m, 4), direction of axis 5 (m, 3), for joint 6 at angles (m,)."""
         wrist, chain = self.wrist, self.chain
         found: tuple[Float, Float, Float] = ways_kernel(
-            chain.axes, chain.points_mm / 1e3, wrist.on_4_mm / 1e3, wrist.on_6_mm / 1e3, wrist.offset_mm / 1e3,
-            self.turning, self.moved, np.ascontiguousarray(pose), np.ascontiguousarray(angle),
-        )  # fmt: skip
+            chain.axes,
+            chain.points_mm / 1e3,
+            wrist.on_4_mm / 1e3,
+            wrist.on_6_mm / 1e3,
+            wrist.offset_mm / 1e3,
+            self.turning,
+            self.moved,
+            np.ascontiguousarray(pose),
+            np.ascontiguousarray(angle),
+        )
         return found
 
     def solutions(self) -> tuple[Int, Float]:
@@ -120,8 +127,11 @@ class _Search:
             middle = (last + beyond) / 2
             reached = np.isfinite(self._at(pose, way, middle))
             last, beyond = np.where(reached, middle, last), np.where(reached, beyond, middle)
-        return [self._if_changed(pose, way, inner, last), self._if_near(pose, way, last),
-                *self._at_extreme(pose, way, 2 * inner - outer, inner, last)]  # fmt: skip
+        return [
+            self._if_changed(pose, way, inner, last),
+            self._if_near(pose, way, last),
+            *self._at_extreme(pose, way, 2 * inner - outer, inner, last),
+        ]
 
     def _at_extreme(self, pose: Int, way: Int, low: Float, middle: Float, high: Float) -> list[Brackets]:
         """Both sides of where the error comes nearest to zero, if it crosses it."""
@@ -137,8 +147,10 @@ class _Search:
             of_left, of_right = np.where(closer, of_fresh, of_right), np.where(closer, of_left, of_fresh)
         least = (low + high) / 2
         tries = [least + share * (end - begin) for share in (-0.02, 0.0, 0.02)]
-        return [*(self._if_changed(pose, way, side, least) for side in (begin, end)),
-                *(self._if_near(pose, way, one) for one in tries)]  # fmt: skip
+        return [
+            *(self._if_changed(pose, way, side, least) for side in (begin, end)),
+            *(self._if_near(pose, way, one) for one in tries),
+        ]
 
     def _if_changed(self, pose: Int, way: Int, low: Float, high: Float) -> Brackets:
         """Those brackets between whose ends the sign changes."""
@@ -215,8 +227,17 @@ def _wrapped(angle: Float) -> Float:
 
 
 @kernel
-def ways_kernel(h: AnyArray, o: AnyArray, on_4: AnyArray, on_6: AnyArray, offset: float, turning: AnyArray,
-                moved: AnyArray, pose: AnyArray, angle: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:  # fmt: skip
+def ways_kernel(
+    h: AnyArray,
+    o: AnyArray,
+    on_4: AnyArray,
+    on_6: AnyArray,
+    offset: float,
+    turning: AnyArray,
+    moved: AnyArray,
+    pose: AnyArray,
+    angle: AnyArray,
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """See `_Search.ways`; lengths in m, but `moved`."""
     direction, at = np.empty((len(pose), 3)), np.empty((len(pose), 3))
     for m in range(len(pose)):

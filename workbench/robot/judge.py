@@ -76,8 +76,10 @@ def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[s
         for name, known, what in ((move.tool, tools, "tool"), (move.work_object, frames, "work object")):
             if known.get(name) is None and not (what == "work object" and move.pose is None):
                 raise WayError(move.line, f"the {what} '{name}' is neither in the program nor in the cell file")
-    return ({name: pose for name, pose in tools.items() if pose is not None},
-            {name: pose for name, pose in frames.items() if pose is not None})  # fmt: skip
+    return (
+        {name: pose for name, pose in tools.items() if pose is not None},
+        {name: pose for name, pose in frames.items() if pose is not None},
+    )
 
 
 @dataclass
@@ -125,8 +127,9 @@ def _off_the_path(cell: Cell, way: Way, places: Places) -> list[tuple[int, float
     return [fault for fault in found.faults if fault[2] == "collision"]
 
 
-def _stretches(cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Places, after: Places, found: _Findings, *,
-               last: bool) -> Bool:  # fmt: skip
+def _stretches(
+    cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Places, after: Places, found: _Findings, *, last: bool
+) -> Bool:
     """Which stretches (n,) stay open; faults are noted."""
     open_, closed = np.zeros(len(middle), bool), np.zeros(len(middle), bool)
 
@@ -143,10 +146,15 @@ def _stretches(cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Place
     reach += np.abs(three[1] - (three[0] + three[2]) / 2)
     tiny = (reach.sum(axis=1) < LEAST_REACH) | last
     wide = reach.sum(axis=1) > MOST_REACH
-    fault(wide & (np.linalg.norm(after.tool[:, :3, 3] - before.tool[:, :3, 3], axis=1) < 0.01) & (
-        way.kind[middle.segment] != JOINTS), "singular",
-        lambda i: f"joint {int(reach[i].argmax()) + 1} turns by {np.degrees(reach[i].max()):.0f} deg while the tool "
-        "stands")  # fmt: skip
+    fault(
+        wide
+        & (np.linalg.norm(after.tool[:, :3, 3] - before.tool[:, :3, 3], axis=1) < 0.01)
+        & (way.kind[middle.segment] != JOINTS),
+        "singular",
+        lambda i: (
+            f"joint {int(reach[i].argmax()) + 1} turns by {np.degrees(reach[i].max()):.0f} deg while the tool stands"
+        ),
+    )
     open_ |= wide
     tip = forward_kinematics(cell.chain, three[1][:, :6]) @ cell.flange_from_cutter
     wrist, condition, asked = dexterity(cell.chain, three[1][:, :6], tip[:, :3, 3], cell.margins.twist)
@@ -160,13 +168,20 @@ def _stretches(cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Place
     fault(beyond, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
     open_ |= margin - reach.max(axis=1) < need - 1e-9
     in_space = way.kind[middle.segment] != JOINTS
-    fault(in_space & (wrist < cell.margins.wrist), "singular",
-          lambda i: f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
-          f"{np.degrees(cell.margins.wrist):g} deg")  # fmt: skip
+    fault(
+        in_space & (wrist < cell.margins.wrist),
+        "singular",
+        lambda i: (
+            f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
+            f"{np.degrees(cell.margins.wrist):g} deg"
+        ),
+    )
     open_ |= in_space & (wrist - reach[:, 4] < cell.margins.wrist)
-    fault(in_space & (condition > cell.margins.condition), "singular",
-          lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most "
-          f"{cell.margins.condition:g}")  # fmt: skip
+    fault(
+        in_space & (condition > cell.margins.condition),
+        "singular",
+        lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most {cell.margins.condition:g}",
+    )
     near = _collisions(pairs, middle.at(~lost), reach[~lost], tiny[~lost], found)
     open_[~lost] |= near[0]
     hit, least, pair = np.full(len(middle), -1), np.full(len(middle), np.nan), np.full(len(middle), -1)
@@ -198,12 +213,15 @@ def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
         (low, high), name, off = cell.chain.limits[which], f"joint {which + 1}", float(asked[which])
     angle, margin = float(seven[which]), np.degrees(min(seven[which] - low, high - seven[which]))
     blur = f" (and tool and part may ask it for {np.degrees(off):.3f} deg more)" if off > 0 else ""
-    return (f"{name} at {np.degrees(angle):.3f} deg keeps {margin:.3f} deg from its limit{blur}, expected "
-            f"{np.degrees(cell.margins.limit):g} deg")  # fmt: skip
+    return (
+        f"{name} at {np.degrees(angle):.3f} deg keeps {margin:.3f} deg from its limit{blur}, expected "
+        f"{np.degrees(cell.margins.limit):g} deg"
+    )
 
 
-def _collisions(pairs: Pairs, places: Places, reach: Float, tiny: Bool,
-                found: _Findings) -> tuple[Bool, Int, Float, Int]:  # fmt: skip
+def _collisions(
+    pairs: Pairs, places: Places, reach: Float, tiny: Bool, found: _Findings
+) -> tuple[Bool, Int, Float, Int]:
     """Which stretches stay open, the pair that is too near or -1, the least distance and its pair (n,) each."""
     n, shape = len(places), (len(places),)
     open_, hit = np.zeros(n, bool), np.full(n, -1)
@@ -250,8 +268,14 @@ def _undriven(program: ProgramMoves, violation: Violation) -> Judgement:
     return Judgement(program, (violation,), (), nan, nan, 0, nan, None, nan, nan, nan, nan, nan, {})
 
 
-def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, planned: Planned | None,
-               configuration: Configuration | None) -> Judgement:  # fmt: skip
+def _judgement(
+    cell: Cell,
+    program: ProgramMoves,
+    way: Way,
+    found: _Findings,
+    planned: Planned | None,
+    configuration: Configuration | None,
+) -> Judgement:
     everywhere = joined(found.places)
     order = np.lexsort((everywhere.share, everywhere.segment))
     places = everywhere.at(order)
@@ -260,8 +284,10 @@ def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, pl
     faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
     faults += _configurations(cell, program, way, places, at, configuration)
     if cell.process is not None:
-        faults += [Violation(program.moves[i].line, at.arc(int(np.searchsorted(way.move, i)), 0.0), "process", text)
-                   for i, text in disorders(program, cell.process)]  # fmt: skip
+        faults += [
+            Violation(program.moves[i].line, at.arc(int(np.searchsorted(way.move, i)), 0.0), "process", text)
+            for i, text in disorders(program, cell.process)
+        ]
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
     unchecked = [*cell.unchecked, *cell.unseen]
@@ -277,9 +303,13 @@ def _judgement(cell: Cell, program: ProgramMoves, way: Way, found: _Findings, pl
     inside = np.argsort(order)[len(found.places[0]) :]
     along = {
         name: np.concatenate(values)[np.argsort(inside)] if values else np.zeros(0)
-        for name, values in (("clearance_mm", found.clearance), ("limit_margin", found.margin),
-                             ("wrist", found.wrist), ("condition", found.condition))
-    }  # fmt: skip
+        for name, values in (
+            ("clearance_mm", found.clearance),
+            ("limit_margin", found.margin),
+            ("wrist", found.wrist),
+            ("condition", found.condition),
+        )
+    }
     along["arc_length_mm"] = arc[np.sort(inside)]
     assert measured == len(along["arc_length_mm"])
     least, pair = _least(found)
@@ -332,8 +362,9 @@ class _Lookup:
         return float(self._arc[min(i, len(self._arc) - 1)])
 
 
-def _configurations(cell: Cell, program: ProgramMoves, way: Way, places: Places, at: _Lookup,
-                    configuration: Configuration | None) -> Iterator[Violation]:  # fmt: skip
+def _configurations(
+    cell: Cell, program: ProgramMoves, way: Way, places: Places, at: _Lookup, configuration: Configuration | None
+) -> Iterator[Violation]:
     """Targets whose configuration is another than the program says: a restart there would take another posture."""
     if configuration is None:
         return
@@ -369,15 +400,20 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
         i = int(worst.argmax())
         joint = int(asked[i].argmax())
         name = "the turntable" if joint == 6 else f"joint {joint + 1}"
-        faults.append(Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "speed",
-                                f"{name} would need {worst[i]:.2f} times its largest speed"))  # fmt: skip
+        faults.append(
+            Violation(
+                int(way.line[places.segment[i + 1]]),
+                float(arc[i + 1]),
+                "speed",
+                f"{name} would need {worst[i]:.2f} times its largest speed",
+            )
+        )
     if cell.accelerations is not None:
         faults += _accelerations(cell, way, places, rate, seconds, arc)
     return faults, float(worst.max(initial=0.0))
 
 
-def _accelerations(cell: Cell, way: Way, places: Places, rate: Float, seconds: Float,
-                   arc: Float) -> list[Violation]:  # fmt: skip
+def _accelerations(cell: Cell, way: Way, places: Places, rate: Float, seconds: Float, arc: Float) -> list[Violation]:
     """Within segments and through rounded corners, where the controller does not stop."""
     assert cell.accelerations is not None
     signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)

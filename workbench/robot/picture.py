@@ -74,11 +74,14 @@ def _view(cell: Cell, joints: Float, turntable: float) -> CellPicture:
     return CellPicture(
         triangles_mm=np.concatenate([triangles for _, triangles in made]),
         body=np.concatenate([np.full(len(triangles), names.index(name)) for name, triangles in made]),
-        names=names, colours=_colours(cell, names, hit),
+        names=names,
+        colours=_colours(cell, names, hit),
         named=np.array([any(s.body == name and s.link == ON_BASE for s in cell.shapes) for name in names]),
-        base_from_frame=np.array(list(frames.values())), frames=tuple(frames),
-        gaps_mm=np.array(shown).reshape(-1, 2, 3), caption=f"{cell.title}\n{posture}",
-    )  # fmt: skip
+        base_from_frame=np.array(list(frames.values())),
+        frames=tuple(frames),
+        gaps_mm=np.array(shown).reshape(-1, 2, 3),
+        caption=f"{cell.title}\n{posture}",
+    )
 
 
 def _colours(cell: Cell, names: tuple[str, ...], hit: set[str]) -> tuple[str, ...]:

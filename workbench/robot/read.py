@@ -76,29 +76,44 @@ def read_cell(path: Path) -> Cell:
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
     tools, frames = _on_controller(part, cutter, path)
     return Cell(
-        source=str(path), title=part.title or chain.name, chain=chain, shapes=shapes, flange_from_cutter=cutter,
-        turntable=_turntable(part.turntable, path), loading=_loading(part.loading, path),
-        may_touch=tuple(part.may_touch), margin_mm=part.margin_mm, warnings=tuple(filter(None, warnings)),
-        margins=_margins(part), accelerations=_accelerations(part.robot), controller_tools=tools,
-        controller_frames=frames, unchecked=tuple(_not_said(part, shapes)),
+        source=str(path),
+        title=part.title or chain.name,
+        chain=chain,
+        shapes=shapes,
+        flange_from_cutter=cutter,
+        turntable=_turntable(part.turntable, path),
+        loading=_loading(part.loading, path),
+        may_touch=tuple(part.may_touch),
+        margin_mm=part.margin_mm,
+        warnings=tuple(filter(None, warnings)),
+        margins=_margins(part),
+        accelerations=_accelerations(part.robot),
+        controller_tools=tools,
+        controller_frames=frames,
+        unchecked=tuple(_not_said(part, shapes)),
         unseen=(*(() if part.workpiece.mesh else (NO_WORKPIECE,)), *(() if part.process else (NO_PROCESS,))),
-        process=part.process, tool_mass_kg=part.tool.mass_kg,
+        process=part.process,
+        tool_mass_kg=part.tool.mass_kg,
         tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
         base_from_workobject=_pose((part.work_object or WorkObjectPart()).pose, f"{path}: $.work_object.pose"),
-        material=part.workpiece.material, joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
+        material=part.workpiece.material,
+        joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
         controller=_controller(part.controller),
-    )  # fmt: skip
+    )
 
 
 def _margins(part: CellPart) -> Margins:
     """Margins, and the uncertainties of tool and part as the robot sees them."""
     said = part.uncertainty or UncertaintyPart()
     return Margins(
-        limit=part.margins.limit_deg * DEG, wrist=part.margins.wrist_deg * DEG, condition=part.margins.condition,
-        flange_mm=said.tool_u_mm, flange_rad=said.tool_u_deg * DEG,
+        limit=part.margins.limit_deg * DEG,
+        wrist=part.margins.wrist_deg * DEG,
+        condition=part.margins.condition,
+        flange_mm=said.tool_u_mm,
+        flange_rad=said.tool_u_deg * DEG,
         part_mm=float(np.hypot(said.base_u_mm, said.turntable_u_mm)),
         part_rad=float(np.hypot(said.base_u_deg, said.turntable_u_deg)) * DEG,
-    )  # fmt: skip
+    )
 
 
 def _array(values: tuple[float, ...] | None) -> Float | None:
@@ -208,8 +223,12 @@ def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, pat
     if part.mesh is not None:
         vertices, triangles = read_mesh(path.parent / part.mesh, f"{where}.mesh")
         return Shape(body, link, "mesh", (), pose, vertices, triangles)
-    sizes = {"box": part.box_mm, "capsule": part.capsule_mm, "cylinder": part.cylinder_mm,
-             "sphere": None if part.sphere_mm is None else (part.sphere_mm,)}  # fmt: skip
+    sizes = {
+        "box": part.box_mm,
+        "capsule": part.capsule_mm,
+        "cylinder": part.cylinder_mm,
+        "sphere": None if part.sphere_mm is None else (part.sphere_mm,),
+    }
     kind, size = next((kind, size) for kind, size in sizes.items() if size is not None)
     return Shape(body, link, kind, size, pose)
 
@@ -230,10 +249,12 @@ def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:
         flange_from_tool=_pose(part.flange_from_tool, f"{where}.flange_from_tool"),
         targets_mm=np.array(part.targets_mm, float).reshape(-1, 3),
         load_points_mm=np.array(part.load_points_mm, float).reshape(-1, 3),
-        force_noise_n=part.force_noise_n, torque_noise_nm=part.torque_noise_nm,
-        displacement_noise_mm=part.displacement_noise_mm, rotation_noise=part.rotation_noise_deg * DEG,
+        force_noise_n=part.force_noise_n,
+        torque_noise_nm=part.torque_noise_nm,
+        displacement_noise_mm=part.displacement_noise_mm,
+        rotation_noise=part.rotation_noise_deg * DEG,
         target_noise_mm=part.target_noise_mm,
-    )  # fmt: skip
+    )
 
 
 def _pose(pose: Pose, where: str) -> Float:

@@ -32,8 +32,14 @@ def _triangles(shape: Shape, sides: int) -> Float:
     if shape.kind == "box":
         half = np.array(shape.size_mm) / 2
         ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
-        return _skin(np.array([np.column_stack([ring * s, np.full(4, z)]) for s, z in
-                               ((0, -half[2]), (1, -half[2]), (1, half[2]), (0, half[2]))]))  # fmt: skip
+        return _skin(
+            np.array(
+                [
+                    np.column_stack([ring * s, np.full(4, z)])
+                    for s, z in ((0, -half[2]), (1, -half[2]), (1, half[2]), (0, half[2]))
+                ]
+            )
+        )
     radius = shape.size_mm[0]
     length = shape.size_mm[1] if len(shape.size_mm) > 1 else 0.0
     if shape.kind == "cylinder":
@@ -51,5 +57,6 @@ def _skin(rings: Float) -> Float:
     """Triangles between rings (r, k, 3) one above the other."""
     a, b = rings[:-1], rings[1:]
     a_next, b_next = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
-    return np.concatenate([np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, a_next, b_next),
-                                                                                       (a, b_next, b))])  # fmt: skip
+    return np.concatenate(
+        [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, a_next, b_next), (a, b_next, b))]
+    )

@@ -42,11 +42,15 @@ def _by_elimination(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Flo
     inverse = np.linalg.inv(a)
     g, shift = radius_b[:, None, None] * (inverse @ b), k @ inverse.T
     x, y = g[..., 0], g[..., 1]
-    wave = np.column_stack([
-        ((x**2).sum(axis=1) + (y**2).sum(axis=1)) / 2 + (shift**2).sum(axis=1) - radius_a**2,
-        2 * (shift * x).sum(axis=1), 2 * (shift * y).sum(axis=1),
-        ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 2, (x * y).sum(axis=1),
-    ])  # fmt: skip
+    wave = np.column_stack(
+        [
+            ((x**2).sum(axis=1) + (y**2).sum(axis=1)) / 2 + (shift**2).sum(axis=1) - radius_a**2,
+            2 * (shift * x).sum(axis=1),
+            2 * (shift * y).sum(axis=1),
+            ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 2,
+            (x * y).sum(axis=1),
+        ]
+    )
     beta = _zeros(wave)
     end = _circle(beta) @ np.swapaxes(g, 1, 2) + shift[:, None]
     return np.arctan2(end[..., 1], end[..., 0]), beta

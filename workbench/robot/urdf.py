@@ -25,8 +25,13 @@ MAX_BYTES, MAX_DEPTH = 2**24, 64
 TURNS = 2  # of a continuous joint, either way: a cable allows for no more
 
 
-def read_urdf(path: Path, base_frame: str, flange_frame: str, held: Mapping[str, float] | None = None,
-              packages: Mapping[str, Path] | None = None) -> tuple[Chain, tuple[Shape, ...]]:  # fmt: skip
+def read_urdf(
+    path: Path,
+    base_frame: str,
+    flange_frame: str,
+    held: Mapping[str, float] | None = None,
+    packages: Mapping[str, Path] | None = None,
+) -> tuple[Chain, tuple[Shape, ...]]:
     """The chain between two frames of a six-axis robot, and its links' shapes, placed in the base at zero.
 
     Shapes carry their link's name and `link` 0 (does not move) to 6. A continuous joint is one of +-TURNS turns.
@@ -56,12 +61,14 @@ def read_urdf(path: Path, base_frame: str, flange_frame: str, held: Mapping[str,
     points = np.array([data.oMi[i + 1].translation for i in range(6)]) * MM
     to_base = inverse(base)
     chain = Chain(
-        name=str(model.name), joint_names=tuple(model.names)[1:],
-        axes=data.J[3:].T @ to_base[:3, :3].T, points_mm=points @ to_base[:3, :3].T + to_base[:3, 3],
+        name=str(model.name),
+        joint_names=tuple(model.names)[1:],
+        axes=data.J[3:].T @ to_base[:3, :3].T,
+        points_mm=points @ to_base[:3, :3].T + to_base[:3, 3],
         base_from_flange_at_zero=flange,
         limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
         speeds=np.array(model.velocityLimit),
-    )  # fmt: skip
+    )
     return chain, tuple(_shapes(document, model, data, to_base, packages or {}, path))
 
 
@@ -92,13 +99,19 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
         if name in held and kind not in ("revolute", "continuous", "prismatic"):
             raise InputError(where, f"expected a joint that could move in $.robot.held, found a {kind} one")
         if joint.find("mimic") is not None and (name in arm or name not in held):
-            raise InputError(where, "a mimic joint (a parallelogram or another linkage): expected six joints that turn "
-                             "by themselves" + ("" if name in arm else ", or this one in $.robot.held"))  # fmt: skip
+            raise InputError(
+                where,
+                "a mimic joint (a parallelogram or another linkage): expected six joints that turn "
+                "by themselves" + ("" if name in arm else ", or this one in $.robot.held"),
+            )
         if name in held:
             continue
         if kind == "prismatic":
-            raise InputError(where, "expected a revolute joint, found a prismatic one: a linear track stands where the "
-                             f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm)')  # fmt: skip
+            raise InputError(
+                where,
+                "expected a revolute joint, found a prismatic one: a linear track stands where the "
+                f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm)',
+            )
         if kind == "continuous":
             limit = joint.find("limit")
             limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
@@ -203,8 +216,14 @@ def _world_from(model: pin.Model, data: pin.Data, name: str, path: Path) -> Floa
     return pose_from(np.array(placed.rotation), np.array(placed.translation) * MM)
 
 
-def _shapes(document: ElementTree.Element, model: pin.Model, data: pin.Data, to_base: Float,
-            packages: Mapping[str, Path], path: Path) -> Iterator[Shape]:  # fmt: skip
+def _shapes(
+    document: ElementTree.Element,
+    model: pin.Model,
+    data: pin.Data,
+    to_base: Float,
+    packages: Mapping[str, Path],
+    path: Path,
+) -> Iterator[Shape]:
     """All collision shapes of all links; a cylinder named under collision_checking is a capsule, as pin has it."""
     for link in document.iter("link"):
         name = link.get("name", "")
@@ -219,8 +238,9 @@ def _shapes(document: ElementTree.Element, model: pin.Model, data: pin.Data, to_
             yield Shape(name, joint, kind, size, base_from_link @ _origin(collision, where), vertices, triangles)
 
 
-def _geometry(collision: ElementTree.Element, capsule: bool, where: str, packages: Mapping[str, Path],
-              path: Path) -> tuple[str, tuple[float, ...], Float | None, Float | None]:  # fmt: skip
+def _geometry(
+    collision: ElementTree.Element, capsule: bool, where: str, packages: Mapping[str, Path], path: Path
+) -> tuple[str, tuple[float, ...], Float | None, Float | None]:
     """Kind, sizes in mm, and a mesh's vertices and triangles."""
     geometry = collision.find("geometry")
     found = list(geometry) if geometry is not None else []
@@ -248,8 +268,11 @@ def _file(name: str, packages: Mapping[str, Path], where: str, path: Path) -> Pa
         return path.parent / name.removeprefix("file://")
     package, _, rest = name.removeprefix("package://").partition("/")
     if package not in packages:
-        raise InputError(where, f"the mesh is in the package '{package}': expected its folder in the cell's "
-                         f"$.robot.packages{nearest(package, packages)}")  # fmt: skip
+        raise InputError(
+            where,
+            f"the mesh is in the package '{package}': expected its folder in the cell's "
+            f"$.robot.packages{nearest(package, packages)}",
+        )
     return packages[package] / rest
 
 

@@ -117,8 +117,13 @@ class _Leg:
         return position, slerp(q0, q1, np.array(share)), table
 
 
-def way_of(program: ProgramMoves, tools: Mapping[str, Float], work_objects: Mapping[str, Float], flange_at: ToFlange,
-           rated: Float) -> Way:  # fmt: skip
+def way_of(
+    program: ProgramMoves,
+    tools: Mapping[str, Float],
+    work_objects: Mapping[str, Float],
+    flange_at: ToFlange,
+    rated: Float,
+) -> Way:
     """The way of a program from its first target on.
 
     Args:
@@ -140,13 +145,16 @@ def way_of(program: ProgramMoves, tools: Mapping[str, Float], work_objects: Mapp
         end_table = table if move.turntable is None else move.turntable
         if i == 0:
             if move.joints is None:
-                raise WayError(move.line, "the first move gives no joint angles: expected the program to say in which "
-                               "posture it begins")  # fmt: skip
+                raise WayError(
+                    move.line,
+                    "the first move gives no joint angles: expected the program to say in which posture it begins",
+                )
             joints, flange, table = move.joints, flange_at(move.joints), end_table
             continue
         assert flange is not None
-        leg = _leg(i, move, tools[move.tool], work_objects.get(move.work_object), joints, flange, (table, end_table),
-                   flange_at)  # fmt: skip
+        leg = _leg(
+            i, move, tools[move.tool], work_objects.get(move.work_object), joints, flange, (table, end_table), flange_at
+        )
         legs.append(leg)
         joints = move.joints if leg.kind == JOINTS else None
         flange, table = leg.end @ inverse(leg.tool), end_table
@@ -156,8 +164,16 @@ def way_of(program: ProgramMoves, tools: Mapping[str, Float], work_objects: Mapp
     return _stacked(_rounded(legs), first, rated)
 
 
-def _leg(i: int, move: ProgramMove, tool: Float, frame: Float | None, joints: Float | None, flange: Float,
-         tables: tuple[float, float], flange_at: ToFlange) -> _Leg:  # fmt: skip
+def _leg(
+    i: int,
+    move: ProgramMove,
+    tool: Float,
+    frame: Float | None,
+    joints: Float | None,
+    flange: Float,
+    tables: tuple[float, float],
+    flange_at: ToFlange,
+) -> _Leg:
     start, nothing = flange @ tool, np.zeros(3)
     if move.kind == "J":
         if move.joints is None:
@@ -167,15 +183,19 @@ def _leg(i: int, move: ProgramMove, tool: Float, frame: Float | None, joints: Fl
         if move.zone_mm > 0:
             raise WayError(move.line, BLENDING_JOINTS)
         both = (np.full(6, np.nan) if joints is None else joints, move.joints)
-        return _Leg(i, move, JOINTS, tool, start, flange_at(move.joints) @ tool, tables, both, nothing, nothing, 0.0,
-                    [0.0, 1.0])  # fmt: skip
+        return _Leg(
+            i, move, JOINTS, tool, start, flange_at(move.joints) @ tool, tables, both, nothing, nothing, 0.0, [0.0, 1.0]
+        )
     assert move.pose is not None
     assert frame is not None
     end = frame @ move.pose
     cosine = (np.trace(start[:3, :3].T @ end[:3, :3]) - 1) / 2
     if np.arccos(np.clip(cosine, -1, 1)) > MOST_TURN:
-        raise WayError(move.line, f"the tool turns by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} deg in one "
-                       "move, either way round: expected at most 170 deg")  # fmt: skip
+        raise WayError(
+            move.line,
+            f"the tool turns by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} deg in one "
+            "move, either way round: expected at most 170 deg",
+        )
     if move.kind == "L":
         length = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
         return _Leg(i, move, STRAIGHT, tool, start, end, tables, None, nothing, nothing, length, [0.0, 1.0])
@@ -242,5 +262,18 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
     elif length < NO_LENGTH_MM:
         duration = max(duration, turned / TURN_SPEED, abs(table[2] - table[0]) / TURN_SPEED)
-    return (kind, leg.move.line, leg.index, span, position, quaternion, leg.centre, leg.turn, joints, table, leg.tool,
-            duration, length)  # fmt: skip
+    return (
+        kind,
+        leg.move.line,
+        leg.index,
+        span,
+        position,
+        quaternion,
+        leg.centre,
+        leg.turn,
+        joints,
+        table,
+        leg.tool,
+        duration,
+        length,
+    )

@@ -56,9 +56,12 @@ def fuse(
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
     calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
-    part = dataclasses.replace(recording.part, hand_eye=hand_eye.name if hand_eye else "the recording's own",
-                               hand_eye_calibrated_at=calibration.calibrated_at,
-                               hand_eye_u_mm=calibration.volume_u_mm)  # fmt: skip
+    part = dataclasses.replace(
+        recording.part,
+        hand_eye=hand_eye.name if hand_eye else "the recording's own",
+        hand_eye_calibrated_at=calibration.calibrated_at,
+        hand_eye_u_mm=calibration.volume_u_mm,
+    )
     checks = judge_recording(recording, calibration.flange_from_profiler, checked_limits(limits, "scan.fuse.limits"))
     refuse_failed(checks, recording.source)
     recording = pass_after_pass(without_copies(recording))

@@ -44,5 +44,9 @@ def _surface_points(box: Float) -> Float:
     along, outward, up = grid[on_face].T
     tangent = np.array([box[2], box[3], 0.0])
     aside = np.array([box[3], -box[2], 0.0])
-    return np.asarray(np.array([box[0], box[1], 0.0]) + along[:, None] * tangent + outward[:, None] * aside
-                      + up[:, None] * np.array([0.0, 0.0, 1.0]))  # fmt: skip
+    return np.asarray(
+        np.array([box[0], box[1], 0.0])
+        + along[:, None] * tangent
+        + outward[:, None] * aside
+        + up[:, None] * np.array([0.0, 0.0, 1.0])
+    )

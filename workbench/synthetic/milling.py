@@ -92,8 +92,16 @@ class Stock:
         """Remove what the cutter sweeps, set down every `step_mm` or closer."""
         poses = self.part_from_base @ motion.base_from_tool
         first, last = self._columns(poses, motion)
-        sweep = Sweep(poses[:, :3, 3].copy(), poses[:, :3, 0].copy(), poses[:, :3, 2].copy(), motion.radius_mm,
-                      motion.axis_offset_mm, motion.tip_mm, first, last)  # fmt: skip
+        sweep = Sweep(
+            poses[:, :3, 3].copy(),
+            poses[:, :3, 0].copy(),
+            poses[:, :3, 2].copy(),
+            motion.radius_mm,
+            motion.axis_offset_mm,
+            motion.tip_mm,
+            first,
+            last,
+        )
         cut_lines(self.height_mm, self.lines, sweep, step_mm)
 
     def hits(self, motion: Motion) -> list[Hit]:

@@ -90,8 +90,9 @@ def enter(groove: PrismGroove, origin: Float, way: Float, after: float) -> tuple
         cosine = np.where(nearer, np.abs(w[:, 1]) / np.linalg.norm(way, axis=1), cosine)
         what = np.where(nearer, OTHER, what)
     for mound in groove.mounds:
-        found, cosine, what = _mound_hit(mound.at_mm, mound.z_mm, np.array(mound.half_mm), origin, way, after,
-                                         (found, cosine, what))  # fmt: skip
+        found, cosine, what = _mound_hit(
+            mound.at_mm, mound.z_mm, np.array(mound.half_mm), origin, way, after, (found, cosine, what)
+        )
     return found, cosine, np.where(np.isfinite(found), what, NOTHING)
 
 
@@ -104,9 +105,13 @@ def _section_hit(groove: PrismGroove, x: Float, o: Float, w: Float, after: float
         if side == "right":
             raised[:, 1] = course_at(groove.misalignment_mm, x, groove.length_mm)
         start, go = (o - raised) * mirror, w * mirror
-        lines = [(plate.far[:, 0], plate.foot, OTHER), (plate.foot, plate.lower, OTHER),
-                 (plate.lower, plate.root, flank), (plate.bend, plate.upper, flank),
-                 (plate.upper, plate.far[:, 1], surface)]  # fmt: skip
+        lines = [
+            (plate.far[:, 0], plate.foot, OTHER),
+            (plate.foot, plate.lower, OTHER),
+            (plate.lower, plate.root, flank),
+            (plate.bend, plate.upper, flank),
+            (plate.upper, plate.far[:, 1], surface),
+        ]
         for first, last, name in lines:
             t, c = _line_hit(start, go, first, last, after)
             nearer = t < best
@@ -147,8 +152,15 @@ def _arc_hit(o: Float, w: Float, plate: Plate, radius: float, after: float) -> t
     return best, cosine
 
 
-def _mound_hit(at_mm: float, z_mm: float, half_mm: Float, origin: Float, way: Float, after: float,
-               before: tuple[Float, Float, Float]) -> tuple[Float, Float, Float]:  # fmt: skip
+def _mound_hit(
+    at_mm: float,
+    z_mm: float,
+    half_mm: Float,
+    origin: Float,
+    way: Float,
+    after: float,
+    before: tuple[Float, Float, Float],
+) -> tuple[Float, Float, Float]:
     found, cosine, what = before
     off, w = (origin - (at_mm, 0.0, z_mm)) / half_mm, way / half_mm
     a, half, c = (w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - 1.0

@@ -41,11 +41,16 @@ def random_prism_recipe(kind: str, seed: int) -> PrismRecipe:
         "under_mm": rng.uniform(0.25, 0.4) * thickness,
         "misalignment_mm": draw_course(rng, rng.uniform(-0.8, 0.8), 0.3, 0.1),
         "background_mm": None if rng.random() < 0.4 else rng.uniform(2, 20),
-        "mounds": [{"at_mm": rng.uniform(10, length - 10), "z_mm": rng.uniform(0, 2),
-                    "half_mm": [rng.uniform(3, 8), rng.uniform(1.5, 3), rng.uniform(1, 3)]}
-                   for _ in range(rng.integers(0, 3))],
+        "mounds": [
+            {
+                "at_mm": rng.uniform(10, length - 10),
+                "z_mm": rng.uniform(0, 2),
+                "half_mm": [rng.uniform(3, 8), rng.uniform(1.5, 3), rng.uniform(1, 3)],
+            }
+            for _ in range(rng.integers(0, 3))
+        ],
         "base_from_part": draw_part(rng)["base_from_part"],
-    }  # fmt: skip
+    }
     ends = [2.0, length - 2.0]
     if rng.random() < 0.5:
         ends.reverse()

@@ -88,5 +88,13 @@ class PrismRecipe(Strict):
         """The same scan past a raw plate's edge that lies where the groove's middle does: it moves alike."""
         groove = self.groove
         part = Part(kind="raw", length_mm=groove.length_mm, base_from_part=groove.base_from_part)
-        return Recipe(title=self.title, part_id=self.part_id, seed=self.seed, part=part, scanner=self.scanner,
-                      robot=self.robot, disturbances=self.disturbances, passes=self.passes)  # fmt: skip
+        return Recipe(
+            title=self.title,
+            part_id=self.part_id,
+            seed=self.seed,
+            part=part,
+            scanner=self.scanner,
+            robot=self.robot,
+            disturbances=self.disturbances,
+            passes=self.passes,
+        )

@@ -88,8 +88,12 @@ def cast(groove: PrismGroove, sensor: Sensor, pose_of: Float, offsets: Float) ->
     for eye in eyes:
         target = np.repeat(turn @ eye + pose_of[:, :3, 3], len(offsets), axis=0)
         good[good] = sees(groove, point[good], target[good])
-    return (np.where(good, reach, np.nan).reshape(shape), np.where(good, cosine, 0.0).reshape(shape),
-            np.where(good, what, 0).reshape(shape), point[:, 0].reshape(shape))  # fmt: skip
+    return (
+        np.where(good, reach, np.nan).reshape(shape),
+        np.where(good, cosine, 0.0).reshape(shape),
+        np.where(good, what, 0).reshape(shape),
+        point[:, 0].reshape(shape),
+    )
 
 
 def _seen_x(groove: PrismGroove, what: Float, x: Float) -> Float:
@@ -114,11 +118,21 @@ def prism_truth(recipe: PrismRecipe, seen_x: list[Float]) -> GrooveTruth:
         seen |= np.minimum(x - at[after - 1], at[after] - x) <= 0.75 * recipe.robot.frame_pitch_mm + 1e-9
     zero = np.zeros(len(x))
     return GrooveTruth(
-        closed=False, arc_length_mm=x, position_mm=np.stack([x, zero, zero], axis=1) @ base[:3, :3].T + base[:3, 3],
-        tangent=np.tile(base[:3, 0], (len(x), 1)), seen=seen, spine_mm=x, recipe=recipe, simulator="analytic",
-        type=groove.type, normal=np.tile(-base[:3, 1], (len(x), 1)), across=np.tile(base[:3, 2], (len(x), 1)),
-        sizes=_sizes(groove, x), base_from_part=base, flange_from_profiler=pose(recipe.robot.flange_from_profiler),
-    )  # fmt: skip
+        closed=False,
+        arc_length_mm=x,
+        position_mm=np.stack([x, zero, zero], axis=1) @ base[:3, :3].T + base[:3, 3],
+        tangent=np.tile(base[:3, 0], (len(x), 1)),
+        seen=seen,
+        spine_mm=x,
+        recipe=recipe,
+        simulator="analytic",
+        type=groove.type,
+        normal=np.tile(-base[:3, 1], (len(x), 1)),
+        across=np.tile(base[:3, 2], (len(x), 1)),
+        sizes=_sizes(groove, x),
+        base_from_part=base,
+        flange_from_profiler=pose(recipe.robot.flange_from_profiler),
+    )
 
 
 def _sizes(groove: PrismGroove, x: Float) -> GrooveSizes:
@@ -132,10 +146,15 @@ def _sizes(groove: PrismGroove, x: Float) -> GrooveSizes:
         place = getattr(right, name)
         corners[f"right_{name}"] = np.stack([-place[:, 0], place[:, 1] + raised], axis=1)
     return GrooveSizes(
-        gap_mm=course_at(groove.gap_mm, x, groove.length_mm), root_face_left_mm=face,
-        root_face_right_mm=face if two else none, bevel_left_deg=left.bevel / DEG, bevel_right_deg=right.bevel / DEG,
+        gap_mm=course_at(groove.gap_mm, x, groove.length_mm),
+        root_face_left_mm=face,
+        root_face_right_mm=face if two else none,
+        bevel_left_deg=left.bevel / DEG,
+        bevel_right_deg=right.bevel / DEG,
         included_deg=(left.bevel + (right.bevel if two else 0.0)) / DEG,
         depth_mm=none if groove.type == "I" else left.upper[:, 1] - left.root[:, 1],
-        width_mm=corners["right_upper"][:, 0] - corners["left_upper"][:, 0], misalignment_mm=raised,
-        root_radius_mm=np.full(len(x), groove.radius_mm) if groove.type in ("U", "J") else none, corners=corners,
-    )  # fmt: skip
+        width_mm=corners["right_upper"][:, 0] - corners["left_upper"][:, 0],
+        misalignment_mm=raised,
+        root_radius_mm=np.full(len(x), groove.radius_mm) if groove.type in ("U", "J") else none,
+        corners=corners,
+    )

@@ -431,9 +431,16 @@ def cast(
 
 @kernel
 def _cast(
-    s: Surface, boxes: Float, table_z: float, sensor: Sensor, part_from_profiler: Float, offsets: Float,
-    made: tuple[Float, AnyArray, Float, Float], first: int, last: int,
-) -> None:  # fmt: skip
+    s: Surface,
+    boxes: Float,
+    table_z: float,
+    sensor: Sensor,
+    part_from_profiler: Float,
+    offsets: Float,
+    made: tuple[Float, AnyArray, Float, Float],
+    first: int,
+    last: int,
+) -> None:
     """Fill in frames first to last."""
     ranges, faces, cosines, sight = made
     near = np.empty(4)

@@ -64,14 +64,20 @@ def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
     truth = _truth(recipe, poses, _pass_index([len(m.time_s) for m in motions]))
     sphere = recipe.sphere
     recording = Recording(
-        source="synthetic", time_s=np.concatenate([m.time_s for m in motions]), x_mm=x, z_mm=z,
-        pass_index=truth.pass_index, robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
+        source="synthetic",
+        time_s=np.concatenate([m.time_s for m in motions]),
+        x_mm=x,
+        z_mm=z,
+        pass_index=truth.pass_index,
+        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
         robot_position_mm=np.concatenate([m.position_mm for m in motions]),
         robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=_pass_index([len(m.pose_time_s) for m in motions]), flange_from_profiler=truth.design,
-        sphere_diameter_mm=sphere.stated_diameter_mm or sphere.diameter_mm, clock=recipe.robot.clock,
+        robot_pass=_pass_index([len(m.pose_time_s) for m in motions]),
+        flange_from_profiler=truth.design,
+        sphere_diameter_mm=sphere.stated_diameter_mm or sphere.diameter_mm,
+        clock=recipe.robot.clock,
         part=Part(sensor="synthetic", robot="synthetic", simulated=True),
-    )  # fmt: skip
+    )
     return recording, truth
 
 

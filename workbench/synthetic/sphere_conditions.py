@@ -41,8 +41,13 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
         "title": condition,
         "seed": seed,
         "sphere": {"center_mm": _center(rng)},
-        "scanner": {"columns": 800, "noise": {"sd_mm": 0.015, "grazing_power": 0.0}, "z_away": bool(rng.random() < 0.7),
-                    "near_mm": 100.0, "far_mm": 210.0},
+        "scanner": {
+            "columns": 800,
+            "noise": {"sd_mm": 0.015, "grazing_power": 0.0},
+            "z_away": bool(rng.random() < 0.7),
+            "near_mm": 100.0,
+            "far_mm": 210.0,
+        },
         "robot": {
             "flange_from_profiler": {
                 "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
@@ -53,7 +58,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
             "design_error_deg": rng.uniform(0, 20),
         },
         "passes": postures(rng, 9),
-    }  # fmt: skip
+    }
     known[condition](rng, document)
     return parse_sphere_recipe(document, source=condition)
 
@@ -95,12 +100,20 @@ def equator(rng: Generator, document: Document) -> None:
 
 def stray(rng: Generator, document: Document) -> None:
     """3 % outliers, a table, a stem, lost returns, and a sphere whose diameter is not what is stated."""
-    document["sphere"] |= {"table_gap_mm": rng.uniform(6, 30), "table_tilt_deg": rng.uniform(-15, 15, 2).tolist(),
-                           "stem_diameter_mm": rng.uniform(2, 5),
-                           "stated_diameter_mm": 2 * RADIUS_MM + rng.uniform(-0.2, 0.2)}  # fmt: skip
-    document["disturbances"] = {"outlier_share": 0.02, "streak_outlier_share": 0.01, "dropout_share": 0.01,
-                                "grazing_dropout": rng.uniform(0, 0.3), "outlier_reach_mm": rng.uniform(1, 10),
-                                "mixed_pixel_probability": rng.uniform(0.2, 0.8)}  # fmt: skip
+    document["sphere"] |= {
+        "table_gap_mm": rng.uniform(6, 30),
+        "table_tilt_deg": rng.uniform(-15, 15, 2).tolist(),
+        "stem_diameter_mm": rng.uniform(2, 5),
+        "stated_diameter_mm": 2 * RADIUS_MM + rng.uniform(-0.2, 0.2),
+    }
+    document["disturbances"] = {
+        "outlier_share": 0.02,
+        "streak_outlier_share": 0.01,
+        "dropout_share": 0.01,
+        "grazing_dropout": rng.uniform(0, 0.3),
+        "outlier_reach_mm": rng.uniform(1, 10),
+        "mixed_pixel_probability": rng.uniform(0.2, 0.8),
+    }
 
 
 def gross(rng: Generator, document: Document) -> None:
@@ -223,13 +236,26 @@ def repeats(rng: Generator, document: Document) -> None:
 
 
 SOUND: dict[str, Condition] = {
-    "sphere_nine": nine, "sphere_six": six, "sphere_equator": equator, "sphere_stray": stray, "sphere_gross": gross,
-    "sphere_systematic": systematic, "sphere_smooth": smooth, "sphere_scans": scans, "sphere_weaved": weaved,
-    "sphere_scans_common": scans_common, "sphere_weaved_common": weaved_common,
+    "sphere_nine": nine,
+    "sphere_six": six,
+    "sphere_equator": equator,
+    "sphere_stray": stray,
+    "sphere_gross": gross,
+    "sphere_systematic": systematic,
+    "sphere_smooth": smooth,
+    "sphere_scans": scans,
+    "sphere_weaved": weaved,
+    "sphere_scans_common": scans_common,
+    "sphere_weaved_common": weaved_common,
     "sphere_grid": grid,
-}  # fmt: skip
+}
 DEGENERATE: dict[str, Condition] = {
-    "same_orientation": same_orientation, "one_axis": one_axis, "two_orientations": two_orientations,
-    "one_point": one_point, "collinear": collinear, "two_postures": two_postures, "repeats": repeats,
+    "same_orientation": same_orientation,
+    "one_axis": one_axis,
+    "two_orientations": two_orientations,
+    "one_point": one_point,
+    "collinear": collinear,
+    "two_postures": two_postures,
+    "repeats": repeats,
     "scans_alike": scans_alike,
-}  # fmt: skip
+}

@@ -74,8 +74,13 @@ def _move(recipe: SphereRecipe, one: SpherePass, index: int, start_s: float) -> 
     said[:, :3, 3] += systematic_error(recipe, said) + one.gross_mm + noise(len(said)) * robot.pose_noise_mm
     said[:, :3, :3] @= rotation_from_vector(noise(len(said)) * robot.pose_noise_deg * DEG)
     held = flange_poses(recipe, one, time if one.to_mm is not None else np.zeros(len(time)))
-    return SphereMotion(start_s + time + robot.clock_offset_s, held, start_s + pose_time, said[:, :3, 3],
-                        quaternion_from_rotation(said[:, :3, :3]))  # fmt: skip
+    return SphereMotion(
+        start_s + time + robot.clock_offset_s,
+        held,
+        start_s + pose_time,
+        said[:, :3, 3],
+        quaternion_from_rotation(said[:, :3, :3]),
+    )
 
 
 def flange_poses(recipe: SphereRecipe, one: SpherePass, time_s: Float) -> Float:

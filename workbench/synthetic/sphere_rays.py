@@ -37,9 +37,11 @@ def scene(recipe: SphereRecipe, base_from_flange: Float) -> Scene:
     radius = sphere.diameter_mm / 2
     return Scene(
         rotation @ np.array(sphere.center_mm) + profiler_from_base[:, :3, 3],
-        rotation @ (nominal @ tilt @ towards), radius, sphere.stem_diameter_mm / 2,
+        rotation @ (nominal @ tilt @ towards),
+        radius,
+        sphere.stem_diameter_mm / 2,
         np.inf if sphere.table_gap_mm is None else radius + sphere.table_gap_mm,
-    )  # fmt: skip
+    )
 
 
 def cast(here: Scene, sensor: raycast.Sensor, offsets: Float) -> tuple[Float, Float]:

@@ -51,8 +51,16 @@ class Cut:
     def terms(self) -> CutTerms:
         """The cut as the ray kernels see it."""
         height = self._even_height()
-        return CutTerms(height, self.u_step_mm, self.w_first_mm, self.w_step_mm, self.root_mm, math.cos(self.bevel),
-                        math.sin(self.bevel), self._safe_share(height))  # fmt: skip
+        return CutTerms(
+            height,
+            self.u_step_mm,
+            self.w_first_mm,
+            self.w_step_mm,
+            self.root_mm,
+            math.cos(self.bevel),
+            math.sin(self.bevel),
+            self._safe_share(height),
+        )
 
     def _even_height(self) -> Float:
         """The heights, lowered in the air beside the cut face: walls there cost the rays many small steps."""

@@ -23,8 +23,9 @@ class Met(NamedTuple):
 class Machine:
     """Mills the layers and travels of one path, one after the other, out of `stock`."""
 
-    def __init__(self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, worn_mm: float,
-                 tip_mm: float) -> None:  # fmt: skip
+    def __init__(
+        self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, worn_mm: float, tip_mm: float
+    ) -> None:
         self.stock, self._mechanics, self._tip_mm = stock, mechanics, tip_mm
         self._radius_mm = toolpath.cutter.diameter_mm / 2.0
         whole = sum(float(_cut_length(layer)[-1]) for layer in toolpath.layers)

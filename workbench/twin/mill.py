@@ -98,11 +98,15 @@ def mill(
         return workpiece, Engagement((), (f"not milled: {correction.refused}",))
     mechanics = Mechanics(
         base_from_path=np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject,
-        offset_mm=np.array(offset_mm), rotation=np.array(rotation_deg) * DEG, noise_mm=robot_noise_mm,
-        repeating_mm=robot_repeating_mm, noise_length_mm=robot_noise_length_mm, deflection_mm=np.array(deflection_mm),
+        offset_mm=np.array(offset_mm),
+        rotation=np.array(rotation_deg) * DEG,
+        noise_mm=robot_noise_mm,
+        repeating_mm=robot_repeating_mm,
+        noise_length_mm=robot_noise_length_mm,
+        deflection_mm=np.array(deflection_mm),
         deflections_mm=_deflections(toolpath, deflections, bending),
         seed=(seed, 0 if workpiece.cut is None else workpiece.cut.times),
-    )  # fmt: skip
+    )
     stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
     tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
     engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, worn_mm, tip), toolpath)
@@ -117,8 +121,10 @@ def _deflections(toolpath: Toolpath, file: Path | None, bending: PathDeflection 
     for layer in toolpath.layers:
         more = bending.by_layer_mm.get(layer.index)
         if more is None or len(more) != len(layer.position_mm):
-            raise InputError("bending", f"expected that of this path; it has no layer {layer.index} of "
-                             f"{len(layer.position_mm)} points")  # fmt: skip
+            raise InputError(
+                "bending",
+                f"expected that of this path; it has no layer {layer.index} of {len(layer.position_mm)} points",
+            )
         found[layer.index] = found.get(layer.index, 0.0) + more
     return found
 

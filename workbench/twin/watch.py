@@ -40,16 +40,20 @@ class Watch:
         if self._cuts and deepest < _MET_MM:
             found.append(f"{self._name}: the cutter meets nothing")
         if deepest > _AT_ONCE * planned:
-            found.append(f"{self._name}: the cutter takes {deepest:.2f} mm at once "
-                         f"{self._place(self._u[worst])}; the depth of cut is {planned:g} mm")  # fmt: skip
+            found.append(
+                f"{self._name}: the cutter takes {deepest:.2f} mm at once "
+                f"{self._place(self._u[worst])}; the depth of cut is {planned:g} mm"
+            )
         return found + self._hits(self._name, met)
 
     def _met(self, name: str, depth_mm: Float, allowed_mm: float) -> list[str]:
         worst = int(np.argmax(depth_mm))
         if depth_mm[worst] <= allowed_mm:
             return []
-        return [f"{name}: the cutter meets material where the path does not cut, {depth_mm[worst]:.2f} mm deep "
-                f"{self._place(self._u[worst])}"]  # fmt: skip
+        return [
+            f"{name}: the cutter meets material where the path does not cut, {depth_mm[worst]:.2f} mm deep "
+            f"{self._place(self._u[worst])}"
+        ]
 
     def _hits(self, name: str, met: Met) -> list[str]:
         return [

@@ -49,9 +49,12 @@ def measure_plan(result: CalibrationResult, recipe: SphereRecipe) -> None:
     true = placed(recipe.robot.flange_from_profiler)
     center = np.array(recipe.sphere.center_mm)
     truth = Estimate(true[:3, :3], true[:3, 3], center, cell.radius_mm)
-    rough = Estimate(rotation_from_vector(rng.normal(0, ROUGH_DEG * DEG, 3)) @ true[:3, :3],
-                     true[:3, 3] + rng.normal(0, ROUGH_MM, 3), center + rng.normal(0, ROUGH_MM, 3),
-                     cell.radius_mm)  # fmt: skip
+    rough = Estimate(
+        rotation_from_vector(rng.normal(0, ROUGH_DEG * DEG, 3)) @ true[:3, :3],
+        true[:3, 3] + rng.normal(0, ROUGH_MM, 3),
+        center + rng.normal(0, ROUGH_MM, 3),
+        cell.radius_mm,
+    )
     nominal = rotation_from_rpy(*(np.array(recipe.robot.nominal_rpy_deg) * DEG)) @ true[:3, :3]
     x, _, z = in_profiler(scanner, np.zeros(3))
     limits = Limits(nominal, 25 * DEG, 25 * DEG, (float(x), float(z)), (10.0, 15.0))

@@ -52,8 +52,9 @@ def recorded(recipe: SphereRecipe) -> Float:
     """Flange poses (k, 4, 4) as recorded, of postures held still."""
     from workbench.geometry.poses import rotation_from_quaternion
 
-    return np.array([pose_from(rotation_from_quaternion(m.quaternion_wxyz[0]), m.position_mm[0])
-                     for m in sphere_motion(recipe)])  # fmt: skip
+    return np.array(
+        [pose_from(rotation_from_quaternion(m.quaternion_wxyz[0]), m.position_mm[0]) for m in sphere_motion(recipe)]
+    )
 
 
 def _from_circles(result: CalibrationResult, recipe: SphereRecipe) -> None:
@@ -66,8 +67,16 @@ def _from_circles(result: CalibrationResult, recipe: SphereRecipe) -> None:
     answer = solve(seen, noise, design_hand_eye(recipe))
     clock.lap("solve")
     kept = np.array([not any(one.gross_mm) for one in recipe.passes])
-    sound = Cell(cell.hand_eye, cell.turned[kept], cell.centre[kept], cell.radius_mm, cell.noise_mm, cell.pitch_mm,
-                 cell.pose_mm, cell.pose_deg)  # fmt: skip
+    sound = Cell(
+        cell.hand_eye,
+        cell.turned[kept],
+        cell.centre[kept],
+        cell.radius_mm,
+        cell.noise_mm,
+        cell.pitch_mm,
+        cell.pose_mm,
+        cell.pose_deg,
+    )
     result.bound_mm = sound.vol_u_mm(bound(sound, covariance[kept], RADIUS_U_MM))
     _compare(result, cell, answer, seen, kept)
     if result.condition in ("sphere_systematic", "sphere_smooth"):
@@ -122,8 +131,16 @@ def _from_points(result: CalibrationResult, recipe: SphereRecipe) -> None:
     y, true_y = found.centre_mm[:, 1], truth.centre_mm[seen_frames, 1]
     clear = np.abs(true_y) > CLEAR_MM
     result.signs_wrong = int((np.sign(y) != np.sign(true_y))[clear & found.used].sum())
-    here = Cell(cell.hand_eye, cell.turned[seen_frames], cell.centre[seen_frames], cell.radius_mm, cell.noise_mm,
-                cell.pitch_mm, cell.pose_mm, cell.pose_deg)  # fmt: skip
+    here = Cell(
+        cell.hand_eye,
+        cell.turned[seen_frames],
+        cell.centre[seen_frames],
+        cell.radius_mm,
+        cell.noise_mm,
+        cell.pitch_mm,
+        cell.pose_mm,
+        cell.pose_deg,
+    )
     _errors(result, here, pose, found.covariance)
     if result.condition == "sphere_stray":
         covariance = circles(here, np.random.default_rng(0))[1]
@@ -134,8 +151,13 @@ def _from_points(result: CalibrationResult, recipe: SphereRecipe) -> None:
     assert found.time_offset_u_s is not None
     result.offset_ms = 1e3 * (found.time_offset_s - robot.clock_offset_s)
     result.offset_covered = abs(result.offset_ms) < WITHIN * 1e3 * found.time_offset_u_s
-    at_truth = Estimate(cell.hand_eye[:3, :3], cell.hand_eye[:3, 3], np.array(recipe.sphere.center_mm), cell.radius_mm,
-                        robot.clock_offset_s)  # fmt: skip
+    at_truth = Estimate(
+        cell.hand_eye[:3, :3],
+        cell.hand_eye[:3, 3],
+        np.array(recipe.sphere.center_mm),
+        cell.radius_mm,
+        robot.clock_offset_s,
+    )
     seen = by_pass(profiles, recording).place(robot.clock_offset_s)
     noise = Noise(cell.pose_mm, cell.pose_deg, cell.radius_mm, RADIUS_U_MM, robot.pose_noise_common)
     least = np.linalg.inv(information(at_truth, seen, noise, with_offset=True))

@@ -17,8 +17,13 @@ CALIBRATION_CONDITIONS = (*SOUND, "sphere_planned", *DEGENERATE)
 ELLIPSOID = float(chi2.ppf(0.95, 6))
 NEVER_REFUSED = ("sphere_nine", "sphere_six")  # the sound sets of the goal
 VOL_GOAL = {"sphere_nine": 1.05, "sphere_stray": 1.10}  # over the bound
-COVER_GOAL = {"sphere_nine": (0.93, 0.97), "sphere_six": (0.93, 0.97), "sphere_stray": (0.93, 0.97),
-              "sphere_equator": (0.90, 1.0), "sphere_gross": (0.90, 1.0)}  # fmt: skip
+COVER_GOAL = {
+    "sphere_nine": (0.93, 0.97),
+    "sphere_six": (0.93, 0.97),
+    "sphere_stray": (0.93, 0.97),
+    "sphere_equator": (0.90, 1.0),
+    "sphere_gross": (0.90, 1.0),
+}
 SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")
 COVER_GOAL |= dict.fromkeys(SCANS, (0.93, 0.97))
 CORRELATED_GOAL = (0.90, 0.98)
@@ -118,23 +123,32 @@ def summarise_calibrations(condition: str, results: list[CalibrationResult]) -> 
     names = list(dict.fromkeys(name for r in good for name in r.others))
     ratios = [r.bound_mm / r.random_mm for r in good if r.bound_mm and r.random_mm]
     return CalibrationSummary(
-        condition=condition, trials=len(results), refused=refused, crashed=crashed,
+        condition=condition,
+        trials=len(results),
+        refused=refused,
+        crashed=crashed,
         named=sum(named(r.refused) for r in refused if r.refused),
-        vol_mm=_rms(r.vol_mm for r in good), bound_mm=_rms(r.bound_mm for r in good), u_mm=_rms(r.u_mm for r in good),
-        covered=_inside(r.nees for r in good), correlated=_inside(r.correlated_nees for r in good),
+        vol_mm=_rms(r.vol_mm for r in good),
+        bound_mm=_rms(r.bound_mm for r in good),
+        u_mm=_rms(r.u_mm for r in good),
+        covered=_inside(r.nees for r in good),
+        correlated=_inside(r.correlated_nees for r in good),
         correlated_mm=_rms(r.correlated_vol_mm for r in good),
-        signs_wrong=sum(r.signs_wrong > 0 for r in good), silently_wrong=sum(r.wrong and not r.warned for r in good),
+        signs_wrong=sum(r.signs_wrong > 0 for r in good),
+        silently_wrong=sum(r.wrong and not r.warned for r in good),
         flagged=Share(sum(r.flagged for r in good), len(good)),
         gross_found=Share(sum(bool(r.gross_found) for r in good), sum(r.gross_found is not None for r in good)),
         sound_rejected=sum(r.sound_rejected for r in good),
         offset_ratio=_rms(r.offset_ms for r in good) / _rms(r.offset_bound_ms for r in good),
-        offset_covered=Share(sum(r.offset_covered is True for r in good),
-                             sum(r.offset_covered is not None for r in good)),
-        offset_ms=_rms(r.offset_ms for r in good), rotation_deg=_rms(r.rotation_deg for r in good),
+        offset_covered=Share(
+            sum(r.offset_covered is True for r in good), sum(r.offset_covered is not None for r in good)
+        ),
+        offset_ms=_rms(r.offset_ms for r in good),
+        rotation_deg=_rms(r.rotation_deg for r in good),
         plan_ratio=(percentile(ratios, 50), percentile(ratios, 95)),
         others={name: _rms(r.others.get(name) for r in good) for name in names},
         solve_ms=percentile([1e3 * r.seconds["solve"] for r in good if "solve" in r.seconds], 50),
-    )  # fmt: skip
+    )
 
 
 def named(refusal: str) -> bool:

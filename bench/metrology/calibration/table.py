@@ -47,38 +47,97 @@ def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str
 
 
 def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["condition", "trials", "refused", "vol RMSE, mm", "bound, mm", "ratio", "goal", "stated u, mm", "covers, %",
-            "95 % interval", "goal", "wrong signs", "silently wrong", "solve, ms (median)"]  # fmt: skip
+    head = [
+        "condition",
+        "trials",
+        "refused",
+        "vol RMSE, mm",
+        "bound, mm",
+        "ratio",
+        "goal",
+        "stated u, mm",
+        "covers, %",
+        "95 % interval",
+        "goal",
+        "wrong signs",
+        "silently wrong",
+        "solve, ms (median)",
+    ]
     rows = [
-        [s.condition, f"{s.trials}", f"{len(s.refused)}", f"{s.vol_mm:.3f}", f"{s.bound_mm:.3f}", _marked(s.ratio,
-         VOL_GOAL.get(s.condition)), _goal(VOL_GOAL.get(s.condition)), f"{s.u_mm:.3f}",
-         *_share(s.covered, COVER_GOAL.get(s.condition)), f"{s.signs_wrong}", f"{s.silently_wrong}",
-         f"{s.solve_ms:.1f}"]
-        for s in summaries if s.condition != "sphere_planned"
-    ]  # fmt: skip
+        [
+            s.condition,
+            f"{s.trials}",
+            f"{len(s.refused)}",
+            f"{s.vol_mm:.3f}",
+            f"{s.bound_mm:.3f}",
+            _marked(s.ratio, VOL_GOAL.get(s.condition)),
+            _goal(VOL_GOAL.get(s.condition)),
+            f"{s.u_mm:.3f}",
+            *_share(s.covered, COVER_GOAL.get(s.condition)),
+            f"{s.signs_wrong}",
+            f"{s.silently_wrong}",
+            f"{s.solve_ms:.1f}",
+        ]
+        for s in summaries
+        if s.condition != "sphere_planned"
+    ]
     return markdown(head, rows) if rows else []
 
 
 def robot(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["condition", "all gross poses rejected, %", "sound postures rejected, in all trials",
-            f"vol over predicted (goal {GROSS_GOAL:g})",
-            f"misfit flagged, % (goal {100 * FLAGGED_GOAL:g})", "`correlated`: covers, %", "95 % interval", "goal",
-            "`correlated`: vol RMSE, mm"]  # fmt: skip
+    head = [
+        "condition",
+        "all gross poses rejected, %",
+        "sound postures rejected, in all trials",
+        f"vol over predicted (goal {GROSS_GOAL:g})",
+        f"misfit flagged, % (goal {100 * FLAGGED_GOAL:g})",
+        "`correlated`: covers, %",
+        "95 % interval",
+        "goal",
+        "`correlated`: vol RMSE, mm",
+    ]
     rows = []
     for s in summaries:
         if s.condition == "sphere_gross":
-            rows.append([s.condition, _percent(s.gross_found), f"{s.sound_rejected}",
-                         _marked(s.vol_mm / s.u_mm, GROSS_GOAL), _percent(s.flagged), "", "", "", ""])  # fmt: skip
+            rows.append(
+                [
+                    s.condition,
+                    _percent(s.gross_found),
+                    f"{s.sound_rejected}",
+                    _marked(s.vol_mm / s.u_mm, GROSS_GOAL),
+                    _percent(s.flagged),
+                    "",
+                    "",
+                    "",
+                    "",
+                ]
+            )
         if s.correlated.of:
             goal = CORRELATED_GOAL if s.condition == "sphere_systematic" else None
-            rows.append([s.condition, "", f"{s.sound_rejected}", "", _percent(s.flagged), *_share(s.correlated, goal),
-                         f"{s.correlated_mm:.3f}"])  # fmt: skip
+            rows.append(
+                [
+                    s.condition,
+                    "",
+                    f"{s.sound_rejected}",
+                    "",
+                    _percent(s.flagged),
+                    *_share(s.correlated, goal),
+                    f"{s.correlated_mm:.3f}",
+                ]
+            )
     return markdown(head, rows) if rows else []
 
 
 def clock(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["condition", "offset RMSE, ms", f"over its bound (goal {OFFSET_GOAL:g})", "covers, %", "95 % interval",
-            "goal", f"rotation RMSE, deg (goal, weaved: {ROTATION_GOAL_DEG:g})"]  # fmt: skip
+    head = [
+        "condition",
+        "offset RMSE, ms",
+        f"over its bound (goal {OFFSET_GOAL:g})",
+        "covers, %",
+        "95 % interval",
+        "goal",
+        f"rotation RMSE, deg (goal, weaved: {ROTATION_GOAL_DEG:g})",
+    ]
     rows = [
         [
             s.condition,
@@ -94,13 +153,24 @@ def clock(summaries: list[CalibrationSummary]) -> Iterable[str]:
 
 
 def plans(summaries: list[CalibrationSummary]) -> Iterable[str]:
-    head = ["trials", f"planned over random: median (goal {PLAN_GOAL:g})", "95th percentile", "bound, mm",
-            "vol RMSE, mm"]  # fmt: skip
+    head = [
+        "trials",
+        f"planned over random: median (goal {PLAN_GOAL:g})",
+        "95th percentile",
+        "bound, mm",
+        "vol RMSE, mm",
+    ]
     rows = [
-        [f"{s.trials}", _marked(s.plan_ratio[0], PLAN_GOAL), f"{s.plan_ratio[1]:.3f}", f"{s.bound_mm:.3f}",
-         f"{s.vol_mm:.3f}"]
-        for s in summaries if isfinite(s.plan_ratio[0])
-    ]  # fmt: skip
+        [
+            f"{s.trials}",
+            _marked(s.plan_ratio[0], PLAN_GOAL),
+            f"{s.plan_ratio[1]:.3f}",
+            f"{s.bound_mm:.3f}",
+            f"{s.vol_mm:.3f}",
+        ]
+        for s in summaries
+        if isfinite(s.plan_ratio[0])
+    ]
     return markdown(head, rows) if rows else []
 
 
@@ -117,8 +187,9 @@ def methods(summaries: list[CalibrationSummary]) -> Iterable[str]:
 def refusals(summaries: list[CalibrationSummary]) -> Iterable[str]:
     rows = [
         [s.condition, f"{s.trials}", f"{len(s.refused)}", f"{s.named}", s.refused[0].refused or "" if s.refused else ""]
-        for s in summaries if s.condition in DEGENERATE
-    ]  # fmt: skip
+        for s in summaries
+        if s.condition in DEGENERATE
+    ]
     return markdown(["set", "trials", "refused", "direction named", "the first one's words"], rows) if rows else []
 
 

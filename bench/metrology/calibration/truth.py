@@ -35,8 +35,13 @@ class Cell:
     def field(self) -> Float:
         """Gauss points (4, 3) of the field of view about the sphere centres: their mean square is that of the field."""
         x, _, z = self.centre.mean(axis=0)
-        return np.array([[x + a * FIELD_MM[0] / np.sqrt(3), 0.0, z + b * FIELD_MM[1] / np.sqrt(3)]
-                         for a in (-1, 1) for b in (-1, 1)])  # fmt: skip
+        return np.array(
+            [
+                [x + a * FIELD_MM[0] / np.sqrt(3), 0.0, z + b * FIELD_MM[1] / np.sqrt(3)]
+                for a in (-1, 1)
+                for b in (-1, 1)
+            ]
+        )
 
     def vol_mm(self, pose: Float) -> float:
         """RMS error of a point over the field of view with the hand-eye pose (4, 4)."""
@@ -64,8 +69,16 @@ def cell_of(recipe: SphereRecipe, truth: SphereTruth | None = None) -> Cell:
     else:
         hand_eye, turned, centre = truth.flange_from_profiler, truth.base_from_flange, truth.centre_mm
     robot = recipe.robot
-    return Cell(hand_eye, turned, centre, recipe.sphere.diameter_mm / 2, recipe.scanner.noise.sd_mm,
-                recipe.scanner.pitch_mm, robot.pose_noise_mm, robot.pose_noise_deg)  # fmt: skip
+    return Cell(
+        hand_eye,
+        turned,
+        centre,
+        recipe.sphere.diameter_mm / 2,
+        recipe.scanner.noise.sd_mm,
+        recipe.scanner.pitch_mm,
+        robot.pose_noise_mm,
+        robot.pose_noise_deg,
+    )
 
 
 def circles(cell: Cell, rng: np.random.Generator) -> tuple[Float, Float]:

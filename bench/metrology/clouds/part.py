@@ -72,8 +72,9 @@ def written_and_read(cloud: Cloud) -> PointSet:
         return replace(read(file=path), source="cloud.ply")
 
 
-def one_route(result: CloudResult, route: str, points: PointSet, nominal: dict[str, float],
-              truth: Truth) -> dict[str, dict[str, Numbers]]:  # fmt: skip
+def one_route(
+    result: CloudResult, route: str, points: PointSet, nominal: dict[str, float], truth: Truth
+) -> dict[str, dict[str, Numbers]]:
     """The route's comparison by its name; nothing, and the reason noted, where it refuses."""
     try:
         edge: Edge = segment_cloud(points, **nominal)[1]

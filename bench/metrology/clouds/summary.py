@@ -43,8 +43,11 @@ class CloudSummary:
     @property
     def shortcomings(self) -> list[str]:
         """In words, what does not reach its goal. Shuffled clouds have none: they are told as they are."""
-        short = [f"{self.condition}: {name} apart" for name, goal in GOALS.items()
-                 if not ((found := self.routes["ply", name]) and found.apart[2] <= goal)]  # fmt: skip
+        short = [
+            f"{self.condition}: {name} apart"
+            for name, goal in GOALS.items()
+            if not ((found := self.routes["ply", name]) and found.apart[2] <= goal)
+        ]
         if self.crashed or self.refused_routes["ply"]:
             short.append(f"{self.condition}: crashed or refused")
         return short
@@ -54,13 +57,18 @@ def summarise_clouds(condition: str, results: list[CloudResult]) -> CloudSummary
     """All figures of one condition."""
     good = sorted((r for r in results if not (r.refused or r.crashed)), key=lambda r: r.seed)
     return CloudSummary(
-        condition, len(results), [r for r in results if r.refused], [r for r in results if r.crashed],
+        condition,
+        len(results),
+        [r for r in results if r.refused],
+        [r for r in results if r.crashed],
         {(route, name): _route(good, route, name) for route in ROUTES for name in UNITS},
         {route: sum(_missing(r, route) for r in good) for route in ROUTES},
-        {route: [f"seed {r.seed}: {r.refused_routes[route]}" for r in good if route in r.refused_routes]
-         for route in ROUTES},
+        {
+            route: [f"seed {r.seed}: {r.refused_routes[route]}" for r in good if route in r.refused_routes]
+            for route in ROUTES
+        },
         {lap: percentile([r.seconds[lap] for r in good], 50) for lap in ("file", *ROUTES)},
-    )  # fmt: skip
+    )
 
 
 def _values(result: CloudResult, route: str, what: str) -> Float:
@@ -84,8 +92,13 @@ def _route(good: list[CloudResult], route: str, name: str) -> Route | None:
     u = [_values(r, route, f"{name}_u_{unit}") for r in mine]
     apart = [e - _values(r, "grid", f"{name}_error_{unit}") for e, r in zip(error, mine, strict=True)]
     inside = [(np.abs(e) <= 2 * w)[np.isfinite(e)] for e, w in zip(error, u, strict=True)]
-    return Route(_three(apart), _three(error), float(np.concatenate(inside).mean()), coverage_interval(inside),
-                 float(np.nanmean(np.concatenate(u))))  # fmt: skip
+    return Route(
+        _three(apart),
+        _three(error),
+        float(np.concatenate(inside).mean()),
+        coverage_interval(inside),
+        float(np.nanmean(np.concatenate(u))),
+    )
 
 
 def _three(values: list[Float]) -> tuple[float, float, float]:

@@ -14,10 +14,15 @@ NAMES = {"grid": "gridded", "ply": "PLY, in order", "shuffled": "PLY, shuffled"}
 def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
     """All tables, and what fell short."""
     short = [words for s in summaries for words in s.shortcomings]
-    refused = [f"- {s.condition}, {NAMES[route]}: {words}" for s in summaries for route in ROUTES
-               for words in s.refused_routes[route]]  # fmt: skip
-    refused += [f"- {s.condition}, seed {r.seed}: {r.refused or r.crashed}" for s in summaries
-                for r in (*s.refused, *s.crashed)]  # fmt: skip
+    refused = [
+        f"- {s.condition}, {NAMES[route]}: {words}"
+        for s in summaries
+        for route in ROUTES
+        for words in s.refused_routes[route]
+    ]
+    refused += [
+        f"- {s.condition}, seed {r.seed}: {r.refused or r.crashed}" for s in summaries for r in (*s.refused, *s.crashed)
+    ]
     return "\n".join(
         [
             f"`{command}`",
@@ -45,9 +50,18 @@ def agreement(summaries: list[CloudSummary]) -> list[str]:
             apart = {name: found.apart for name in UNITS if (found := s.routes[route, name])}
             met = all(name in apart and apart[name][2] <= goal for name, goal in GOALS.items())
             values = [_three(apart[n], n) if n in apart else NONE for n in UNITS]
-            rows.append([s.condition, NAMES[route], f"{s.parts}", *values,
-                         f"{s.missing[route]}", f"{len(s.refused_routes[route])}", f"{s.seconds[route]:.1f}",
-                         "yes" if met else "**no**"])  # fmt: skip
+            rows.append(
+                [
+                    s.condition,
+                    NAMES[route],
+                    f"{s.parts}",
+                    *values,
+                    f"{s.missing[route]}",
+                    f"{len(s.refused_routes[route])}",
+                    f"{s.seconds[route]:.1f}",
+                    "yes" if met else "**no**",
+                ]
+            )
     return markdown(head, rows)
 
 
@@ -61,9 +75,16 @@ def errors(summaries: list[CloudSummary]) -> list[str]:
             row = [s.condition, NAMES[route]]
             for name in UNITS:
                 r = s.routes[route, name]
-                row += [NONE] * 4 if r is None else [
-                    _three(r.error, name), f"{r.mean_u:.{DIGITS[name]}f}", f"{100 * r.within_2u:.1f}",
-                    f"{100 * r.interval[0]:.1f} to {100 * r.interval[1]:.1f}"]  # fmt: skip
+                row += (
+                    [NONE] * 4
+                    if r is None
+                    else [
+                        _three(r.error, name),
+                        f"{r.mean_u:.{DIGITS[name]}f}",
+                        f"{100 * r.within_2u:.1f}",
+                        f"{100 * r.interval[0]:.1f} to {100 * r.interval[1]:.1f}",
+                    ]
+                )
             rows.append(row)
     return markdown(head, rows)
 

@@ -77,8 +77,9 @@ def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> 
     return result
 
 
-def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: Float, wear_mm: float,
-                seed: int) -> None:  # fmt: skip
+def _both_loops(
+    result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: Float, wear_mm: float, seed: int
+) -> None:
     clock = Clock(result.seconds)
     recording, truth = simulate_recording(recipe)
     result.seen_share = float(truth.seen.mean())
@@ -121,13 +122,18 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: F
     compare(result, whole, milled_truth(done), correction, first, inspection, truth)
 
 
-def _milled(part: Workpiece, path: Toolpath, cell: Cell, offset_mm: Float, wear_mm: float, worn_mm: float,
-            seed: int) -> Workpiece:  # fmt: skip
+def _milled(
+    part: Workpiece, path: Toolpath, cell: Cell, offset_mm: Float, wear_mm: float, worn_mm: float, seed: int
+) -> Workpiece:
     """The part milled; where the cell gives way, by the force of what the cutter then meets: in balance."""
     wrong: dict[str, Any] = {
-        "offset_mm": tuple(float(v) for v in offset_mm), "robot_noise_mm": cell.noise_mm,
-        "robot_repeating_mm": cell.repeating_mm, "wear_mm": wear_mm, "worn_mm": worn_mm, "seed": seed,
-    }  # fmt: skip
+        "offset_mm": tuple(float(v) for v in offset_mm),
+        "robot_noise_mm": cell.noise_mm,
+        "robot_repeating_mm": cell.repeating_mm,
+        "wear_mm": wear_mm,
+        "worn_mm": worn_mm,
+        "seed": seed,
+    }
     done, engagement = mill(part, path, **wrong)
     bending: PathDeflection | None = None
     for _ in range(BALANCING if cell.gives_way else 0):
@@ -147,8 +153,15 @@ def _predicted(part: Workpiece, path: Toolpath, seed: int) -> PathDeflection:
     return PathDeflection({index: wrong * moved for index, moved in found.by_layer_mm.items()})
 
 
-def compare(result: MeasuredResult, blind: Truth, done: Truth | None, correction: PathCorrection, first: Toolpath,
-            inspection: Inspection | None, raw: Truth) -> None:  # fmt: skip
+def compare(
+    result: MeasuredResult,
+    blind: Truth,
+    done: Truth | None,
+    correction: PathCorrection,
+    first: Toolpath,
+    inspection: Inspection | None,
+    raw: Truth,
+) -> None:
     """Truth of both parts at places where the pass cuts; the inspection beside the truth in its sections."""
     assert first.finishing is not None
     final = first.finishing.layers[-1]

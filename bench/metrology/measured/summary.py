@@ -78,21 +78,29 @@ def summarise_measured(condition: str, results: list[MeasuredResult]) -> Measure
         goal_mm=LOUD_P95_MM if cell.noise_mm >= LOUD_MM else ROOT_P95_MM,
         floor_mm=1.96 * cell.noise_mm / SINE,
         predicted=cover(
-            ((_column(r, "places", "root_mm") - ROOT_MM) * SINE,
-             np.hypot(_column(r, "places", "correction_u_mm"), cell.noise_mm)) for r in good
+            (
+                (_column(r, "places", "root_mm") - ROOT_MM) * SINE,
+                np.hypot(_column(r, "places", "correction_u_mm"), cell.noise_mm),
+            )
+            for r in good
         ),
         root_cover=_cover(good, "root", "mm"),
         bevel_cover=_cover(good, "bevel", "deg"),
         too_deep=[r.seed for r in good if _least(r, "root_mm") < tolerance <= _least(r, "root_blind_mm")],
         blind_too_deep=sum(_least(r, "root_blind_mm") < tolerance for r in (*good, *(r for r in results if r.beyond))),
         seconds=percentile([sum(r.seconds.values()) for r in good], 50),
-    )  # fmt: skip
+    )
 
 
 def _cover(good: list[MeasuredResult], name: str, unit: str) -> Cover:
     """Inspected less true, beside its u."""
-    return cover((_column(r, "sections", f"{name}_{unit}") - _column(r, "sections", f"{name}_true_{unit}"),
-                  _column(r, "sections", f"{name}_u_{unit}")) for r in good)  # fmt: skip
+    return cover(
+        (
+            _column(r, "sections", f"{name}_{unit}") - _column(r, "sections", f"{name}_true_{unit}"),
+            _column(r, "sections", f"{name}_u_{unit}"),
+        )
+        for r in good
+    )
 
 
 def _column(result: MeasuredResult, table: str, name: str) -> Float:

@@ -82,10 +82,18 @@ def counts(summaries: list[PlanSummary]) -> list[str]:
     head = ["condition", "wrong side", "cutting points where hidden", "stations seen where hidden", "refused"]
     head += ["rejected by `path.check`", "layers (median)", "s a part (median)"]
     rows = [
-        [s.condition, f"{s.wrong_side}", f"{s.blind_points}", f"{s.stations_invented}", f"{len(s.refused)}",
-         f"{len(s.rejected)}", f"{s.layers:.0f}", f"{s.seconds:.2f}"]
+        [
+            s.condition,
+            f"{s.wrong_side}",
+            f"{s.blind_points}",
+            f"{s.stations_invented}",
+            f"{len(s.refused)}",
+            f"{len(s.rejected)}",
+            f"{s.layers:.0f}",
+            f"{s.seconds:.2f}",
+        ]
         for s in summaries
-    ]  # fmt: skip
+    ]
     return markdown(head, rows)
 
 

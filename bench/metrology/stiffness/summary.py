@@ -79,15 +79,21 @@ def summarise_stiffness(condition: str, results: list[StiffnessResult]) -> Stiff
     inside = np.abs(error) <= PLANNED_GOAL
     worst = int(inside.sum(axis=0).argmin()) if len(good) else 0
     return StiffnessSummary(
-        condition=condition, trials=len(results), loads=results[0].loads,
-        refused=[r for r in results if r.refused], crashed=[r for r in results if r.crashed],
-        bound=np.array(results[0].bound), rmse=np.sqrt(np.mean(error**2, axis=0)),
-        stated=np.sqrt(np.mean(stated**2, axis=0)), bias=error.mean(axis=0),
+        condition=condition,
+        trials=len(results),
+        loads=results[0].loads,
+        refused=[r for r in results if r.refused],
+        crashed=[r for r in results if r.crashed],
+        bound=np.array(results[0].bound),
+        rmse=np.sqrt(np.mean(error**2, axis=0)),
+        stated=np.sqrt(np.mean(stated**2, axis=0)),
+        bias=error.mean(axis=0),
         covered=Share(sum((r.nees or 0) < ELLIPSOID for r in good), len(good)),
-        within=Share(int(inside[:, worst].sum()), len(good)), put_aside=sum(r.put_aside for r in good),
+        within=Share(int(inside[:, worst].sum()), len(good)),
+        put_aside=sum(r.put_aside for r in good),
         warned=sum(r.warned for r in good),
         identify_ms=percentile([1e3 * r.seconds["identify"] for r in good], 50),
-    )  # fmt: skip
+    )
 
 
 def worst_stiffness(results: list[StiffnessResult], count: int) -> Iterator[str]:

@@ -21,8 +21,9 @@ def stiffness_tables(summaries: list[StiffnessSummary], command: str) -> str:
     for title, rows in parts:
         lines += [f"### {title}", "", *rows, ""]
     lines += [f"- {r.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in summaries for r in s.crashed]
-    lines += [f"- {s.condition}: {len(s.refused)} refused, the first: {s.refused[0].refused}"
-              for s in summaries if s.refused]  # fmt: skip
+    lines += [
+        f"- {s.condition}: {len(s.refused)} refused, the first: {s.refused[0].refused}" for s in summaries if s.refused
+    ]
     return "\n".join([*lines, "", "Not met: " + ("; ".join(short) if short else "nothing") + "."])
 
 
@@ -41,19 +42,41 @@ def bounds(summaries: list[StiffnessSummary]) -> Iterable[str]:
 
 
 def accuracy(summaries: list[StiffnessSummary]) -> Iterable[str]:
-    head = ["condition", "trials", "refused", *(f"RMSE / bound, {j}" for j in JOINTS), "all joints", "goal",
-            "stated u / bound, greatest", "goal", "covers, %", "95 % interval", "goal", "sound loads put aside",
-            "identification, ms (median)"]  # fmt: skip
+    head = [
+        "condition",
+        "trials",
+        "refused",
+        *(f"RMSE / bound, {j}" for j in JOINTS),
+        "all joints",
+        "goal",
+        "stated u / bound, greatest",
+        "goal",
+        "covers, %",
+        "95 % interval",
+        "goal",
+        "sound loads put aside",
+        "identification, ms (median)",
+    ]
     rows = []
     for s in summaries:
         goal = s.condition in HONEST
         pooled = float((s.rmse_ratio**2).mean() ** 0.5)
         low, high = s.covered.interval
-        rows.append([
-            s.condition, f"{s.trials}", f"{len(s.refused)}", *(f"{r:.3f}" for r in s.rmse_ratio), f"{pooled:.3f}",
-            f"{RATIO_GOAL:g}" if goal else "", f"{s.stated_ratio.max():.3f}", f"{RATIO_GOAL:g}" if goal else "",
-            f"{100 * s.covered.value:.1f}", f"{100 * low:.1f} to {100 * high:.1f}",
-            f"{100 * COVER_GOAL[0]:g} to {100 * COVER_GOAL[1]:g}" if goal else "", f"{s.put_aside}",
-            f"{s.identify_ms:.1f}",
-        ])  # fmt: skip
+        rows.append(
+            [
+                s.condition,
+                f"{s.trials}",
+                f"{len(s.refused)}",
+                *(f"{r:.3f}" for r in s.rmse_ratio),
+                f"{pooled:.3f}",
+                f"{RATIO_GOAL:g}" if goal else "",
+                f"{s.stated_ratio.max():.3f}",
+                f"{RATIO_GOAL:g}" if goal else "",
+                f"{100 * s.covered.value:.1f}",
+                f"{100 * low:.1f} to {100 * high:.1f}",
+                f"{100 * COVER_GOAL[0]:g} to {100 * COVER_GOAL[1]:g}" if goal else "",
+                f"{s.put_aside}",
+                f"{s.identify_ms:.1f}",
+            ]
+        )
     return markdown(head, rows)

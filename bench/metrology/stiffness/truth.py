@@ -79,8 +79,9 @@ def _planned(cell: Cell, condition: str, targets: int) -> tuple[tuple[str, ...],
     """Loads as `stiffness.plan_loads` proposes them, at postures of its own or at Table A1's."""
     given = None if condition.startswith("planned") else [tuple(map(float, row)) for row in TABLE_A1_DEG]
     stiffness = JointStiffness(K, np.zeros((6, 6)), 0.0, 0, 0, "Table 2")
-    plan, _ = plan_loads(cell, stiffness, postures_deg=given, angle_convention="dh" if given else "abb",
-                         targets=targets)  # fmt: skip
+    plan, _ = plan_loads(
+        cell, stiffness, postures_deg=given, angle_convention="dh" if given else "abb", targets=targets
+    )
     return plan.labels, plan.joints, plan.wrench
 
 

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from workbench.api import Recording, pose_from
 
 RADIUS = 5.0
-TRUE = pose_from(Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(),
-                 np.array([126.92, 9.44, 41.48]))  # the paper's  # fmt: skip
+TRUE = pose_from(
+    Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
+)  # the paper's
 CENTER = np.array([1890.33, 241.48, 1079.72])
 NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
 
@@ -60,9 +61,18 @@ def circles(rng: np.random.Generator, made: Cell, noise_mm: float = 0.015, pitch
     return circle + noise, covariance
 
 
-def profile(rng: np.random.Generator, center: Any, radius: float = RADIUS, *, columns: int = 1200,
-            pitch_mm: float = 0.05, noise_mm: float = 0.015, sense: int = -1, background: bool = False,
-            outliers: float = 0.0) -> Any:  # fmt: skip
+def profile(
+    rng: np.random.Generator,
+    center: Any,
+    radius: float = RADIUS,
+    *,
+    columns: int = 1200,
+    pitch_mm: float = 0.05,
+    noise_mm: float = 0.015,
+    sense: int = -1,
+    background: bool = False,
+    outliers: float = 0.0,
+) -> Any:
     """x, z (columns,) of one profile: the sphere about `center` in the profiler frame, from the side of the sense.
 
     `background`: a tilted table below; `outliers`: share of points that lie anywhere.
@@ -87,11 +97,18 @@ def recording(rng: np.random.Generator, made: Cell, design: Any = TRUE, **how: A
     k = len(grids)
     quaternion = Rotation.from_matrix(made.poses[:, :3, :3]).as_quat(scalar_first=True)
     return Recording(
-        source="sphere.h5", time_s=np.arange(k) * 1.0, x_mm=np.array([g[0] for g in grids], np.float32),
-        z_mm=np.array([g[1] for g in grids], np.float32), pass_index=np.arange(k), robot_time_s=np.arange(k) * 1.0,
-        robot_position_mm=made.poses[:, :3, 3], robot_quaternion_wxyz=quaternion, robot_pass=np.arange(k),
-        flange_from_profiler=design, sphere_diameter_mm=2 * RADIUS,
-    )  # fmt: skip
+        source="sphere.h5",
+        time_s=np.arange(k) * 1.0,
+        x_mm=np.array([g[0] for g in grids], np.float32),
+        z_mm=np.array([g[1] for g in grids], np.float32),
+        pass_index=np.arange(k),
+        robot_time_s=np.arange(k) * 1.0,
+        robot_position_mm=made.poses[:, :3, 3],
+        robot_quaternion_wxyz=quaternion,
+        robot_pass=np.arange(k),
+        flange_from_profiler=design,
+        sphere_diameter_mm=2 * RADIUS,
+    )
 
 
 def off_design(rng: np.random.Generator, turn_deg: float = 20.0, shift_mm: float = 50.0) -> Any:
@@ -130,9 +147,18 @@ def scan_motion(scan: Scan, time: Any) -> tuple[Any, Any]:
     return turn, CENTER - (turn @ flange[..., None])[..., 0]
 
 
-def scan_recording(rng: np.random.Generator, scans: Any, offset_s: float = 0.0, own: bool = True, frames: int = 50,
-                   rate_hz: float = 25.0, margin_s: float = 0.3, design: Any = TRUE, pose_mm: float = 0.07,
-                   pose_deg: float = 0.01) -> Recording:  # fmt: skip
+def scan_recording(
+    rng: np.random.Generator,
+    scans: Any,
+    offset_s: float = 0.0,
+    own: bool = True,
+    frames: int = 50,
+    rate_hz: float = 25.0,
+    margin_s: float = 0.3,
+    design: Any = TRUE,
+    pose_mm: float = 0.07,
+    pose_deg: float = 0.01,
+) -> Recording:
     """A calibration recording of scans over the sphere, poses at `rate_hz`, profiles on a clock ahead by `offset_s`."""
     data: dict[str, list[Any]] = {key: [] for key in ("time", "x", "z", "pass", "rt", "rp", "rq", "rn")}
     for number, scan in enumerate(scans):
@@ -156,11 +182,19 @@ def scan_recording(rng: np.random.Generator, scans: Any, offset_s: float = 0.0, 
         data["rn"].append(np.full(len(poses), number))
     joined = {key: np.concatenate(parts) for key, parts in data.items() if key not in ("x", "z")}
     return Recording(
-        source="scans.h5", time_s=joined["time"], x_mm=np.array(data["x"], np.float32),
-        z_mm=np.array(data["z"], np.float32), pass_index=joined["pass"], robot_time_s=joined["rt"],
-        robot_position_mm=joined["rp"], robot_quaternion_wxyz=joined["rq"], robot_pass=joined["rn"],
-        flange_from_profiler=design, sphere_diameter_mm=2 * RADIUS, clock="own" if own else "robot",
-    )  # fmt: skip
+        source="scans.h5",
+        time_s=joined["time"],
+        x_mm=np.array(data["x"], np.float32),
+        z_mm=np.array(data["z"], np.float32),
+        pass_index=joined["pass"],
+        robot_time_s=joined["rt"],
+        robot_position_mm=joined["rp"],
+        robot_quaternion_wxyz=joined["rq"],
+        robot_pass=joined["rn"],
+        flange_from_profiler=design,
+        sphere_diameter_mm=2 * RADIUS,
+        clock="own" if own else "robot",
+    )
 
 
 def scans_over(rng: np.random.Generator, count: int = 6, turn_deg: float = 25.0, weave_deg: float = 0.0) -> list[Scan]:

@@ -154,16 +154,17 @@ def _rotations(rec: Recording) -> Any:
 def test_a_wrong_scale_of_z_is_named() -> None:
     rec, _ = made(8, k=12)
     bad = dataclasses.replace(rec, z_mm=rec.z_mm * np.float32(1.08))
-    assert any("the profiler's z looks 8" in t or "the profiler's z looks 7" in t
-               for t in hand_eye(circles(bad), bad, max_u_mm=2)[1].warnings)  # fmt: skip
+    assert any(
+        "the profiler's z looks 8" in t or "the profiler's z looks 7" in t
+        for t in hand_eye(circles(bad), bad, max_u_mm=2)[1].warnings
+    )
 
 
 def test_repeats_are_averaged_not_counted() -> None:
     """Five frames a posture share the posture's pose error: hardly more is known than from one."""
     rec, _ = made(2)
     rows = np.repeat(np.arange(9), 5)
-    again = dataclasses.replace(rec, time_s=np.arange(45.0), x_mm=rec.x_mm[rows], z_mm=rec.z_mm[rows],
-                                pass_index=rows)  # fmt: skip
+    again = dataclasses.replace(rec, time_s=np.arange(45.0), x_mm=rec.x_mm[rows], z_mm=rec.z_mm[rows], pass_index=rows)
     one, five = (hand_eye(circles(r), r)[1] for r in (rec, again))
     assert 0.9 * one.volume_u_mm < five.volume_u_mm <= one.volume_u_mm
     assert five.frames[3] == (15, 16, 17, 18, 19)

@@ -80,8 +80,11 @@ def rms_errors(sets: Any, count: int = 40) -> dict[str, float]:
         fit = answer.fit.estimate
         P = bundle.signed_centres(fit, linearise(fit, answer.seen, Noise()), answer.seen)
         seen = methods.Centres(P, made.poses[:, :3, :3], made.poses[:, :3, 3])
-        found = {"joint": methods.joint(TRUE, seen), "two_step": methods.two_step(TRUE, seen),
-                 "bundle": pose_from(fit.rotation, fit.translation_mm)}  # fmt: skip
+        found = {
+            "joint": methods.joint(TRUE, seen),
+            "two_step": methods.two_step(TRUE, seen),
+            "bundle": pose_from(fit.rotation, fit.translation_mm),
+        }
         if sets is three_by_three:
             found["analytic"] = methods.analytic(seen)
         for name, one in found.items():

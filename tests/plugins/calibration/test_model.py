@@ -65,8 +65,7 @@ def test_covariance_is_that_of_noisy_poses(rng: np.random.Generator) -> None:
 def test_volume_u_is_the_rms_over_the_field(rng: np.random.Generator) -> None:
     A = rng.normal(size=(6, 6)) * np.repeat([0.1, 0.005], 3)[:, None]
     covariance = A @ A.T
-    points = np.column_stack([rng.uniform(-1, 1, 4000) * 16 + 4, np.zeros(4000),
-                              rng.uniform(-1, 1, 4000) * 20 - 2])  # fmt: skip
+    points = np.column_stack([rng.uniform(-1, 1, 4000) * 16 + 4, np.zeros(4000), rng.uniform(-1, 1, 4000) * 20 - 2])
     draws = rng.multivariate_normal(np.zeros(6), covariance * 1e-6, 4000)  # small: the figure is of first order
     moved = (rotation_from_vector(draws[:, 3:]) @ (points @ TRUE[:3, :3].T)[..., None])[..., 0] + draws[:, :3]
     error = np.sqrt(np.mean(np.sum((moved - points @ TRUE[:3, :3].T) ** 2, axis=1))) * 1e3

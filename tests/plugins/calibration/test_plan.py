@@ -16,10 +16,13 @@ from workbench.synthetic import parse_sphere_recipe, simulate_sphere
 
 CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
 PASSES = [
-    {"sphere_mm": [-8, 2, -9], "turn_deg": [20, 3, -7]}, {"sphere_mm": [7, -3, 8], "turn_deg": [-15, 12, 5]},
-    {"sphere_mm": [3, 3, -4], "turn_deg": [4, -22, 10]}, {"sphere_mm": [-6, -2, 12], "turn_deg": [-19, -8, -12]},
-    {"sphere_mm": [1, 4, 2], "turn_deg": [9, 17, 16]}, {"sphere_mm": [9, -4, -10], "turn_deg": [13, -14, -18]},
-]  # fmt: skip
+    {"sphere_mm": [-8, 2, -9], "turn_deg": [20, 3, -7]},
+    {"sphere_mm": [7, -3, 8], "turn_deg": [-15, 12, 5]},
+    {"sphere_mm": [3, 3, -4], "turn_deg": [4, -22, 10]},
+    {"sphere_mm": [-6, -2, 12], "turn_deg": [-19, -8, -12]},
+    {"sphere_mm": [1, 4, 2], "turn_deg": [9, 17, 16]},
+    {"sphere_mm": [9, -4, -10], "turn_deg": [13, -14, -18]},
+]
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +90,13 @@ def test_nine_planned_are_better_than_random_nines():
 
 def test_circles_are_as_uncertain_as_their_scatter():
     """The predicted covariance against fits of simulated arcs."""
-    recipe = parse_sphere_recipe({"format": "sphere-recipe", "robot": {"pose_noise_mm": 0, "pose_noise_deg": 0},
-                                  "passes": [{"sphere_mm": [0.01, 3.0, 0], "repeats": 300}]})  # fmt: skip
+    recipe = parse_sphere_recipe(
+        {
+            "format": "sphere-recipe",
+            "robot": {"pose_noise_mm": 0, "pose_noise_deg": 0},
+            "passes": [{"sphere_mm": [0.01, 3.0, 0], "repeats": 300}],
+        }
+    )
     found = circles(simulate_sphere(recipe)[0]).circle
     predicted = planning.circle_covariance(np.array([16.0]), planning.Optics(0.015, 0.05))[0]
     assert found.std(axis=0) == pytest.approx(
@@ -119,8 +127,9 @@ def test_the_robot_must_reach_the_postures(made):
 
 def test_a_sphere_out_of_reach_is_refused(made):
     profiles, _, _, _ = made
-    far = parse_sphere_recipe({"format": "sphere-recipe", "seed": 4, "passes": PASSES,
-                               "sphere": {"center_mm": [9000, 0, 1000]}})  # fmt: skip
+    far = parse_sphere_recipe(
+        {"format": "sphere-recipe", "seed": 4, "passes": PASSES, "sphere": {"center_mm": [9000, 0, 1000]}}
+    )
     recording, _ = simulate_sphere(far)
     found = hand_eye(circles(recording), recording)[1]
     with pytest.raises(InputError, match=r"reaches 0 of .* postures"):

@@ -21,8 +21,9 @@ AXIS = np.array([0.02, -0.03, 1.0]) / np.linalg.norm([0.02, -0.03, 1.0])
 CENTRE = np.array([1500.0, 200.0, 400.0])
 
 
-def touch_rows(rng: Any, count: int = 16, spread: float = 0.6, about: Float | None = None,
-               known_mm: float | None = None) -> list[str]:  # fmt: skip
+def touch_rows(
+    rng: Any, count: int = 16, spread: float = 0.6, about: Float | None = None, known_mm: float | None = None
+) -> list[str]:
     """CSV rows of touches; `about`: the flange turns about that axis only; `known_mm`: u of references told."""
     vectors = rng.normal(size=(count, 3)) * spread
     if about is not None:
@@ -115,8 +116,13 @@ def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
         calibrated(touch_file(tmp_path, rows))
 
 
-def mark_rows(rng: Any, markers: int = 3, angles: tuple[float, ...] = (0, 40, 80, 120), away_mm: float = 200.0,
-              tall_mm: float = 100.0) -> list[str]:  # fmt: skip
+def mark_rows(
+    rng: Any,
+    markers: int = 3,
+    angles: tuple[float, ...] = (0, 40, 80, 120),
+    away_mm: float = 200.0,
+    tall_mm: float = 100.0,
+) -> list[str]:
     rows = []
     for k in range(markers):
         q = rng.normal(size=3) * [away_mm, away_mm, tall_mm]

@@ -62,10 +62,12 @@ def test_robot_in_another_frame(cell: Cell, drawn: Any, shoulder: int, elbow: in
     moved = pose_from(rotation_from_vector(np.array([0.9, -0.5, 1.3])), np.array([300.0, -800, 450]))
     turn, chain, way = moved[:3, :3], cell.chain, np.array(sense, float)[:, None]
     other = dataclasses.replace(
-        chain, axes=way * chain.axes @ turn.T, points_mm=chain.points_mm @ turn.T + moved[:3, 3],
+        chain,
+        axes=way * chain.axes @ turn.T,
+        points_mm=chain.points_mm @ turn.T + moved[:3, 3],
         base_from_flange_at_zero=moved @ chain.base_from_flange_at_zero,
         limits=np.sort(way * chain.limits, axis=1),
-    )  # fmt: skip
+    )
     poses, tips, force = (part[:500] for part in drawn)
     poses, tips, force = moved @ poses, tips @ turn.T + moved[:3, 3], force @ turn.T
     found, said = displacements(fast_arm(other), K, poses, tips, force, shoulder=shoulder, elbow=elbow)
@@ -88,8 +90,15 @@ def test_traverse_is_the_mean_over_explicit_poses(cell: Cell, table_a1: Float) -
     arm, rng = fast_arm(cell.chain), np.random.default_rng(9)
     angles = np.radians(np.arange(0, 360, 24.0))
     start = forward_kinematics(cell.chain, table_a1[0]) @ cell.flange_from_cutter
-    cutter = np.array([[start @ pose_from(rotation_from_vector(rng.normal(size=3) / 10), rng.normal(size=3) * 40)
-                        for _ in range(4)] for _ in range(3)])  # fmt: skip
+    cutter = np.array(
+        [
+            [
+                start @ pose_from(rotation_from_vector(rng.normal(size=3) / 10), rng.normal(size=3) * 40)
+                for _ in range(4)
+            ]
+            for _ in range(3)
+        ]
+    )
     force = rng.normal(size=(3, 4, 3)) * 50
     load = cutter[..., :3, 3] + rng.normal(size=(3, 4, 3))
     for shoulder, elbow in BRANCHES:
@@ -99,8 +108,9 @@ def test_traverse_is_the_mean_over_explicit_poses(cell: Cell, table_a1: Float) -
         for t, angle in enumerate(angles):
             turned = cutter @ pose_from(rotation_from_vector(np.array([0, 0, angle])), np.zeros(3))
             flange = (turned @ inverse(cell.flange_from_cutter)).reshape(-1, 4, 4)
-            found, one = displacements(arm, K, flange, load.reshape(-1, 3), force.reshape(-1, 3), shoulder=shoulder,
-                                       elbow=elbow)  # fmt: skip
+            found, one = displacements(
+                arm, K, flange, load.reshape(-1, 3), force.reshape(-1, 3), shoulder=shoulder, elbow=elbow
+            )
             assert np.allclose(mean[:, t], found.reshape(3, 4).mean(axis=1), rtol=1e-10)
             assert (said[:, t] == one.reshape(3, 4).max(axis=1)).all()
     assert (traverse(arm, K, cell.flange_from_cutter, cutter, load, force, angles)[1] == 0).any()

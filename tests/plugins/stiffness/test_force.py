@@ -83,12 +83,26 @@ def path() -> Toolpath:
     k = 5
     turn = rotation_from_vector(np.array([0.3, -0.4, 0.2]))
     layer = Layer(
-        index=1, height_mm=0.0, arc_length_mm=np.arange(k) - 1.0, position_mm=np.zeros((k, 3)),
-        quaternion_wxyz=np.tile(quaternion_from_rotation(turn), (k, 1)), feed_mm_s=np.ones(k),
-        cutting=np.arange(k) > 0, measured=np.ones(k, bool), width_mm=np.where(np.arange(k) > 0, 4.0, 0.0),
-    )  # fmt: skip
-    return Toolpath(cutter=CUTTER, layers=(layer,), travels=(), root_mm=1.5, bevel_deg=40, depth_of_cut_mm=1.0,
-                    v_slow_mm_s=1.0, edge_length_mm=3.0)  # fmt: skip
+        index=1,
+        height_mm=0.0,
+        arc_length_mm=np.arange(k) - 1.0,
+        position_mm=np.zeros((k, 3)),
+        quaternion_wxyz=np.tile(quaternion_from_rotation(turn), (k, 1)),
+        feed_mm_s=np.ones(k),
+        cutting=np.arange(k) > 0,
+        measured=np.ones(k, bool),
+        width_mm=np.where(np.arange(k) > 0, 4.0, 0.0),
+    )
+    return Toolpath(
+        cutter=CUTTER,
+        layers=(layer,),
+        travels=(),
+        root_mm=1.5,
+        bevel_deg=40,
+        depth_of_cut_mm=1.0,
+        v_slow_mm_s=1.0,
+        edge_length_mm=3.0,
+    )
 
 
 def test_stage_on_a_path(path: Toolpath) -> None:
@@ -105,8 +119,9 @@ def test_stage_on_a_path(path: Toolpath) -> None:
 
 
 def test_engagement_counts(path: Toolpath) -> None:
-    met = LayerEngagement(1, path.layers[0].arc_length_mm, np.array([0, 0.5, 1, 1, 0.0]), np.array([0, 2.0, 4, 1, 0]),
-                          np.zeros(5))  # fmt: skip
+    met = LayerEngagement(
+        1, path.layers[0].arc_length_mm, np.array([0, 0.5, 1, 1, 0.0]), np.array([0, 2.0, 4, 1, 0]), np.zeros(5)
+    )
     layer = force(path, Engagement((met,)))[0].layers[0]
     assert np.allclose(layer.mean_n[1], one(0.5, 2.0, 0.0025, helix=np.radians(30)).mean(axis=0))
     assert (layer.mean_n[4] == 0).all()

@@ -63,11 +63,16 @@ def test_the_traversal_is_the_kernels(cell: Cell) -> None:
 @pytest.fixture
 def ur(tmp_path: Path) -> Cell:
     tree = {
-        "format": "robot-cell", "version": 1, "controller": {"dialect": "ur"},
-        "robot": {"urdf": str(ROOT / "tests/robot/urdf/ur10e.urdf"), "base_frame": "base",
-                  "joint_stiffness_nm_per_rad": [2e4, 2e4, 2e4, 1e4, 1e4, 1e4]},
+        "format": "robot-cell",
+        "version": 1,
+        "controller": {"dialect": "ur"},
+        "robot": {
+            "urdf": str(ROOT / "tests/robot/urdf/ur10e.urdf"),
+            "base_frame": "base",
+            "joint_stiffness_nm_per_rad": [2e4, 2e4, 2e4, 1e4, 1e4, 1e4],
+        },
         "tool": {"flange_from_cutter": [[0, 0, 1, 120], [0, -1, 0, 0], [1, 0, 0, 80], [0, 0, 0, 1]]},
-    }  # fmt: skip
+    }
     (tmp_path / "ur.json").write_text(json.dumps(tree))
     return read_cell(tmp_path / "ur.json")
 
@@ -93,8 +98,10 @@ def test_an_ur_has_postures(ur: Cell) -> None:
     flange = forward_kinematics(ur.chain, made.joints)
     assert np.abs((flange @ made.flange_from_point)[:, :3, 3] - made.position_mm).max() < 1e-6
     layer = path.layers[0]
-    axes = [p - 5 * rotation_from_quaternion(q)[:, :, 0] for p, q in
-            ((made.position_mm, made.quaternion_wxyz), (layer.position_mm, layer.quaternion_wxyz))]  # fmt: skip
+    axes = [
+        p - 5 * rotation_from_quaternion(q)[:, :, 0]
+        for p, q in ((made.position_mm, made.quaternion_wxyz), (layer.position_mm, layer.quaternion_wxyz))
+    ]
     assert np.abs(axes[0] - axes[1]).max() < 1e-6  # the cutter's axis; about it the flange may turn
     assert np.abs(np.diff(made.joints, axis=0)).max() < np.radians(15)
     assert (np.abs(made.joints) <= ur.chain.limits[:, 1]).all()

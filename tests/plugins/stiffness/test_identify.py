@@ -116,8 +116,11 @@ def loads(cell: Cell, joints: Any, force: Any, points: Any, seed: int = 1) -> Lo
     assert setup is not None
     rows = [
         (q, s * np.concatenate([f, np.cross(p - setup.flange_from_sensor[:3, 3], f) / 1e3]))
-        for q in joints for f in force for p in points for s in (1, -1)
-    ]  # fmt: skip
+        for q in joints
+        for f in force
+        for p in points
+        for s in (1, -1)
+    ]
     q, w = (np.array(part) for part in zip(*rows, strict=True))
     return simulate_tests(cell.chain, setup, K, q, w, ("1",) * len(q), rng=np.random.default_rng(seed))
 
@@ -140,10 +143,13 @@ def test_one_direction_loses_joints(cell: Cell, table_a1: Any, force: Any, lost:
     points = cell.loading.load_points_mm[1:]
     parts = [loads(cell, [q], [in_base(cell, q, force)], points, seed=i) for i, q in enumerate(table_a1)]
     tests = dataclasses.replace(
-        parts[0], labels=("1",) * 18, lines=tuple(range(2, 20)),
-        joints=np.vstack([p.joints for p in parts]), wrench=np.vstack([p.wrench for p in parts]),
+        parts[0],
+        labels=("1",) * 18,
+        lines=tuple(range(2, 20)),
+        joints=np.vstack([p.joints for p in parts]),
+        wrench=np.vstack([p.wrench for p in parts]),
         displacement=np.vstack([p.displacement for p in parts if p.displacement is not None]),
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match="all forces are parallel to its axis") as caught:
         run(cell, tests)
     assert lost in str(caught.value)

@@ -82,9 +82,12 @@ def test_mistakes_are_named(cell: Cell, noisy: Any, targets: int, change: Change
 
 @pytest.mark.parametrize(
     ("part", "targets", "message"),
-    [("wrench", 0, "loads without wrench"), ("displacement", 0, "without displacement"),
-     ("targets_mm", 4, "without displacement")],
-)  # fmt: skip
+    [
+        ("wrench", 0, "loads without wrench"),
+        ("displacement", 0, "without displacement"),
+        ("targets_mm", 4, "without displacement"),
+    ],
+)
 def test_columns_of_zeros_are_refused(cell: Cell, noisy: Any, part: str, targets: int, message: str) -> None:
     assert cell.loading is not None
     with pytest.raises(InputError, match=message):

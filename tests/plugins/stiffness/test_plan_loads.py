@@ -68,9 +68,7 @@ def test_chosen_postures_beat_random_ones() -> None:
         assert len(chosen) == 15
         by_design = sum(information[pair] for pair in chosen)
         kept = sorted({p for p, _ in chosen})
-        drawn = [
-            sum(information[p, rng.integers(20)] for p in kept for _ in range(5)) for _ in range(300)
-        ]  # fmt: skip
+        drawn = [sum(information[p, rng.integers(20)] for p in kept for _ in range(5)) for _ in range(300)]
         assert cost(by_design, criterion) <= min(cost(one, criterion) for one in drawn)
 
 

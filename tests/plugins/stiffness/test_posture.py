@@ -99,8 +99,10 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
             loads = np.hstack([points.force_n @ moved[:3, :3].T, np.zeros((len(q), 3))])
             flange = forward_kinematics(cell.chain, q)
             local = (inverse(flange) @ point)[:, :3, 3]
-            length = [np.linalg.norm(give_way(cell.chain, K, one, at, load, order=1, with_kc=False)[0][:3])
-                      for one, at, load in zip(q, local, loads, strict=True)]  # fmt: skip
+            length = [
+                np.linalg.norm(give_way(cell.chain, K, one, at, load, order=1, with_kc=False)[0][:3])
+                for one, at, load in zip(q, local, loads, strict=True)
+            ]
             best[t, a] = min(best[t, a], np.mean(np.array(length)[points.loaded]))
     return float(best.min()), best
 
@@ -172,8 +174,9 @@ def test_law_along_the_path_is_never_worse(
         "turntable_deg": (-90, -60),
     }
     constant, _, _, _ = posture(cell, stiffness, path, acts, **common)
-    law, _, document, _ = posture(cell, stiffness, path, acts, mode="along_path", turntable_moves=turntable_moves,
-                                  **common)  # fmt: skip
+    law, _, document, _ = posture(
+        cell, stiffness, path, acts, mode="along_path", turntable_moves=turntable_moves, **common
+    )
     before, after = (np.linalg.norm(one.displacement_mm, axis=1)[one.cutting] for one in (constant, law))
     assert after.mean() < before.mean() - 1e-6  # points 15 mm apart leave room for a better law
     told = json.loads(document.content)

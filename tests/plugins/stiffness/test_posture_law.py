@@ -79,8 +79,18 @@ def test_straight_on_is_always_a_way() -> None:
     rng, n = np.random.default_rng(3), 6
     joints = np.cumsum(rng.uniform(2, 3, (n, 1, 1, 1)), axis=0) + np.zeros((n, 3, 3, 2))
     cost = rng.uniform(0, 1, (n, 3, 3))
-    way = best_law(cost, joints, np.ones(cost.shape, bool), np.zeros((n, 2), int), np.ones(n), np.ones(2), 1.0, STEP,
-                   np.array([1, 1]), RESTLESS)  # fmt: skip
+    way = best_law(
+        cost,
+        joints,
+        np.ones(cost.shape, bool),
+        np.zeros((n, 2), int),
+        np.ones(n),
+        np.ones(2),
+        1.0,
+        STEP,
+        np.array([1, 1]),
+        RESTLESS,
+    )
     assert (way == way[0]).all()
     assert np.isclose(cost[:, way[0, 0], way[0, 1]].sum(), cost.sum(axis=0).min())
 
@@ -117,8 +127,12 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
     found = relaxed_law(examiner, K, 0, grid, np.inf)
     assert found is not None
     turns, tables = np.meshgrid(grid.rotations, grid.tables)
-    each = np.array([nodes(examiner, K, Configuration(0, flip), np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))
-                     [0] for flip in (0, 1)]).min(axis=0)  # fmt: skip
+    each = np.array(
+        [
+            nodes(examiner, K, Configuration(0, flip), np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))[0]
+            for flip in (0, 1)
+        ]
+    ).min(axis=0)
     value = each[0]
     for cost in each[1:]:
         near = [np.roll(value, d, axis=1) + 1e-4 * d * d for d in (-1, 0, 1)]

@@ -42,11 +42,21 @@ def acts(path: Toolpath) -> MillingForce:
 
 
 @pytest.fixture(scope="module", params=["constant", "along_path"])
-def made(request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: MillingForce,
-         stiffness: JointStiffness) -> Postures:  # fmt: skip
+def made(
+    request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> Postures:
     moving = request.param == "along_path"
-    return posture(cell, stiffness, path, acts, mode=request.param, turntable_moves=moving, whole_map=False,
-                   cutter_rotation_deg=(70, 100), turntable_deg=(-85, -65))[0]  # fmt: skip
+    return posture(
+        cell,
+        stiffness,
+        path,
+        acts,
+        mode=request.param,
+        turntable_moves=moving,
+        whole_map=False,
+        cutter_rotation_deg=(70, 100),
+        turntable_deg=(-85, -65),
+    )[0]
 
 
 @pytest.fixture(scope="module")
@@ -78,11 +88,13 @@ def test_targets_put_the_cutter_where_the_path_wants_it(
     program: RapidProgram, made: Postures, path: Toolpath, cell: Cell
 ) -> None:
     """Turned back with the turntable, every target's cutter axis is that of a point of the path."""
-    points = np.vstack([
-        np.hstack([part.position_mm - 5 * turn[:, :, 0], turn[:, :, 2]])
-        for part in (*path.layers, *path.travels)
-        for turn in [rotation_from_quaternion(part.quaternion_wxyz)]
-    ])  # fmt: skip
+    points = np.vstack(
+        [
+            np.hstack([part.position_mm - 5 * turn[:, :, 0], turn[:, :, 2]])
+            for part in (*path.layers, *path.travels)
+            for turn in [rotation_from_quaternion(part.quaternion_wxyz)]
+        ]
+    )
     tool = frame(*next(iter(program.tools.values())).frame)
     tip = inverse(tool) @ cell.flange_from_cutter
     kept = 0
@@ -118,8 +130,9 @@ def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell
     assert np.allclose(seconds, planned / layer.feed_mm_s[1:], rtol=1e-6)
 
 
-def test_postures_of_another_path_are_refused(made: Postures, path: Toolpath, cell: Cell, acts: MillingForce,
-                                              stiffness: JointStiffness) -> None:  # fmt: skip
+def test_postures_of_another_path_are_refused(
+    made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
+) -> None:
     other = dataclasses.replace(path)
     with pytest.raises(InputError, match="another path"):
         simplify(other, made)

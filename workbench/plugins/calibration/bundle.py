@@ -30,8 +30,15 @@ class Fit:
     used: Bool  # (k,)
 
 
-def fit(start: Estimate, seen: Observations | Passes, noise: Noise, *, used: Bool | None = None,
-        with_offset: bool = False, steps: int = STEPS) -> Fit:  # fmt: skip
+def fit(
+    start: Estimate,
+    seen: Observations | Passes,
+    noise: Noise,
+    *,
+    used: Bool | None = None,
+    with_offset: bool = False,
+    steps: int = STEPS,
+) -> Fit:
     """Least squares from `start` on the observations `used` (k,), None: all.
 
     Every step weights with the noise predicted at the estimate. The sphere's radius is pulled to the stated one; the

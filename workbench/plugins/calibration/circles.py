@@ -134,12 +134,20 @@ def _profiles(recording: Recording, found: list[Arc], rejected: list[Rejected], 
     for arc in found:
         on_arc[arc.frame, arc.columns] = True
     return SphereProfiles(
-        frame=frozen(np.array([arc.frame for arc in found])), circle=frozen(np.stack([arc.circle for arc in found])),
-        covariance=frozen(covariance), residual_mm=frozen(each),
-        points=frozen(points), on_arc=frozen(on_arc), sense=int(found[0].sense),
-        noise_mm=noise, stated_noise_mm=least_mm, correlation=correlation,
-        sphere_diameter_mm=recording.sphere_diameter_mm, rejected=tuple(rejected), source=recording.source,
-    )  # fmt: skip
+        frame=frozen(np.array([arc.frame for arc in found])),
+        circle=frozen(np.stack([arc.circle for arc in found])),
+        covariance=frozen(covariance),
+        residual_mm=frozen(each),
+        points=frozen(points),
+        on_arc=frozen(on_arc),
+        sense=int(found[0].sense),
+        noise_mm=noise,
+        stated_noise_mm=least_mm,
+        correlation=correlation,
+        sphere_diameter_mm=recording.sphere_diameter_mm,
+        rejected=tuple(rejected),
+        source=recording.source,
+    )
 
 
 def _spread(residual: Float) -> float:

@@ -77,16 +77,21 @@ def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: 
 class _Likelihood:
     """Restricted likelihood of the two errors, both over the stated repeatability, about an estimate."""
 
-    def __init__(self, estimate: Estimate, seen: Observations | Passes, result: Fit, stated: Noise,
-                 with_offset: bool) -> None:  # fmt: skip
+    def __init__(
+        self, estimate: Estimate, seen: Observations | Passes, result: Fit, stated: Noise, with_offset: bool
+    ) -> None:
         here = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
         self._here = here.subset(result.used)
         self._estimate, self._stated, self._with_offset = estimate, stated, with_offset
 
     def noise(self, whole: float, own: float) -> Noise:
         total = float(np.hypot(whole, own))
-        return replace(self._stated, pose_mm=total * self._stated.pose_mm, pose_deg=total * self._stated.pose_deg,
-                       common=float(whole / total) ** 2)  # fmt: skip
+        return replace(
+            self._stated,
+            pose_mm=total * self._stated.pose_mm,
+            pose_deg=total * self._stated.pose_deg,
+            common=float(whole / total) ** 2,
+        )
 
     def at(self, whole: float, own: float) -> tuple[float, Float, Float]:
         """Log-likelihood, the step to its answer (P,) and the covariance (P, P)."""

@@ -55,8 +55,12 @@ def _over_grid(
     log += _prior(np.array([max(a, AMPLITUDES_MM[1]) for a, _ in grid]), seen_mm)
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
     weights = np.exp(log - log.max())
-    return (weights / weights.sum(), np.array([one[1] for one in found]), np.array([one[2] for one in found]),
-            np.array([a for a, _ in grid]))  # fmt: skip
+    return (
+        weights / weights.sum(),
+        np.array([one[1] for one in found]),
+        np.array([one[2] for one in found]),
+        np.array([a for a, _ in grid]),
+    )
 
 
 def _prior(amplitude: Float, seen_mm: float) -> Float:
@@ -68,8 +72,9 @@ def _prior(amplitude: Float, seen_mm: float) -> Float:
     return np.asarray(np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2))
 
 
-def _restricted(linear: Linear, here: Observations, noise: Noise, kernel: Float,
-                estimate: Estimate) -> tuple[float, Float, Float]:  # fmt: skip
+def _restricted(
+    linear: Linear, here: Observations, noise: Noise, kernel: Float, estimate: Estimate
+) -> tuple[float, Float, Float]:
     """Restricted log-likelihood of one kernel (k, k), the step to its answer (P,) and the covariance (P, P)."""
     L = np.linalg.cholesky(_covariance(linear, kernel))
     white = np.linalg.solve(L, np.column_stack([linear.jacobian.reshape(-1, SIZE), linear.residual.reshape(-1)]))

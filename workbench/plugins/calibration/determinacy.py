@@ -52,8 +52,18 @@ def check_postures(seen: Observations, where: str) -> None:
         )
 
 
-def check_determined(covariance: Float, estimate: Estimate, seen: Observations, centre: Float, view: View,
-                     limit_mm: float, where: str, *, with_offset: bool = False, raised: str = "") -> None:  # fmt: skip
+def check_determined(
+    covariance: Float,
+    estimate: Estimate,
+    seen: Observations,
+    centre: Float,
+    view: View,
+    limit_mm: float,
+    where: str,
+    *,
+    with_offset: bool = False,
+    raised: str = "",
+) -> None:
     """Refuse a set that leaves a point of the field more uncertain than the limit: which direction, and why.
 
     Args:

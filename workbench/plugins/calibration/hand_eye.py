@@ -84,14 +84,22 @@ def hand_eye(
     if method != "bundle":
         result = _by_method(method, answer, recording.flange_from_profiler, seed, where)
     centre = linearise(result.estimate, answer.seen, answer.noise).centre[result.used]
-    check_determined(result.covariance[:6, :6], result.estimate, answer.seen.subset(result.used), centre, view,
-                     max_u_mm, where, with_offset=answer.with_offset, raised=asked(noise, answer.noise))  # fmt: skip
+    check_determined(
+        result.covariance[:6, :6],
+        result.estimate,
+        answer.seen.subset(result.used),
+        centre,
+        view,
+        max_u_mm,
+        where,
+        with_offset=answer.with_offset,
+        raised=asked(noise, answer.noise),
+    )
     found = _calibration(method, result, answer, profiles, recording, passes, noise, systematic_mm, view)
     return found.hand_eye, found, hand_eye_document(found)
 
 
-def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float,
-           view: View) -> Answer:  # fmt: skip
+def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float, view: View) -> Answer:
     """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
     design = recording.flange_from_profiler
     if recording.clock == "own" and len(passes.scans):
@@ -122,8 +130,7 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
     covariance = fit.covariance.copy()
     covariance[:6], covariance[:, :6] = 0.0, 0.0
     covariance[:6, :6] = spread
-    return dataclasses.replace(fit, covariance=covariance,
-                               estimate=dataclasses.replace(estimate, center_mm=center))  # fmt: skip
+    return dataclasses.replace(fit, covariance=covariance, estimate=dataclasses.replace(estimate, center_mm=center))
 
 
 def _centre_covariance(linear: Linear) -> Float:
@@ -136,8 +143,17 @@ def _centre_covariance(linear: Linear) -> Float:
     return np.asarray(change @ linear.covariance @ np.swapaxes(change, 1, 2))
 
 
-def _calibration(method: Method, result: Fit, answer: Answer, profiles: SphereProfiles, recording: Recording,
-                 passes: Passes, stated: Noise, systematic_mm: float | None, view: View) -> Calibration:  # fmt: skip
+def _calibration(
+    method: Method,
+    result: Fit,
+    answer: Answer,
+    profiles: SphereProfiles,
+    recording: Recording,
+    passes: Passes,
+    stated: Noise,
+    systematic_mm: float | None,
+    view: View,
+) -> Calibration:
     estimate, seen, noise = result.estimate, answer.seen, answer.noise
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
@@ -147,22 +163,32 @@ def _calibration(method: Method, result: Fit, answer: Answer, profiles: SpherePr
     offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
     volume = volume_u(covariance, estimate.rotation, view)
     return Calibration(
-        part=recording.part, method=method,
+        part=recording.part,
+        method=method,
         hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume),
-        sphere_center_mm=estimate.center_mm, sphere_radius_mm=estimate.radius_mm, covariance=frozen(covariance),
+        sphere_center_mm=estimate.center_mm,
+        sphere_radius_mm=estimate.radius_mm,
+        covariance=frozen(covariance),
         volume_u_mm=volume,
-        directions=directions(covariance, estimate, view), noise=noise, view=view,
-        time_offset_s=estimate.offset_s if answer.with_offset else None, time_offset_u_s=offset_u,
-        frames=seen.frames, centre_mm=bundle.signed_centres(estimate, linear, seen),
+        directions=directions(covariance, estimate, view),
+        noise=noise,
+        view=view,
+        time_offset_s=estimate.offset_s if answer.with_offset else None,
+        time_offset_u_s=offset_u,
+        frames=seen.frames,
+        centre_mm=bundle.signed_centres(estimate, linear, seen),
         center_base_before_mm=_before(recording.flange_from_profiler, estimate, linear, seen),
         center_base_mm=bundle.to_base(bundle.signed_centres(estimate, linear, seen), estimate, seen),
-        residual=linear.residual, distance=np.sqrt(off), used=result.used,
+        residual=linear.residual,
+        distance=np.sqrt(off),
+        used=result.used,
         residual_rms_mm=_point_rms(profiles, recording, estimate, linear, seen, result),
-        misfit=answer.stated.chi2 / max(answer.stated.freedom, 1), systematic_mm=systematic_mm,
+        misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
+        systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
         frames_rejected=rejections(profiles, passes, result, seen, linear, off),
         warnings=warnings(result, answer, profiles, stated, systematic_mm, method),
-    )  # fmt: skip
+    )
 
 
 def _before(design: Float | None, estimate: Estimate, linear: Linear, seen: Observations) -> Float:
@@ -174,8 +200,9 @@ def _before(design: Float | None, estimate: Estimate, linear: Linear, seen: Obse
     return bundle.to_base(centre, start, seen)
 
 
-def _point_rms(profiles: SphereProfiles, recording: Recording, estimate: Estimate, linear: Linear, seen: Observations,
-               result: Fit) -> float:  # fmt: skip
+def _point_rms(
+    profiles: SphereProfiles, recording: Recording, estimate: Estimate, linear: Linear, seen: Observations, result: Fit
+) -> float:
     """RMS distance of the measured points from the sphere, over the postures that count."""
     squares = []
     for frames, centre, good in zip(seen.frames, linear.centre, result.used, strict=True):

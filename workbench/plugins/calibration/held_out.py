@@ -31,15 +31,17 @@ class HeldOut:
     freedom: int
 
 
-def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int,
-              source: str) -> tuple[str, HeldOut]:  # fmt: skip
+def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, source: str) -> tuple[str, HeldOut]:
     """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
     passes = _passes(seen)
     count = len(passes)
     parts = min(folds, count) if folds > 1 else count
     if count - math.ceil(count / parts) < MIN_POSTURES:
-        raise InputError(f"{source}: /robot", f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
-                                              f"expected {MIN_POSTURES} others at least")  # fmt: skip
+        raise InputError(
+            f"{source}: /robot",
+            f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
+            f"expected {MIN_POSTURES} others at least",
+        )
     whole, noise = as_noisy_as_found(estimate, seen, noise)
     residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
     chi2 = 0.0
@@ -105,8 +107,13 @@ def second_recording(
         side[3] += (noise.radius_mm - start.radius_mm) / noise.radius_u_mm**2
         start = start.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix, side)]))
     index = np.arange(len(seen))
-    return HeldOut(linear.residual, spread.reshape(len(seen), 3, len(seen), 3)[index, :, index], linear.centre[:, 1],
-                   float(r @ np.linalg.solve(spread, r)), len(r) - 3)  # fmt: skip
+    return HeldOut(
+        linear.residual,
+        spread.reshape(len(seen), 3, len(seen), 3)[index, :, index],
+        linear.centre[:, 1],
+        float(r @ np.linalg.solve(spread, r)),
+        len(r) - 3,
+    )
 
 
 def _center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:

@@ -52,8 +52,11 @@ def analytic(seen: Centres, where: str = "postures") -> Float:
     moved = np.einsum("kji,kj->ki", seen.r[i], seen.t[j] - seen.t[i])
     U, size, V = np.linalg.svd(moved.T @ seen_by)
     if len(i) < 2 or size[1] < 1e-3 * size[0]:
-        raise InputError(where, "method 'analytic' needs postures that share the flange's orientation, moved in two "
-                                "directions; take 'bundle'")  # fmt: skip
+        raise InputError(
+            where,
+            "method 'analytic' needs postures that share the flange's orientation, moved in two "
+            "directions; take 'bundle'",
+        )
     R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))]) @ V
     return pose_from(R, translation(R, seen))
 
@@ -161,7 +164,14 @@ class _Pairs:
 def _evolve(cost: Callable[[Float], Float], middle: Float, half: float, seed: int) -> Float:
     """Minimum of `cost` over genes (3, s) within a box about `middle`."""
     found = differential_evolution(
-        cost, [(m - half, m + half) for m in middle], popsize=POPULATION // 3, maxiter=GENERATIONS, tol=0.0,
-        polish=False, vectorized=True, updating="deferred", rng=np.random.default_rng(seed),
-    )  # fmt: skip
+        cost,
+        [(m - half, m + half) for m in middle],
+        popsize=POPULATION // 3,
+        maxiter=GENERATIONS,
+        tol=0.0,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        rng=np.random.default_rng(seed),
+    )
     return np.asarray(found.x)

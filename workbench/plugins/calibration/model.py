@@ -50,11 +50,13 @@ class Estimate:
     def moved(self, step: Float) -> Estimate:
         """After a step (10,) or (11,) in the unknowns."""
         return replace(
-            self, translation_mm=self.translation_mm + step[:3],
-            rotation=rotation_from_vector(step[3:6]) @ self.rotation, center_mm=self.center_mm + step[6:9],
+            self,
+            translation_mm=self.translation_mm + step[:3],
+            rotation=rotation_from_vector(step[3:6]) @ self.rotation,
+            center_mm=self.center_mm + step[6:9],
             radius_mm=self.radius_mm + float(step[9]),
             offset_s=self.offset_s + (float(step[10]) if len(step) > SIZE else 0.0),
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from workbench.api import (
     rotation_from_quaternion,
     rotation_from_vector,
     vector_from_rotation,
-)  # fmt: skip
+)
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
 REPEAT_GATE = 25.0  # squared Mahalanobis distance of a repeat from the median of its posture: 3 degrees of freedom
@@ -67,15 +67,31 @@ class Observations:
             if (kept := keep[g.rows]).any()
         )
         frames = tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept)
-        return Observations(self.circle[keep], self.covariance[keep], self.base_from_flange[keep], self.velocity[keep],
-                            self.evened[keep], number[self.still[keep[self.still]]], scans, frames)  # fmt: skip
+        return Observations(
+            self.circle[keep],
+            self.covariance[keep],
+            self.base_from_flange[keep],
+            self.velocity[keep],
+            self.evened[keep],
+            number[self.still[keep[self.still]]],
+            scans,
+            frames,
+        )
 
 
 def from_arrays(circle: Float, covariance: Float, base_from_flange: Float) -> Observations:
     """Observations of postures held still, each with a pose error of its own: (k, 3), (k, 3, 3), (k, 4, 4)."""
     k = len(circle)
-    return Observations(circle, covariance, base_from_flange, np.zeros((k, 6)), np.ones(k), np.arange(k), (),
-                        tuple((i,) for i in range(k)))  # fmt: skip
+    return Observations(
+        circle,
+        covariance,
+        base_from_flange,
+        np.zeros((k, 6)),
+        np.ones(k),
+        np.arange(k),
+        (),
+        tuple((i,) for i in range(k)),
+    )
 
 
 @dataclass(frozen=True)
@@ -162,8 +178,15 @@ def by_pass(profiles: SphereProfiles, recording: Recording) -> Passes:
             time.append(float(recording.time_s[profiles.frame[members]].mean()))
             which.append(int(this))
             frames.append(tuple(int(f) for f in profiles.frame[members]))
-    return Passes(recording, np.array(circle), np.array(covariance), np.array(time), np.array(which), tuple(frames),
-                  tuple(rejected))  # fmt: skip
+    return Passes(
+        recording,
+        np.array(circle),
+        np.array(covariance),
+        np.array(time),
+        np.array(which),
+        tuple(frames),
+        tuple(rejected),
+    )
 
 
 def distinct_postures(base_from_flange: Float) -> int:

@@ -17,11 +17,21 @@ from workbench.plugins.calibration.values import Calibration, PosturePlan, Spher
 
 INK, GREY, PALE, BLUE, ORANGE, PURPLE = "#1b1f24", "#6b7280", "#c9ced6", "#0072b2", "#d55e00", "#8c0f5b"
 STYLE: Any = {
-    "font.size": 9.0, "font.family": "DejaVu Sans", "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": GREY,
-    "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False, "xtick.color": GREY,
-    "ytick.color": GREY, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "svg.fonttype": "path",
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "svg.fonttype": "path",
     "svg.hashsalt": "workbench",
-}  # fmt: skip
+}
 MOST_PROFILES = 12
 AROUND = 1.8  # of a profile's picture: half its width, in sphere radii
 LARGE = 3.0  # standard deviations: a posture beyond is marked
@@ -49,8 +59,9 @@ def profiles_picture(calibration: Calibration, profiles: SphereProfiles, recordi
         return _svg(figure)
 
 
-def _profile(axes: Axes, calibration: Calibration, profiles: SphereProfiles, recording: Recording,
-             posture: int) -> None:  # fmt: skip
+def _profile(
+    axes: Axes, calibration: Calibration, profiles: SphereProfiles, recording: Recording, posture: int
+) -> None:
     frame = calibration.frames[posture][0]
     circle = profiles.circle[int(np.flatnonzero(profiles.frame == frame)[0])]
     x, z, on = recording.x_mm[frame], recording.z_mm[frame], profiles.on_arc[frame]
@@ -112,8 +123,11 @@ def residuals_picture(calibration: Calibration) -> bytes:
         axes = figure.subplots()
         number = np.arange(1, count + 1)
         large = calibration.distance > LARGE
-        for which, colour in ((calibration.used & ~large, BLUE), (calibration.used & large, ORANGE),
-                              (~calibration.used, PURPLE)):  # fmt: skip
+        for which, colour in (
+            (calibration.used & ~large, BLUE),
+            (calibration.used & large, ORANGE),
+            (~calibration.used, PURPLE),
+        ):
             axes.bar(number[which], np.minimum(calibration.distance[which], 12), color=colour, width=0.7)
         axes.axhline(np.sqrt(3), color=GREY, linewidth=0.8, dashes=(4, 2))
         axes.annotate("usual", (count + 0.5, np.sqrt(3)), (2, 2), textcoords="offset points", fontsize=8, color=GREY)

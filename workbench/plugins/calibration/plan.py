@@ -100,18 +100,28 @@ def plan(
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
     tilt, after = _map(limits, estimate, known, noise, optics, weight)
     found = PosturePlan(
-        base_from_flange=frozen(flange[chosen]), centre_mm=frozen(centre[chosen]),
-        volume_u_mm=frozen(planning.volume_after(totals, weight)), middle_mm=limits.middle_mm, half_mm=limits.half_mm,
-        cone_deg=cone_deg, map_tilt_deg=frozen(tilt / DEG), map_volume_u_mm=frozen(after),
-    )  # fmt: skip
+        base_from_flange=frozen(flange[chosen]),
+        centre_mm=frozen(centre[chosen]),
+        volume_u_mm=frozen(planning.volume_after(totals, weight)),
+        middle_mm=limits.middle_mm,
+        half_mm=limits.half_mm,
+        cone_deg=cone_deg,
+        map_tilt_deg=frozen(tilt / DEG),
+        map_volume_u_mm=frozen(after),
+    )
     return found, _table(found)
 
 
 def estimate_of(calibration: Calibration) -> Estimate:
     """The calibration as a point in the space of unknowns."""
     pose = calibration.hand_eye.flange_from_profiler
-    return Estimate(pose[:3, :3], pose[:3, 3], calibration.sphere_center_mm, calibration.sphere_radius_mm,
-                    calibration.time_offset_s or 0.0)  # fmt: skip
+    return Estimate(
+        pose[:3, :3],
+        pose[:3, 3],
+        calibration.sphere_center_mm,
+        calibration.sphere_radius_mm,
+        calibration.time_offset_s or 0.0,
+    )
 
 
 def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
@@ -120,8 +130,9 @@ def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
     return Optics(profiles.noise_mm * float(np.sqrt((1 + profiles.correlation) / (1 - profiles.correlation))), pitch)
 
 
-def _limits(calibration: Calibration, recording: Recording, turn_deg: tuple[float, float],
-            half_mm: tuple[float, float]) -> Limits:  # fmt: skip
+def _limits(
+    calibration: Calibration, recording: Recording, turn_deg: tuple[float, float], half_mm: tuple[float, float]
+) -> Limits:
     """About the mean orientation of the recording and the middle of its view, at the mean distance seen."""
     U, _, V = np.linalg.svd(rotation_from_quaternion(recording.robot_quaternion_wxyz).sum(axis=0))
     mean = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
@@ -131,8 +142,9 @@ def _limits(calibration: Calibration, recording: Recording, turn_deg: tuple[floa
     return Limits(mean @ calibration.hand_eye.flange_from_profiler[:3, :3], cone, roll, (x, z), half_mm)
 
 
-def _known(calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate,
-           noise: Noise) -> tuple[Float, Noise]:  # fmt: skip
+def _known(
+    calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate, noise: Noise
+) -> tuple[Float, Noise]:
     """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
     noise = as_noisy_as_found(estimate, seen, noise)[1]
@@ -156,13 +168,17 @@ def _reached(cell: InputFile, flange: Float) -> Float:
     joints = within_limits(chain, inverse_kinematics(chain, flange))
     reached = np.isfinite(joints).all(axis=-1).any(axis=-1)
     if reached.sum() < FEW:
-        raise InputError(str(cell), f"the robot reaches {reached.sum()} of {len(flange)} postures within the limits of "
-                                    "the plan: widen cone_deg or roll_deg, or move the sphere")  # fmt: skip
+        raise InputError(
+            str(cell),
+            f"the robot reaches {reached.sum()} of {len(flange)} postures within the limits of "
+            "the plan: widen cone_deg or roll_deg, or move the sphere",
+        )
     return np.asarray(reached)
 
 
-def _map(limits: Limits, estimate: Estimate, known: Float, noise: Noise, optics: Optics,
-         weight: Float) -> tuple[Float, Float]:  # fmt: skip
+def _map(
+    limits: Limits, estimate: Estimate, known: Float, noise: Noise, optics: Optics, weight: Float
+) -> tuple[Float, Float]:
     """Tilts (m,) in rad, and volume_u (m, m) after one more posture at each tilt about x and y, in its best place."""
     tilt = np.linspace(-limits.cone, limits.cone, MAP_STEPS)
     both = np.stack(np.meshgrid(tilt, tilt, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -185,8 +201,22 @@ def _table(found: PosturePlan) -> Document:
     """`calibration_plan.csv`: a row a posture."""
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(["posture", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz", "sphere_x_mm", "sphere_y_mm",
-                   "sphere_z_mm", "volume_u_after_mm"])  # fmt: skip
+    rows.writerow(
+        [
+            "posture",
+            "x_mm",
+            "y_mm",
+            "z_mm",
+            "qw",
+            "qx",
+            "qy",
+            "qz",
+            "sphere_x_mm",
+            "sphere_y_mm",
+            "sphere_z_mm",
+            "volume_u_after_mm",
+        ]
+    )
     quaternion = quaternion_from_rotation(found.base_from_flange[:, :3, :3])
     for i, pose in enumerate(found.base_from_flange):
         values = [*(f"{v:.3f}" for v in pose[:3, 3]), *(f"{v:.8f}" for v in quaternion[i])]

@@ -44,12 +44,13 @@ def report(
         *(_plan(calibration, plan) if plan else ()),
     ]
     return Chapter(
-        title="Hand-eye calibration", html="\n".join(parts),
+        title="Hand-eye calibration",
+        html="\n".join(parts),
         part=_named(recording),
         summary=f"Predicted error over the field of view {calibration.volume_u_mm:.3f} mm (1 u), from "
-                f"{int(calibration.used.sum())} of {len(calibration.used)} postures.",
+        f"{int(calibration.used.sum())} of {len(calibration.used)} postures.",
         warnings=calibration.warnings,
-    )  # fmt: skip
+    )
 
 
 def _named(recording: Recording) -> Part:
@@ -77,8 +78,12 @@ def _answer(found: Calibration) -> str:
         ("Method", found.method),
     ]
     if found.time_offset_s is not None and found.time_offset_u_s is not None:
-        facts.append(("Profiler's clock ahead of the robot's",
-                      f"{1e3 * found.time_offset_s:.2f} ± {1e3 * found.time_offset_u_s:.2f} ms"))  # fmt: skip
+        facts.append(
+            (
+                "Profiler's clock ahead of the robot's",
+                f"{1e3 * found.time_offset_s:.2f} ± {1e3 * found.time_offset_u_s:.2f} ms",
+            )
+        )
     if found.systematic_mm is not None:
         facts.append(("Systematic robot error, an axis", f"{found.systematic_mm:.2f} mm"))
     rows = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
@@ -89,33 +94,53 @@ def _uncertainty(found: Calibration) -> Iterable[str]:
     yield "<h3>What is known well, and what is not</h3>"
     rows = [(words, f"{u:.3f}") for words, u in found.directions]
     yield _table(("Principal direction of the uncertainty, worst first", "u over the field of view, mm"), rows)
-    yield _note("A rotation is about the middle of the sphere centres and counts by what it moves at the RMS "
-                "distance of the field of view (± 16 by ± 20 mm).")  # fmt: skip
+    yield _note(
+        "A rotation is about the middle of the sphere centres and counts by what it moves at the RMS "
+        "distance of the field of view (± 16 by ± 20 mm)."
+    )
 
 
 def _centres(found: Calibration) -> Iterable[str]:
     yield "<h3>Sphere centres in the base</h3>"
-    yield _figure(pictures.centres_picture(found), "Sphere centres in the base, before and after",
-                  "Each posture's measured sphere centre in the base, less the mean: by the design's hand-eye pose and "
-                  "by the answer. One scale a row; × rejected. The spread after the calibration is no measure of its "
-                  "error: it is small along whatever the postures do not determine.")  # fmt: skip
+    yield _figure(
+        pictures.centres_picture(found),
+        "Sphere centres in the base, before and after",
+        "Each posture's measured sphere centre in the base, less the mean: by the design's hand-eye pose and "
+        "by the answer. One scale a row; × rejected. The spread after the calibration is no measure of its "
+        "error: it is small along whatever the postures do not determine.",
+    )
 
 
 def _residuals(found: Calibration) -> Iterable[str]:
     yield "<h3>Residuals of each posture</h3>"
-    yield _figure(pictures.residuals_picture(found), "Distance of each posture from the fit of the others",
-                  f"Distance from the fit of all other postures, in standard deviations of profile, robot and fit "
-                  f"together. {_key(ORANGE, f'beyond {pictures.LARGE:g}')}{_key(PURPLE, 'rejected')}")  # fmt: skip
+    yield _figure(
+        pictures.residuals_picture(found),
+        "Distance of each posture from the fit of the others",
+        f"Distance from the fit of all other postures, in standard deviations of profile, robot and fit "
+        f"together. {_key(ORANGE, f'beyond {pictures.LARGE:g}')}{_key(PURPLE, 'rejected')}",
+    )
     rows = []
     for i in np.argsort(-found.distance, kind="stable")[:MOST_ROWS]:
         frames = found.frames[i]
         named = f"{frames[0]}" if len(frames) == 1 else f"{frames[0]} to {frames[-1]}"
         dx, dz, dw = found.residual[i]
         x, y, z = found.centre_mm[i]
-        rows.append((f"{i + 1}", named, f"{x:.1f}, {y:.1f}, {z:.1f}", f"{dx:+.3f}", f"{dz:+.3f}", f"{dw:+.2f}",
-                     f"{found.distance[i]:.1f}", "used" if found.used[i] else "rejected"))  # fmt: skip
-    yield _table(("Posture", "Frames", "Sphere centre in the profiler, mm", "x, mm", "z, mm", "r², mm²", "Distance",
-                  ""), sorted(rows, key=lambda row: int(row[0])))  # fmt: skip
+        rows.append(
+            (
+                f"{i + 1}",
+                named,
+                f"{x:.1f}, {y:.1f}, {z:.1f}",
+                f"{dx:+.3f}",
+                f"{dz:+.3f}",
+                f"{dw:+.2f}",
+                f"{found.distance[i]:.1f}",
+                "used" if found.used[i] else "rejected",
+            )
+        )
+    yield _table(
+        ("Posture", "Frames", "Sphere centre in the profiler, mm", "x, mm", "z, mm", "r², mm²", "Distance", ""),
+        sorted(rows, key=lambda row: int(row[0])),
+    )
     if len(found.distance) > MOST_ROWS:
         yield _note(f"The {MOST_ROWS} of {len(found.distance)} that lie farthest.")
     if found.frames_rejected:
@@ -131,19 +156,26 @@ def _profiles(found: Calibration, profiles: SphereProfiles, recording: Recording
     which = (
         f"The {pictures.MOST_PROFILES} of {count} postures that fit worst" if count > pictures.MOST_PROFILES else "All"
     )
-    yield _figure(pictures.profiles_picture(found, profiles, recording), "Profiles with fitted circles",
-                  f"{which}; of repeats the first. {_key(BLUE, 'points of the arc')}{_key(PURPLE, 'points left out')}"
-                  f"{_key(ORANGE, 'circle and its centre')} Points scatter by {profiles.noise_mm:.4f} mm (one sigma "
-                  f"along z) about their circles.")  # fmt: skip
+    yield _figure(
+        pictures.profiles_picture(found, profiles, recording),
+        "Profiles with fitted circles",
+        f"{which}; of repeats the first. {_key(BLUE, 'points of the arc')}{_key(PURPLE, 'points left out')}"
+        f"{_key(ORANGE, 'circle and its centre')} Points scatter by {profiles.noise_mm:.4f} mm (one sigma "
+        f"along z) about their circles.",
+    )
 
 
 def _validation(found: Validation) -> Iterable[str]:
     yield "<h3>Errors on held-out postures</h3>"
-    yield f"<p>{escape(found.how.capitalize())}: error of the sphere's centre in x and z {found.rms_mm:.3f} mm RMS, " \
-          f"expected from the uncertainties {found.expected_mm:.3f} mm; chi-square over degrees of freedom " \
-          f"{found.misfit:.2f} on {found.freedom}.</p>"  # fmt: skip
-    rows = [(f"{frames[0]}", *(_pair(e, u) for e, u in zip(error, spread, strict=True)))
-            for frames, error, spread in zip(found.frames, found.error_mm, found.u_mm, strict=True)]  # fmt: skip
+    yield (
+        f"<p>{escape(found.how.capitalize())}: error of the sphere's centre in x and z {found.rms_mm:.3f} mm RMS, "
+        f"expected from the uncertainties {found.expected_mm:.3f} mm; chi-square over degrees of freedom "
+        f"{found.misfit:.2f} on {found.freedom}.</p>"
+    )
+    rows = [
+        (f"{frames[0]}", *(_pair(e, u) for e, u in zip(error, spread, strict=True)))
+        for frames, error, spread in zip(found.frames, found.error_mm, found.u_mm, strict=True)
+    ]
     yield _table(("First frame", "x: error, u, mm", "y: error, u, mm", "z: error, u, mm"), rows[:MOST_ROWS])
 
 
@@ -153,19 +185,39 @@ def _pair(error: float, u: float) -> str:
 
 def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
     yield "<h3>Where the next posture would help most</h3>"
-    yield f"<p>Now {plan.volume_u_mm[0]:.3f} mm over the field of view; " \
-          f"after the {len(plan.centre_mm)} postures proposed {plan.volume_u_mm[-1]:.3f} mm.</p>"  # fmt: skip
+    yield (
+        f"<p>Now {plan.volume_u_mm[0]:.3f} mm over the field of view; "
+        f"after the {len(plan.centre_mm)} postures proposed {plan.volume_u_mm[-1]:.3f} mm.</p>"
+    )
     rows = []
     for i, (pose, centre) in enumerate(zip(plan.base_from_flange, plan.centre_mm, strict=True), 1):
         angles = ", ".join(f"{angle / DEG:.2f}" for angle in rpy_from_rotation(pose[:3, :3]))
-        rows.append((f"{i}", ", ".join(f"{v:.1f}" for v in pose[:3, 3]), angles, ", ".join(f"{v:.1f}" for v in centre),
-                     f"{plan.volume_u_mm[i]:.3f}"))  # fmt: skip
-    yield _table(("Next", "Flange in the base, mm", "Roll, pitch, yaw, deg", "Sphere centre in the profiler, mm",
-                  "u after it, mm"), rows)  # fmt: skip
-    yield _figure(pictures.plan_picture(found, plan), "Gain of one more posture by its tilt, and places in the view",
-                  "Left: uncertainty after one more posture, by the tilt of the range axis from the mean orientation "
-                  f"of the recording, the sphere in its best place. Right: the view; {_key(BLUE, 'measured')}"
-                  f"{_key(ORANGE, 'proposed')} filled: the centre lies beyond the laser plane (y &gt; 0).")  # fmt: skip
+        rows.append(
+            (
+                f"{i}",
+                ", ".join(f"{v:.1f}" for v in pose[:3, 3]),
+                angles,
+                ", ".join(f"{v:.1f}" for v in centre),
+                f"{plan.volume_u_mm[i]:.3f}",
+            )
+        )
+    yield _table(
+        (
+            "Next",
+            "Flange in the base, mm",
+            "Roll, pitch, yaw, deg",
+            "Sphere centre in the profiler, mm",
+            "u after it, mm",
+        ),
+        rows,
+    )
+    yield _figure(
+        pictures.plan_picture(found, plan),
+        "Gain of one more posture by its tilt, and places in the view",
+        "Left: uncertainty after one more posture, by the tilt of the range axis from the mean orientation "
+        f"of the recording, the sphere in its best place. Right: the view; {_key(BLUE, 'measured')}"
+        f"{_key(ORANGE, 'proposed')} filled: the centre lies beyond the laser plane (y &gt; 0).",
+    )
 
 
 def _figure(picture: bytes, words: str, caption: str) -> str:
@@ -187,8 +239,12 @@ def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]], text_last: bo
     last = ' class="text"' if text_last else ""
     names = "".join(f"<th{last if i == len(head) - 1 else ''}>{escape(name)}</th>" for i, name in enumerate(head))
     body = "".join(
-        "<tr>" + "".join(f"<td{last if i else ''}>{escape(cell)}</td>" if i else f"<th>{escape(cell)}</th>"
-                         for i, cell in enumerate(row)) + "</tr>"
+        "<tr>"
+        + "".join(
+            f"<td{last if i else ''}>{escape(cell)}</td>" if i else f"<th>{escape(cell)}</th>"
+            for i, cell in enumerate(row)
+        )
+        + "</tr>"
         for row in rows
-    )  # fmt: skip
+    )
     return f"<table><thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>"

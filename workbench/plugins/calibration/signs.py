@@ -42,8 +42,7 @@ def _exp(v: Float) -> Float:
 
 
 @kernel
-def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, C: Float,
-               N: Float, g: Float) -> float:  # fmt: skip
+def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
     """Add the normal equations of the centres (m, 3) in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
     chi2 = 0.0
     J = np.empty(9)
@@ -93,8 +92,9 @@ def _solve(N: Float, g: Float) -> Float:
 
 
 @kernel
-def solve_patterns(xz: Float, h: Float, weight: Float, A: Float, b: Float, start_R: Float, start_t: Float,
-                   pull: Float) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+def solve_patterns(
+    xz: Float, h: Float, weight: Float, A: Float, b: Float, start_R: Float, start_t: Float, pull: Float
+) -> tuple[Float, Float, Float, Float]:
     """Least squares on the centres for all 2^m patterns of signs of `h` (m,), from each start (s, 3, 3), (s, 3).
 
     `weight` (m, 3): inverse variances of the centres' x, y, z; `pull` (2,): inverse variances of translation and
@@ -143,8 +143,16 @@ def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterat
     A, b = seen.base_from_flange[:, :3, :3].copy(), seen.base_from_flange[:, :3, 3].copy()
     middle = b.mean(axis=0)
     for rows in _seeds(seen, centre):
-        R, t, C, chi2 = solve_patterns(centre[rows][:, ::2].copy(), centre[rows, 1], weight[rows], A[rows],
-                                       b[rows] - middle, starts_R, starts_t, pull)  # fmt: skip
+        R, t, C, chi2 = solve_patterns(
+            centre[rows][:, ::2].copy(),
+            centre[rows, 1],
+            weight[rows],
+            A[rows],
+            b[rows] - middle,
+            starts_R,
+            starts_t,
+            pull,
+        )
         hopeless = 4 * np.nanmin(chi2) + HOPELESS
         order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
         answers = _distinct([Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order])[:KEPT]

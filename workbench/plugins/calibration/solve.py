@@ -40,8 +40,15 @@ class Answer:
     radius_free: bool = False  # the data contradict the sphere's stated radius
 
 
-def solve(seen: Observations, noise: Noise, design: Float | None = None, *, where: str = "postures",
-          limit_mm: float = 0.75, view: View | None = None) -> Answer:  # fmt: skip
+def solve(
+    seen: Observations,
+    noise: Noise,
+    design: Float | None = None,
+    *,
+    where: str = "postures",
+    limit_mm: float = 0.75,
+    view: View | None = None,
+) -> Answer:
     """The hand-eye pose from circles and poses (`observations.from_arrays`).
 
     Args:
@@ -85,8 +92,15 @@ def asked(stated: Noise, final: Noise) -> str:
     return f"the residuals ask for pose errors of {final.pose_mm:.2f} mm an axis, stated are {stated.pose_mm:g} mm"
 
 
-def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None, *, where: str = "postures",
-                      limit_mm: float = 0.75, view: View | None = None) -> Answer:  # fmt: skip
+def solve_with_offset(
+    passes: Passes,
+    noise: Noise,
+    design: Float | None = None,
+    *,
+    where: str = "postures",
+    limit_mm: float = 0.75,
+    view: View | None = None,
+) -> Answer:
     """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
     view = view or view_of(passes.circle)
     low, high = passes.offset_range()
@@ -119,8 +133,9 @@ def solve_with_offset(passes: Passes, noise: Noise, design: Float | None = None,
     return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
 
 
-def _check_scans(best: Fit, passes: Passes, noise: Noise, limit_mm: float, view: View, where: str,
-                 raised: str = "") -> None:  # fmt: skip
+def _check_scans(
+    best: Fit, passes: Passes, noise: Noise, limit_mm: float, view: View, where: str, raised: str = ""
+) -> None:
     """Refuse scans that tell neither the pose nor the clock's offset well enough."""
     seen = passes.place(best.estimate.offset_s)
     _check_determined(best, seen, noise, limit_mm, view, where, with_offset=True, raised=raised)
@@ -169,11 +184,29 @@ def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit,
     return (other, free) if fits else (best, noise)
 
 
-def _check_determined(best: Fit, seen: Observations, noise: Noise, limit_mm: float, view: View, where: str, *,
-                      with_offset: bool = False, raised: str = "") -> None:  # fmt: skip
+def _check_determined(
+    best: Fit,
+    seen: Observations,
+    noise: Noise,
+    limit_mm: float,
+    view: View,
+    where: str,
+    *,
+    with_offset: bool = False,
+    raised: str = "",
+) -> None:
     centre = linearise(best.estimate, seen, noise).centre[best.used]
-    check_determined(best.covariance[:6, :6], best.estimate, seen.subset(best.used), centre, view, limit_mm, where,
-                     with_offset=with_offset, raised=raised)  # fmt: skip
+    check_determined(
+        best.covariance[:6, :6],
+        best.estimate,
+        seen.subset(best.used),
+        centre,
+        view,
+        limit_mm,
+        where,
+        with_offset=with_offset,
+        raised=raised,
+    )
 
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:

@@ -45,8 +45,13 @@ class Touches:
 
     def only(self, keep: Int) -> Touches:
         """Some of the touches."""
-        return replace(self, base_from_flange=self.base_from_flange[keep], tool_point=self.tool_point[keep],
-                       reference=self.reference[keep], lines=tuple(self.lines[i] for i in keep))  # fmt: skip
+        return replace(
+            self,
+            base_from_flange=self.base_from_flange[keep],
+            tool_point=self.tool_point[keep],
+            reference=self.reference[keep],
+            lines=tuple(self.lines[i] for i in keep),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,14 +120,19 @@ def tcp(
         "version": 1,
         "frame": "flange",
         "points": [
-            {"name": name, "position_mm": found.position_mm[k], "u_mm": u[k],
-             "covariance_mm2": found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]}
+            {
+                "name": name,
+                "position_mm": found.position_mm[k],
+                "u_mm": u[k],
+                "covariance_mm2": found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3],
+            }
             for k, name in enumerate(every.tool_names)
         ],
         "axis": axis,
         "covariance_mm2": found.covariance,
-        "references": [{"name": name, "position_mm": found.reference_mm[k]}
-                       for k, name in enumerate(every.reference_names)],
+        "references": [
+            {"name": name, "position_mm": found.reference_mm[k]} for k, name in enumerate(every.reference_names)
+        ],
         "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
         "misfit": found.misfit,
         "touches": len(kept.lines),
@@ -130,7 +140,7 @@ def tcp(
         "good_enough": enough,
         "verdict": verdict,
         "warnings": warnings,
-    }  # fmt: skip
+    }
     return Document("tcp.json", strict_json(document)), _chapter(found, every, u, axis, verdict, warnings)
 
 
@@ -192,8 +202,9 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
     covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
     covariance = covariance + _open(information, tools)
     residual = (rows @ answer - right).reshape(n, 3)
-    return ToolPoints(points, covariance, answer[3 * tools : 3 * (tools + refs)].reshape(refs, 3), residual, misfit,
-                      freedom, distance)  # fmt: skip
+    return ToolPoints(
+        points, covariance, answer[3 * tools : 3 * (tools + refs)].reshape(refs, 3), residual, misfit, freedom, distance
+    )
 
 
 def _prior(touches: Touches, known: Int, size: int, u_mm: float) -> tuple[Float, Float, float]:
@@ -224,8 +235,9 @@ def _open(information: Float, tools: int) -> Float:
     return np.asarray(1e12 * free @ free.T)
 
 
-def without_gross(touches: Touches, noise: tuple[float, float, float],
-                  where: str) -> tuple[ToolPoints, Touches, dict[int, str]]:  # fmt: skip
+def without_gross(
+    touches: Touches, noise: tuple[float, float, float], where: str
+) -> tuple[ToolPoints, Touches, dict[int, str]]:
     """Leave out, one by one, the touch that all others contradict most; by line of the file, why."""
     left_out: dict[int, str] = {}
     kept = touches
@@ -237,8 +249,11 @@ def without_gross(touches: Touches, noise: tuple[float, float, float],
             return found, kept, left_out
         keep = np.delete(np.arange(len(kept.lines)), worst_touch)
         if len(left_out) + 1 > MOST_GROSS * len(touches.lines) or len(keep) < LEAST_TOUCHES:
-            raise InputError(where, f"the touches contradict each other: a misfit of {found.misfit:.0f} where 1 is "
-                             "usual; are poses the flange's, in mm, with the quaternion's w first?")  # fmt: skip
+            raise InputError(
+                where,
+                f"the touches contradict each other: a misfit of {found.misfit:.0f} where 1 is "
+                "usual; are poses the flange's, in mm, with the quaternion's w first?",
+            )
         alone = solve(kept.only(keep), noise)
         i = worst_touch
         frame, p = kept.base_from_flange[i], alone.position_mm[kept.tool_point[i]]
@@ -260,8 +275,11 @@ def _check_determined(found: ToolPoints, names: tuple[str, ...], max_u_mm: float
         if u > max_u_mm:
             axes = ", ".join(f"{v:+.2f}" for v in direction * np.sign(direction[np.argmax(np.abs(direction))]))
             size = "nothing determines" if u > 1e3 else f"u = {u:.2f} mm of"
-            raise InputError(where, f"{size} the tool point '{name}' along ({axes}) in the flange, expected u of at "
-                             f"most {max_u_mm:g} mm: turn the flange about axes across that direction")  # fmt: skip
+            raise InputError(
+                where,
+                f"{size} the tool point '{name}' along ({axes}) in the flange, expected u of at "
+                f"most {max_u_mm:g} mm: turn the flange about axes across that direction",
+            )
 
 
 def _axis(found: ToolPoints, names: tuple[str, ...]) -> dict[str, object] | None:
@@ -277,26 +295,40 @@ def _axis(found: ToolPoints, names: tuple[str, ...]) -> dict[str, object] | None
     pick[:, :3], pick[:, last : last + 3] = np.eye(3), -np.eye(3)
     across = np.eye(3) - np.outer(apart, apart) / length**2
     turn = across @ pick @ found.covariance @ pick.T @ across / length**2
-    return {"from": names[-1], "to": names[0], "direction": apart / length, "covariance_rad2": turn,
-            "u_deg": math.sqrt(float(np.linalg.eigvalsh(turn)[-1])) / DEG}  # fmt: skip
+    return {
+        "from": names[-1],
+        "to": names[0],
+        "direction": apart / length,
+        "covariance_rad2": turn,
+        "u_deg": math.sqrt(float(np.linalg.eigvalsh(turn)[-1])) / DEG,
+    }
 
 
 def _misfit(found: ToolPoints) -> tuple[str, ...]:
     if found.misfit <= 2.0 or found.freedom < 4:
         return ()
-    return (f"the touches lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
-            "uncertainties hold that; is the tool loose, or the robot less accurate?",)  # fmt: skip
+    return (
+        f"the touches lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
+        "uncertainties hold that; is the tool loose, or the robot less accurate?",
+    )
 
 
-def _chapter(found: ToolPoints, touches: Touches, u: list[float], axis: dict[str, object] | None, verdict: str,
-             warnings: tuple[str, ...]) -> Chapter:  # fmt: skip
+def _chapter(
+    found: ToolPoints,
+    touches: Touches,
+    u: list[float],
+    axis: dict[str, object] | None,
+    verdict: str,
+    warnings: tuple[str, ...],
+) -> Chapter:
     from html import escape
 
     rows = "".join(
-        f"<tr><th>{escape(name)}</th>" + "".join(f"<td>{v:.3f}</td>" for v in found.position_mm[k])
+        f"<tr><th>{escape(name)}</th>"
+        + "".join(f"<td>{v:.3f}</td>" for v in found.position_mm[k])
         + f"<td>{u[k]:.3f}</td></tr>"
         for k, name in enumerate(touches.tool_names)
-    )  # fmt: skip
+    )
     turned = "" if axis is None else f"<p>Axis: u = {axis['u_deg']:.3f} deg about the worst direction.</p>"
     html = (
         "<table><thead><tr><th>Tool point</th><th>x, mm</th><th>y, mm</th><th>z, mm</th><th>u, the worst direction, mm"

@@ -99,17 +99,22 @@ def turntable(
     u, direction = worst(found, kept, reach_mm)
     if not u <= max_u_mm:
         axes = ", ".join(f"{v:+.2f}" for v in direction)
-        raise InputError(str(marks), f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
-                         f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: measure at angles farther apart, or "
-                         "markers farther from the axis")  # fmt: skip
+        raise InputError(
+            str(marks),
+            f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
+            f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: measure at angles farther apart, or "
+            "markers farther from the axis",
+        )
     root_u = u / math.sin(bevel_deg * DEG)
     enough = 2.0 * root_u <= root_tolerance_mm
     said = "good enough" if enough else "not good enough; measure more angles or markers"
     verdict = f"the table alone takes U = {2 * root_u:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
     warnings = tuple(left_out.values())
     if found.misfit > 2.0 and found.freedom >= LEAST_FREEDOM:
-        warnings += (f"the points lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
-                     "uncertainties hold that; does the table wobble?",)  # fmt: skip
+        warnings += (
+            f"the points lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
+            "uncertainties hold that; does the table wobble?",
+        )
     document = {
         "format": "turntable-calibration",
         "version": 1,
@@ -129,13 +134,17 @@ def turntable(
         "verdict": verdict,
         "warnings": warnings,
     }
-    html = (f"<p>Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
-            f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm along the worst direction over a "
-            f"reach of {reach_mm:g} mm. Misfit {found.misfit:.2f} (1: as the noise says), {found.freedom} degrees of "
-            f"freedom.</p>"
-            f"<p>{escape(verdict[:1].upper() + verdict[1:])}.</p>")  # fmt: skip
-    return (Document("turntable.json", strict_json(document)),
-            Chapter("Turntable calibration", html, summary=verdict, warnings=warnings))  # fmt: skip
+    html = (
+        f"<p>Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
+        f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm along the worst direction over a "
+        f"reach of {reach_mm:g} mm. Misfit {found.misfit:.2f} (1: as the noise says), {found.freedom} degrees of "
+        f"freedom.</p>"
+        f"<p>{escape(verdict[:1].upper() + verdict[1:])}.</p>"
+    )
+    return (
+        Document("turntable.json", strict_json(document)),
+        Chapter("Turntable calibration", html, summary=verdict, warnings=warnings),
+    )
 
 
 def read_marks(path: InputFile) -> Marks:
@@ -144,8 +153,11 @@ def read_marks(path: InputFile) -> Marks:
     values = table.numbers(("angle_deg", *POINT))
     _, marker = table.labels("marker", "?")
     if np.ptp(values[:, 0]) < LEAST_TURN_DEG:
-        raise InputError(str(path), f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found "
-                         f"{np.ptp(values[:, 0]):.3g} deg: no axis shows")  # fmt: skip
+        raise InputError(
+            str(path),
+            f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found "
+            f"{np.ptp(values[:, 0]):.3g} deg: no axis shows",
+        )
     return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines))
 
 
@@ -153,8 +165,11 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     """Least squares with the noise of points and of the table's angle over each marker's radius."""
     freedom = 3 * len(marks.lines) - 4 - 3 * marks.markers
     if freedom < 0:
-        raise InputError(where, f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
-                         "two markers at two angles, or one at three")  # fmt: skip
+        raise InputError(
+            where,
+            f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
+            "two markers at two angles, or one at three",
+        )
     middle = marks.point_mm.mean(axis=0)
     direction = _first_direction(marks)
     across = _across(direction)
@@ -185,10 +200,16 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     hat = np.einsum("nij,jk,nlk->nil", rows, inverse, rows)
     distance = np.sqrt(np.einsum("ni,nij,nj->n", white, np.linalg.pinv(np.eye(3) - hat, rcond=1e-6), white))
     found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
-    return Axis(middle + fitted.x[:2] @ across, found, turned,
-                inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0),
-                _predicted(marks, fitted.x, middle, direction, across) - marks.point_mm,
-                misfit, freedom, distance)  # fmt: skip
+    return Axis(
+        middle + fitted.x[:2] @ across,
+        found,
+        turned,
+        inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0),
+        _predicted(marks, fitted.x, middle, direction, across) - marks.point_mm,
+        misfit,
+        freedom,
+        distance,
+    )
 
 
 def worst(found: Axis, marks: Marks, reach_mm: float) -> tuple[float, Float]:
@@ -271,8 +292,7 @@ def _pose(found: Axis) -> Float:
     return pose
 
 
-def _without_gross(marks: Marks, noise_mm: float, angle_noise: float,
-                   where: str) -> tuple[Axis, Marks, dict[int, str]]:  # fmt: skip
+def _without_gross(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> tuple[Axis, Marks, dict[int, str]]:
     """Leave out, one by one, the point that all others contradict most; by line of the file, why."""
     kept, left_out = marks, dict[int, str]()
     while True:
@@ -282,8 +302,11 @@ def _without_gross(marks: Marks, noise_mm: float, angle_noise: float,
         if found.freedom < LEAST_FREEDOM + 3 or found.distance[k] <= GROSS * usual:
             return found, kept, left_out
         if len(left_out) + 1 > len(marks.lines) // 4:
-            raise InputError(where, f"the points contradict each other: a misfit of {found.misfit:.0f} where 1 is "
-                             "usual; are they in mm, and is each marker the same point at all angles?")  # fmt: skip
+            raise InputError(
+                where,
+                f"the points contradict each other: a misfit of {found.misfit:.0f} where 1 is "
+                "usual; are they in mm, and is each marker the same point at all angles?",
+            )
         away = float(np.linalg.norm(found.residual_mm[k]))
         line = kept.lines[k]
         left_out[line] = f"line {line} is left out: it lies {away:.2f} mm or more from where all other points put it"

@@ -73,11 +73,15 @@ def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
     variance = np.einsum("kij,kjl,kil->ki", change, held.covariance, change)
     error[np.isnan(y), 1] = np.nan
     return Validation(
-        how=how, frames=seen.frames, error_mm=frozen(error), u_mm=frozen(np.sqrt(variance)),
+        how=how,
+        frames=seen.frames,
+        error_mm=frozen(error),
+        u_mm=frozen(np.sqrt(variance)),
         rms_mm=float(np.sqrt(np.mean(np.sum(error[:, ::2] ** 2, axis=1)))),
         expected_mm=float(np.sqrt(np.mean(np.sum(variance[:, ::2], axis=1)))),
-        misfit=held.chi2 / held.freedom, freedom=held.freedom,
-    )  # fmt: skip
+        misfit=held.chi2 / held.freedom,
+        freedom=held.freedom,
+    )
 
 
 def _document(found: Validation) -> Document:
@@ -86,8 +90,14 @@ def _document(found: Validation) -> Document:
         {"frames": list(frames), "error_mm": _plain(error), "u_mm": _plain(u)}
         for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
-    content = {"how": found.how, "rms_mm": found.rms_mm, "expected_mm": found.expected_mm, "misfit": found.misfit,
-               "freedom": found.freedom, "postures": rows}  # fmt: skip
+    content = {
+        "how": found.how,
+        "rms_mm": found.rms_mm,
+        "expected_mm": found.expected_mm,
+        "misfit": found.misfit,
+        "freedom": found.freedom,
+        "postures": rows,
+    }
     return Document("calibration_validation.json", (json.dumps(content, allow_nan=False, indent=1) + "\n").encode())
 
 

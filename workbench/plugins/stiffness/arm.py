@@ -69,12 +69,16 @@ def fast_arm(chain: Chain) -> Arm:
     """
     h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
     if not (wrist.behind_parallel_axes and wrist.square):
-        raise InputError(f"robot '{chain.name}'", "the posture optimiser expects axes 2 and 3 parallel, and axis 5 "
-                         "square to axes 4 and 6")  # fmt: skip
+        raise InputError(
+            f"robot '{chain.name}'",
+            "the posture optimiser expects axes 2 and 3 parallel, and axis 5 square to axes 4 and 6",
+        )
     centre = wrist.centre_mm
     if max(abs(h[0] @ h[1]), abs(h[3] @ h[2])) > SQUARE or np.linalg.norm(np.cross(h[4], h[2])) > SQUARE:
-        raise InputError(f"robot '{chain.name}'", "expected axis 2 square to axis 1, axis 4 square to axis 3, and "
-                         "axis 5 along axis 3 at zero")  # fmt: skip
+        raise InputError(
+            f"robot '{chain.name}'",
+            "expected axis 2 square to axis 1, axis 4 square to axis 3, and axis 5 along axis 3 at zero",
+        )
     base_from_arm = pose_from(np.column_stack([np.cross(h[1], h[0]), h[1], h[0]]), o[0])
     arm_from_base = inverse(base_from_arm)
     turn, at = arm_from_base[:3, :3], arm_from_base[:3, :3] @ (np.vstack([o, centre]) - o[0]).T
@@ -88,8 +92,15 @@ def fast_arm(chain: Chain) -> Arm:
     limits = chain.limits[:5].copy()
     limits[4] += bend  # the wrist's bend is that between axes 4 and 6
     windows = tuple(number for low, high in limits for number in _window(low, high))
-    return Arm(arm_from_base, flange[:3, :3].T @ (centre - flange[:3, 3]), flange[:3, :3].T @ h[5],
-               flange[:3, :3].T @ h[4], float(bend), tuple(float(length) for length in lengths), windows)  # fmt: skip
+    return Arm(
+        arm_from_base,
+        flange[:3, :3].T @ (centre - flange[:3, 3]),
+        flange[:3, :3].T @ h[5],
+        flange[:3, :3].T @ h[4],
+        float(bend),
+        tuple(float(length) for length in lengths),
+        windows,
+    )
 
 
 def _window(low: float, high: float) -> tuple[float, float, float]:
@@ -98,8 +109,16 @@ def _window(low: float, high: float) -> tuple[float, float, float]:
     return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
 
 
-def displacements(arm: AnyArm, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, *,
-                  shoulder: int = 0, elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
+def displacements(
+    arm: AnyArm,
+    stiffness: Float,
+    base_from_flange: Float,
+    tip_mm: Float,
+    force_n: Float,
+    *,
+    shoulder: int = 0,
+    elbow: int = 0,
+) -> tuple[Float, AnyArray]:
     """Length of the tip's displacement (n,), mm, in one branch, and what is said of each posture (n,), see CAUSES.
 
     Args:
@@ -133,9 +152,18 @@ def displacements(arm: AnyArm, stiffness: Float, base_from_flange: Float, tip_mm
     return found, said.astype(np.uint8)
 
 
-def traverse(arm: AnyArm, stiffness: Float, flange_from_cutter: Float, base_from_cutter: Float, load_mm: Float,
-             force_n: Float, angles: Float, *, shoulder: int = 0,
-             elbow: int = 0) -> tuple[Float, AnyArray]:  # fmt: skip
+def traverse(
+    arm: AnyArm,
+    stiffness: Float,
+    flange_from_cutter: Float,
+    base_from_cutter: Float,
+    load_mm: Float,
+    force_n: Float,
+    angles: Float,
+    *,
+    shoulder: int = 0,
+    elbow: int = 0,
+) -> tuple[Float, AnyArray]:
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
     With poses of shape (a p, 1, 4, 4) it is the displacement of every single point.
@@ -156,17 +184,26 @@ def traverse(arm: AnyArm, stiffness: Float, flange_from_cutter: Float, base_from
         the wrist's two flips, each kept all along the path, the better one.
     """
     if isinstance(arm, GeneralArm):
-        return arm.traverse(stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles,
-                            4 * shoulder + 2 * elbow)  # fmt: skip
+        return arm.traverse(
+            stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles, 4 * shoulder + 2 * elbow
+        )
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
     return traverse_kernel(  # type: ignore[no-untyped-call, no-any-return]
-        arm.lengths, arm.limits, _springs(stiffness), turn @ base_from_cutter[..., :3, :3],
-        base_from_cutter[..., :3, 3] @ turn.T + shift, load_mm @ turn.T + shift, force_n @ turn.T,
-        (*map(float, wrist), *map(float, axis)), np.cos(angles), np.sin(angles), *_signs(arm, shoulder, elbow),
-    )  # fmt: skip
+        arm.lengths,
+        arm.limits,
+        _springs(stiffness),
+        turn @ base_from_cutter[..., :3, :3],
+        base_from_cutter[..., :3, 3] @ turn.T + shift,
+        load_mm @ turn.T + shift,
+        force_n @ turn.T,
+        (*map(float, wrist), *map(float, axis)),
+        np.cos(angles),
+        np.sin(angles),
+        *_signs(arm, shoulder, elbow),
+    )
 
 
 def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:

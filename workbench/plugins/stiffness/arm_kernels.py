@@ -19,8 +19,23 @@ def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sin
     for i in range(tables):
         for j in range(points):
             r, p = turn[i, j], at[i, j]
-            _turn_cutter(lengths, limits, k, r, p, load[i, j], force[i, j], tool, cosine, sine, front, side,
-                         total[i], worst[i], flipped[i])  # fmt: skip
+            _turn_cutter(
+                lengths,
+                limits,
+                k,
+                r,
+                p,
+                load[i, j],
+                force[i, j],
+                tool,
+                cosine,
+                sine,
+                front,
+                side,
+                total[i],
+                worst[i],
+                flipped[i],
+            )
     return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
@@ -29,8 +44,16 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
     vx, vy, vz, ux, uy, uz = tool
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
-        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2],
-    )  # fmt: skip
+        r[0, 0],
+        r[0, 1],
+        r[0, 2],
+        r[1, 0],
+        r[1, 1],
+        r[1, 2],
+        r[2, 0],
+        r[2, 1],
+        r[2, 2],
+    )
     cx, cy, cz = p[0] + r02 * vz, p[1] + r12 * vz, p[2] + r22 * vz
     ax, ay, az = r00 * vx + r01 * vy, r10 * vx + r11 * vy, r20 * vx + r21 * vy
     bx, by, bz = r01 * vx - r00 * vy, r11 * vx - r10 * vy, r21 * vx - r20 * vy
@@ -41,9 +64,24 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
     for t in range(len(cosine)):
         c, s = cosine[t], sine[t]
         moved, said, other = posture(
-            lengths, limits, k, cx + c * ax + s * bx, cy + c * ay + s * by, cz + c * az + s * bz,
-            dx + c * ex + s * gx, dy + c * ey + s * gy, dz + c * ez + s * gz, px, py, pz, fx, fy, fz, front, side,
-        )  # fmt: skip
+            lengths,
+            limits,
+            k,
+            cx + c * ax + s * bx,
+            cy + c * ay + s * by,
+            cz + c * az + s * bz,
+            dx + c * ex + s * gx,
+            dy + c * ey + s * gy,
+            dz + c * ez + s * gz,
+            px,
+            py,
+            pz,
+            fx,
+            fy,
+            fz,
+            front,
+            side,
+        )
         total[t] += moved
         worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
 
@@ -52,8 +90,25 @@ def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, fron
 def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):
     """Columns (3, n) in the arm frame."""
     for n in range(w.shape[1]):
-        found[n], one, other = posture(lengths, limits, k, w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n],
-                                       p[0, n], p[1, n], p[2, n], f[0, n], f[1, n], f[2, n], front, side)  # fmt: skip
+        found[n], one, other = posture(
+            lengths,
+            limits,
+            k,
+            w[0, n],
+            w[1, n],
+            w[2, n],
+            a[0, n],
+            a[1, n],
+            a[2, n],
+            p[0, n],
+            p[1, n],
+            p[2, n],
+            f[0, n],
+            f[1, n],
+            f[2, n],
+            front,
+            side,
+        )
         said[n] = min(one, other)
 
 
@@ -144,9 +199,11 @@ def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, 
     q = (tx * fx + ty * fy + tz * fz) / k[5]
     dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
     # Verdict.
-    inside = (c1 * limits[0] + s1 * limits[1] >= limits[2]) & (
-        c2 * limits[3] + s2 * limits[4] >= limits[5]
-    ) & (c3 * limits[6] + s3 * limits[7] >= limits[8])  # fmt: skip
+    inside = (
+        (c1 * limits[0] + s1 * limits[1] >= limits[2])
+        & (c2 * limits[3] + s2 * limits[4] >= limits[5])
+        & (c3 * limits[6] + s3 * limits[7] >= limits[8])
+    )
     turned = across * limits[9] + up * limits[10]
     straight, sideways = c5 * limits[12], bent * limits[13]
     wrist = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])

@@ -39,8 +39,9 @@ def free_postures(cell: Cell, wanted: int, rng: np.random.Generator) -> Float:
     return np.array(found).reshape(-1, 6)
 
 
-def candidates(cell: Cell, setup: LoadingSetup, stiffness: Float, joints: Float, force_n: float,
-               targets: int) -> Candidates:  # fmt: skip
+def candidates(
+    cell: Cell, setup: LoadingSetup, stiffness: Float, joints: Float, force_n: float, targets: int
+) -> Candidates:
     """What pairs of opposite forces at the cell's load points would tell at given postures (P, 6)."""
     directions = _directions()
     at = np.repeat(setup.load_points_mm, len(directions), axis=0)
@@ -48,11 +49,14 @@ def candidates(cell: Cell, setup: LoadingSetup, stiffness: Float, joints: Float,
     wrench = _at_sensor(setup, at, force)
     count, loads = len(joints), len(wrench)
     tests = LoadingTests(
-        source="plan", labels=("",) * (count * loads), lines=(0,) * (count * loads),
-        joints=np.repeat(joints, loads, axis=0), wrench=np.tile(wrench, (count, 1)),
+        source="plan",
+        labels=("",) * (count * loads),
+        lines=(0,) * (count * loads),
+        joints=np.repeat(joints, loads, axis=0),
+        wrench=np.tile(wrench, (count, 1)),
         displacement=None if targets else np.zeros((count * loads, 6)),
         targets_mm=np.zeros((count * loads, targets, 3)) if targets else None,
-    )  # fmt: skip
+    )
     eq = equations(cell.chain, setup, tests)
     relative = eq.a / stiffness
     weighted = np.linalg.solve(covariances(eq, 1 / stiffness), relative)

@@ -35,15 +35,18 @@ def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention)
         )
 
 
-def check_observed(found: Estimate, eq: Equations, chain: Chain, setup: LoadingSetup, tests: LoadingTests,
-                   largest_relative_u: float) -> None:  # fmt: skip
+def check_observed(
+    found: Estimate, eq: Equations, chain: Chain, setup: LoadingSetup, tests: LoadingTests, largest_relative_u: float
+) -> None:
     """Joints that are not known well enough are refused, each with the reason."""
     lost = unobserved(found, largest_relative_u)
     if lost:
         why = {j: reason(j, found, eq, chain, setup, tests) for j in sorted(lost)}
         texts = {text: [str(j + 1) for j in why if why[j] == text] for text in why.values()}
-        lines = [f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"
-                 for text, j in texts.items()]  # fmt: skip
+        lines = [
+            f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"
+            for text, j in texts.items()
+        ]
         raise InputError(tests.source, "; ".join(lines))
 
 

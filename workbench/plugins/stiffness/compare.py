@@ -38,8 +38,9 @@ def compare(without: Inspection, compensated: Inspection, bending: PathDeflectio
         f'src="data:image/svg+xml;base64,{picture}">'
     )
     document = strict_json({"format": "compensation", "version": 1, "largest_deflection_mm": gave.max(), **errors})
-    return Document("compensation.json", document), Chapter("Deflection, without and with compensation", text,
-                                                            summary=summary)  # fmt: skip
+    return Document("compensation.json", document), Chapter(
+        "Deflection, without and with compensation", text, summary=summary
+    )
 
 
 def _errors(inspection: Inspection) -> dict[str, float]:

@@ -38,7 +38,9 @@ def compensate(
 def _moved(layer: Layer, predicted: PathDeflection, share: float) -> Layer:
     moved = predicted.by_layer_mm.get(layer.index)
     if moved is None or len(moved) != len(layer.position_mm):
-        raise InputError("prediction", f"expected that of this path; it has no layer {layer.index} of "
-                         f"{len(layer.position_mm)} points")  # fmt: skip
+        raise InputError(
+            "prediction",
+            f"expected that of this path; it has no layer {layer.index} of {len(layer.position_mm)} points",
+        )
     back = np.einsum("nij,nj->ni", rotation_from_quaternion(layer.quaternion_wxyz), share * moved)
     return dataclasses.replace(layer, position_mm=layer.position_mm - back)

@@ -16,9 +16,18 @@ STEPS = 360  # of a revolution
 SLICES = 40  # of the axial depth
 
 
-def milling_force(coefficients: CuttingCoefficients, cutter: Cutter, feed_per_tooth_mm: Float, radial_mm: Float,
-                  axial_mm: Float, *, helix: float = 0.0, runout_mm: float = 0.0,
-                  runout_angle: float = 0.0, steps: int = STEPS) -> Float:  # fmt: skip
+def milling_force(
+    coefficients: CuttingCoefficients,
+    cutter: Cutter,
+    feed_per_tooth_mm: Float,
+    radial_mm: Float,
+    axial_mm: Float,
+    *,
+    helix: float = 0.0,
+    runout_mm: float = 0.0,
+    runout_angle: float = 0.0,
+    steps: int = STEPS,
+) -> Float:
     """Force on the cutter (k, steps, 3) in N through one revolution, for k engagements.
 
     On an edge element: F_t = (K_tc h + K_te) db against its motion, F_r = (K_rc h + K_re) db towards the axis,
@@ -47,8 +56,16 @@ def milling_force(coefficients: CuttingCoefficients, cutter: Cutter, feed_per_to
 
 
 @kernel
-def _revolutions(table: AnyArray, offset: AnyArray, radius: float, lag: float, feed: AnyArray, radial: AnyArray,
-                 axial: AnyArray, steps: int) -> AnyArray:  # fmt: skip
+def _revolutions(
+    table: AnyArray,
+    offset: AnyArray,
+    radius: float,
+    lag: float,
+    feed: AnyArray,
+    radial: AnyArray,
+    axial: AnyArray,
+    steps: int,
+) -> AnyArray:
     force = np.zeros((len(feed), steps, 3))
     for k in range(len(feed)):
         if radial[k] > 0.0 and axial[k] > 0.0:
@@ -60,8 +77,17 @@ def _revolutions(table: AnyArray, offset: AnyArray, radius: float, lag: float, f
 
 
 @kernel
-def _add_teeth(force: AnyArray, table: AnyArray, offset: AnyArray, radius: float, lag: float, feed: float, last: float,
-               axial: float, turned: float) -> None:  # fmt: skip
+def _add_teeth(
+    force: AnyArray,
+    table: AnyArray,
+    offset: AnyArray,
+    radius: float,
+    lag: float,
+    feed: float,
+    last: float,
+    axial: float,
+    turned: float,
+) -> None:
     """Forces of all elements that cut when the first tooth's tip stands at `turned`; helix lags towards the shank."""
     flutes, db = len(offset), axial / SLICES
     for j in range(flutes):

@@ -78,8 +78,10 @@ def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, metho
             return balance(cell.chain, k, joints, tip, wrench)
         except (ValueError, np.linalg.LinAlgError):
             size, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
-            raise InputError("stiffness.deflection", f"no balance under {size:.4g} N and {moment:.4g} Nm: the robot "
-                             "buckles; expected a smaller load") from None  # fmt: skip
+            raise InputError(
+                "stiffness.deflection",
+                f"no balance under {size:.4g} N and {moment:.4g} Nm: the robot buckles; expected a smaller load",
+            ) from None
     return give_way(cell.chain, k, joints, tip, wrench, order=ORDER.get(method, 1), with_kc=method != "linear")
 
 

@@ -25,8 +25,9 @@ def cost(information: Float, criterion: Criterion) -> Float:
     return np.asarray(np.log(np.sum(relative_u(information) ** POWER, axis=-1)) / POWER)
 
 
-def choose(information: Float, postures: int, pairs: int, criterion: Criterion,
-           target_u: float) -> list[tuple[int, int]]:  # fmt: skip
+def choose(
+    information: Float, postures: int, pairs: int, criterion: Criterion, target_u: float
+) -> list[tuple[int, int]]:
     """Pairs of loads (posture, load), at most `postures` postures and `pairs` pairs each, one by one.
 
     The postures are those whose loads, all alike often, would tell most. Adding pairs ends when every joint is known to
@@ -77,8 +78,9 @@ def _falls_short(information: Float, chosen: list[tuple[int, int]], target_u: fl
     return bool(relative_u(_sum(information, chosen)).max() > target_u)
 
 
-def _best(information: Float, total: Float, chosen: list[tuple[int, int]], pairs: int,
-          criterion: Criterion) -> tuple[int, int] | None:  # fmt: skip
+def _best(
+    information: Float, total: Float, chosen: list[tuple[int, int]], pairs: int, criterion: Criterion
+) -> tuple[int, int] | None:
     """The pair that helps most among those of postures that have room."""
     room = np.bincount([p for p, _ in chosen], minlength=len(information)) < pairs
     if not room.any():

@@ -39,8 +39,16 @@ def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
     return np.asarray(np.einsum("...rij,...r->...ij", derivative, scaled))
 
 
-def give_way(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float, *,
-             order: int = 2, with_kc: bool = True) -> tuple[Float, Float]:  # fmt: skip
+def give_way(
+    chain: Chain,
+    stiffness: Float,
+    joints: Float,
+    point_mm: Float,
+    wrench: Float,
+    *,
+    order: int = 2,
+    with_kc: bool = True,
+) -> tuple[Float, Float]:
     """Displacement (..., 6) of a flange point, mm and rotation vector in rad, and joint deflection (..., 6) in rad.
 
     Order 1 is J dq, eq. (22) put right as J K^-1 J^T F, with K_c in K where asked for. Order 2 adds

@@ -53,15 +53,28 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     jacobian, curved, y, noise = _rows(tests, setup, axes, points, flange, at_tip, derivative)
     seen = np.isfinite(y)
     return Equations(
-        y=np.where(seen, y, 0.0), a=jacobian * torque[:, None, :], curved=curved, torque=torque,
-        by_wrench=_by_wrench(at_sensor, sensor), jacobian=jacobian, kc=_kc(axes, at_sensor, sensor, tests.wrench),
-        noise=noise, seen=seen.astype(float),
+        y=np.where(seen, y, 0.0),
+        a=jacobian * torque[:, None, :],
+        curved=curved,
+        torque=torque,
+        by_wrench=_by_wrench(at_sensor, sensor),
+        jacobian=jacobian,
+        kc=_kc(axes, at_sensor, sensor, tests.wrench),
+        noise=noise,
+        seen=seen.astype(float),
         wrench_noise=np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3),
-    )  # fmt: skip
+    )
 
 
-def _rows(tests: LoadingTests, setup: LoadingSetup, axes: Float, points: Float, flange: Float, at_tip: Float,
-          derivative: Float) -> tuple[Float, Float, Float, Float]:  # fmt: skip
+def _rows(
+    tests: LoadingTests,
+    setup: LoadingSetup,
+    axes: Float,
+    points: Float,
+    flange: Float,
+    at_tip: Float,
+    derivative: Float,
+) -> tuple[Float, Float, Float, Float]:
     """Jacobian, second derivative, measured displacement and noise of the rows of every load."""
     if tests.targets_mm is None:
         noise = np.array([setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3)

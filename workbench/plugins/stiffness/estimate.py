@@ -57,8 +57,7 @@ def solve(eq: Equations, use: Float) -> Estimate:
     rows = eq.seen.sum(axis=1)
     freedom = max(float((rows * use).sum()) - 6, 1.0)
     covariance: AnyArray = np.linalg.inv(information) * TYPICAL**2
-    return Estimate(compliance, covariance, misfit, rows, residual,
-                    float((misfit * use).sum()) / freedom, freedom)  # fmt: skip
+    return Estimate(compliance, covariance, misfit, rows, residual, float((misfit * use).sum()) / freedom, freedom)
 
 
 def _whiten(eq: Equations, compliance: Float) -> Float:

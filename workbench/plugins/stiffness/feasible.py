@@ -60,8 +60,9 @@ class Examiner:
         """Verdicts on cells (c,), judged at the points `at` (p,) of the path; each flip of the wrist is tried."""
         count = len(branch)
         cause, hit, flips = np.full(count, LIMIT), np.full(count, -1), np.zeros(count, int)
-        flange = flange_poses(self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)),
-                              np.repeat(table, len(at)))  # fmt: skip
+        flange = flange_poses(
+            self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)), np.repeat(table, len(at))
+        )
         flange = flange.reshape(count, len(at), 4, 4)
         for flip in (0, 1):
             for which in range(len(BRANCHES)):
@@ -109,8 +110,9 @@ class Examiner:
         at, far_mm, turn = self._middles
         count = len(branch)
         cause, hit, how = np.full(count, FREE), np.full(count, -1), np.full(count, PROVEN)
-        flange = flange_poses(self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)),
-                              np.repeat(table, len(at))).reshape(count, len(at), 4, 4)  # fmt: skip
+        flange = flange_poses(
+            self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)), np.repeat(table, len(at))
+        ).reshape(count, len(at), 4, 4)
         joints = np.empty((count, len(at), 6))
         for which, wrist in {(int(b), int(f)) for b, f in zip(branch, flip, strict=True)}:
             some = (branch == which) & (flip == wrist)
@@ -121,8 +123,9 @@ class Examiner:
         proven = self.screen.proven(flat, np.repeat(table, len(at)), tip, far_mm, turn).reshape(count, -1).all(axis=1)
         for i in np.flatnonzero(~proven).tolist():
             n = len(self.points.layer)
-            _, cause[i], hit[i] = self.along(Configuration(int(branch[i]), int(flip[i])), np.full(n, rotation[i]),
-                                             np.full(n, table[i]))  # fmt: skip
+            _, cause[i], hit[i] = self.along(
+                Configuration(int(branch[i]), int(flip[i])), np.full(n, rotation[i]), np.full(n, table[i])
+            )
             how[i] = EVERY_POINT
         return Verdicts(cause, hit, flip, how)
 

@@ -83,11 +83,21 @@ def force(
     for layer in toolpath.layers:
         radial, axial = _depths(layer, met.get(layer.index), toolpath, radial_depth_mm, axial_depth_mm)
         if radial.max(initial=0) > toolpath.cutter.diameter_mm:
-            raise InputError(f"layer {layer.index}", f"expected a radial depth of at most the cutter's diameter, found "
-                             f"{radial.max():.3g} mm")  # fmt: skip
+            raise InputError(
+                f"layer {layer.index}",
+                f"expected a radial depth of at most the cutter's diameter, found {radial.max():.3g} mm",
+            )
         per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
-        through = milling_force(of, toolpath.cutter, per_tooth, radial, axial, helix=helix_deg * DEG,
-                                runout_mm=runout_mm, runout_angle=runout_angle_deg * DEG)  # fmt: skip
+        through = milling_force(
+            of,
+            toolpath.cutter,
+            per_tooth,
+            radial,
+            axial,
+            helix=helix_deg * DEG,
+            runout_mm=runout_mm,
+            runout_angle=runout_angle_deg * DEG,
+        )
         layers.append(_layer_force(layer, through))
     found = MillingForce(tuple(layers), of.source, assumed)
     return found, Document("milling_force.json", _document(found))
@@ -100,15 +110,18 @@ def _coefficients(cell: Cell | None, material: str | None, given: Six | None) ->
     if material is None and cell is not None and cell.material is not None:
         material = cell.material
         if material not in PUBLISHED:
-            raise InputError(f"{cell.source}: $.workpiece.material", f"expected one of {', '.join(PUBLISHED)}"
-                             f"{nearest(material, PUBLISHED)}")  # fmt: skip
+            raise InputError(
+                f"{cell.source}: $.workpiece.material",
+                f"expected one of {', '.join(PUBLISHED)}{nearest(material, PUBLISHED)}",
+            )
     if material is not None:
         return PUBLISHED[material], ""
     return PUBLISHED[STAND_IN], f"the material of the plate: coefficients of {STAND_IN} stand in ($.workpiece.material)"
 
 
-def _depths(layer: Layer, met: LayerEngagement | None, toolpath: Toolpath, radial_mm: float | None,
-            axial_mm: float | None) -> tuple[Float, Float]:  # fmt: skip
+def _depths(
+    layer: Layer, met: LayerEngagement | None, toolpath: Toolpath, radial_mm: float | None, axial_mm: float | None
+) -> tuple[Float, Float]:
     """Radial and axial depth at each point; 0 in travel moves."""
     if met is not None:
         if len(met.arc_length_mm) != len(layer.arc_length_mm):
@@ -126,9 +139,13 @@ def _layer_force(layer: Layer, through: Float) -> LayerForce:
     peak = np.take_along_axis(through, size.argmax(axis=1)[:, None, None], axis=1)[:, 0]
     mean = through.mean(axis=1)
     return LayerForce(
-        index=layer.index, arc_length_mm=layer.arc_length_mm, mean_n=mean, peak_n=peak,
-        mean_in_path_n=(rotation @ mean[..., None])[..., 0], peak_in_path_n=(rotation @ peak[..., None])[..., 0],
-    )  # fmt: skip
+        index=layer.index,
+        arc_length_mm=layer.arc_length_mm,
+        mean_n=mean,
+        peak_n=peak,
+        mean_in_path_n=(rotation @ mean[..., None])[..., 0],
+        peak_in_path_n=(rotation @ peak[..., None])[..., 0],
+    )
 
 
 def _document(found: MillingForce) -> bytes:
@@ -138,9 +155,13 @@ def _document(found: MillingForce) -> bytes:
             "version": 1,
             "coefficients": found.source,
             "layers": [
-                {"index": layer.index, "arc_length_mm": layer.arc_length_mm, "mean_n": layer.mean_n,
-                 "peak_n": layer.peak_n}
+                {
+                    "index": layer.index,
+                    "arc_length_mm": layer.arc_length_mm,
+                    "mean_n": layer.mean_n,
+                    "peak_n": layer.peak_n,
+                }
                 for layer in found.layers
             ],
         }
-    )  # fmt: skip
+    )

@@ -76,8 +76,9 @@ class GeneralArm:
         """As `arm.joint_angles`; NaN becomes 0, which `displacements` calls unreachable."""
         return np.nan_to_num(self.solutions(base_from_flange)[:, branch])
 
-    def displacements(self, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float,
-                      first: int) -> tuple[Float, AnyArray, Float, AnyArray]:  # fmt: skip
+    def displacements(
+        self, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, first: int
+    ) -> tuple[Float, AnyArray, Float, AnyArray]:
         """Displacement (n,) and what is said (n,) of two flips, `first` and the next branch; tip and force (n, 3)."""
         both: list[Float] = []
         for branch in (first, first + 1):
@@ -93,8 +94,16 @@ class GeneralArm:
             both += [moved, said.astype(float)]
         return both[0], both[1].astype(np.uint8), both[2], both[3].astype(np.uint8)
 
-    def traverse(self, stiffness: Float, flange_from_cutter: Float, base_from_cutter: Float, load_mm: Float,
-                 force_n: Float, angles: Float, first: int) -> tuple[Float, AnyArray]:  # fmt: skip
+    def traverse(
+        self,
+        stiffness: Float,
+        flange_from_cutter: Float,
+        base_from_cutter: Float,
+        load_mm: Float,
+        force_n: Float,
+        angles: Float,
+        first: int,
+    ) -> tuple[Float, AnyArray]:
         """As `arm.traverse`: mean displacement (a, t) and the worst that is said of it, of the better flip."""
         tables, points = base_from_cutter.shape[:2]
         turns = np.tile(np.eye(4), (len(angles), 1, 1))

@@ -72,8 +72,9 @@ def identify(
     return found, chapter, stiffness_document(found, **notes)
 
 
-def identify_from(chain: Chain, setup: LoadingSetup, tests: LoadingTests,
-                  largest_relative_u: float = 0.5) -> tuple[JointStiffness, dict[str, Any]]:  # fmt: skip
+def identify_from(
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, largest_relative_u: float = 0.5
+) -> tuple[JointStiffness, dict[str, Any]]:
     """Stiffness from tests in memory, their angles the controller's; and what the result file adds to it."""
     check_filled(tests)
     sound, points_out = check_rigid(chain, setup, tests)
@@ -82,14 +83,18 @@ def identify_from(chain: Chain, setup: LoadingSetup, tests: LoadingTests,
     _refuse_mistakes(chain, setup, tests, found, use, len(points_out), largest_relative_u)
     check_observed(found, eq, chain, setup, sound, largest_relative_u)
     check_size(found, tests)
-    out = (*points_out, *(f"line {tests.lines[i]}: this load contradicts the others: left out"
-                          for i in np.flatnonzero(use == 0)))  # fmt: skip
+    out = (
+        *points_out,
+        *(f"line {tests.lines[i]}: this load contradicts the others: left out" for i in np.flatnonzero(use == 0)),
+    )
     noisy = found.scale2 > chdtri(found.freedom, 0.001) / found.freedom
     covariance = found.covariance * (found.scale2 if noisy else 1.0)
     warnings = [*tests.warnings, *out, *check_pairs(sound, eq, found.compliance, use, found.scale2)]
     if noisy:
-        warnings.append(f"residuals are {np.sqrt(found.scale2):.2f} times what the cell's noise predicts: "
-                        "uncertainties are widened by that")  # fmt: skip
+        warnings.append(
+            f"residuals are {np.sqrt(found.scale2):.2f} times what the cell's noise predicts: "
+            "uncertainties are widened by that"
+        )
     return _stiffness(found, covariance, sound, use, tuple(warnings)), {
         "joint_compliance_rad_per_nm": found.compliance,
         "compliance_covariance": covariance,
@@ -100,8 +105,15 @@ def identify_from(chain: Chain, setup: LoadingSetup, tests: LoadingTests,
     }
 
 
-def _refuse_mistakes(chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate, use: Float,
-                     points_out: int, largest_relative_u: float) -> None:  # fmt: skip
+def _refuse_mistakes(
+    chain: Chain,
+    setup: LoadingSetup,
+    tests: LoadingTests,
+    found: Estimate,
+    use: Float,
+    points_out: int,
+    largest_relative_u: float,
+) -> None:
     """A mistake that explains a bad fit is an error. Where many loads were put aside, they are looked at with it."""
     points = 0 if tests.targets_mm is None else tests.targets_mm.size / 3
     if points_out > MANY * points or (use == 0).sum() > MANY * len(use):
@@ -111,8 +123,9 @@ def _refuse_mistakes(chain: Chain, setup: LoadingSetup, tests: LoadingTests, fou
         raise InputError(tests.source, mistake)
 
 
-def _stiffness(found: Estimate, covariance: Float, tests: LoadingTests, use: Float,
-               warnings: tuple[str, ...]) -> JointStiffness:  # fmt: skip
+def _stiffness(
+    found: Estimate, covariance: Float, tests: LoadingTests, use: Float, warnings: tuple[str, ...]
+) -> JointStiffness:
     """Stiffness as the reciprocal of the compliance.
 
     The compliance is normal and unbiased, its reciprocal is not: its mean is high by the relative variance (that of the
@@ -126,7 +139,11 @@ def _stiffness(found: Estimate, covariance: Float, tests: LoadingTests, use: Flo
     values = np.linalg.eigvalsh(np.linalg.inv(relative))
     used = [tests.labels[i] for i in np.flatnonzero(use)]
     return JointStiffness(
-        nm_per_rad=k / (1 + r * min(found.scale2, 1.0)), covariance=fourth * np.outer(k, k),
-        condition_number=float(np.sqrt(values[-1] / values[0])), postures=len(set(used)), loads=len(used),
-        source=tests.source, warnings=warnings,
-    )  # fmt: skip
+        nm_per_rad=k / (1 + r * min(found.scale2, 1.0)),
+        covariance=fourth * np.outer(k, k),
+        condition_number=float(np.sqrt(values[-1] / values[0])),
+        postures=len(set(used)),
+        loads=len(used),
+        source=tests.source,
+        warnings=warnings,
+    )

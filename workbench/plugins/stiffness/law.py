@@ -75,16 +75,33 @@ def improved_law(examiner: Examiner, stiffness: Float, start: Law, grid: Grid, l
     return best, min(bound, best.cost_mm)
 
 
-def _better(best: Law, examiner: Examiner, stiffness: Float, configuration: Configuration,
-            relaxed: Relaxed, grid: Grid, limits: Limits) -> Law:  # fmt: skip
+def _better(
+    best: Law,
+    examiner: Examiner,
+    stiffness: Float,
+    configuration: Configuration,
+    relaxed: Relaxed,
+    grid: Grid,
+    limits: Limits,
+) -> Law:
     """The better of a law and the best with all limits near a relaxed one."""
     if relaxed.cost_mm >= best.cost_mm * (1 - EQUAL):
         return best
     way, reached = relaxed.way, np.inf
     for _ in range(ROUNDS):
         around, joints, cost, free = window(examiner, stiffness, configuration, way, grid)
-        held = best_law(cost, joints, free, shift_of(way, grid), examiner.points.time_steps_s, limits.speed,
-                        limits.acceleration, MOST_STEP, grid.bands, grid.step_cost_mm)  # fmt: skip
+        held = best_law(
+            cost,
+            joints,
+            free,
+            shift_of(way, grid),
+            examiner.points.time_steps_s,
+            limits.speed,
+            limits.acceleration,
+            MOST_STEP,
+            grid.bands,
+            grid.step_cost_mm,
+        )
         if held[0, 0] < 0:
             return best
         at = (np.arange(len(way)), *held.T)

@@ -51,8 +51,18 @@ def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, lea
 
 
 @kernel
-def best_law(cost: AnyArray, joints: AnyArray, free: AnyArray, shift: AnyArray, dt: AnyArray, speed: AnyArray,
-             acceleration: float, most_step: float, bands: AnyArray, restless: float) -> AnyArray:  # fmt: skip
+def best_law(
+    cost: AnyArray,
+    joints: AnyArray,
+    free: AnyArray,
+    shift: AnyArray,
+    dt: AnyArray,
+    speed: AnyArray,
+    acceleration: float,
+    most_step: float,
+    bands: AnyArray,
+    restless: float,
+) -> AnyArray:
     """Indices (n, 2) of the cheapest way through n windows of a x t nodes; -1 where there is no way.
 
     A step is allowed if each of m coordinates moves by at most `most_step`, within `speed` (m,), and changes its
@@ -91,8 +101,9 @@ def best_law(cost: AnyArray, joints: AnyArray, free: AnyArray, shift: AnyArray, 
                         if not (0 <= to_a < rows and 0 <= to_t < columns) or not free[i, to_a, to_t]:
                             continue
                         rests = e == bands[0] and d == bands[1]
-                        allowed = _moves(joints[i - 1, a, t], joints[i, to_a, to_t], dt[i], speed, most_step,
-                                         now[a, t, e, d])  # fmt: skip
+                        allowed = _moves(
+                            joints[i - 1, a, t], joints[i, to_a, to_t], dt[i], speed, most_step, now[a, t, e, d]
+                        )
                         if not allowed and not rests:
                             continue
                         added = cost[i, to_a, to_t] + restless * ((e - bands[0]) ** 2 + (d - bands[1]) ** 2)
@@ -106,8 +117,12 @@ def best_law(cost: AnyArray, joints: AnyArray, free: AnyArray, shift: AnyArray, 
                                     a - le + bands[0] + shift[i - 1, 0],
                                     t - ld + bands[1] + shift[i - 1, 1],
                                 )
-                                if not allowed or not _gentle(before[from_a, from_t, le, ld], now[a, t, e, d],
-                                                              (dt[i - 1] + dt[i]) / 2, acceleration):  # fmt: skip
+                                if not allowed or not _gentle(
+                                    before[from_a, from_t, le, ld],
+                                    now[a, t, e, d],
+                                    (dt[i - 1] + dt[i]) / 2,
+                                    acceleration,
+                                ):
                                     continue
                             fresh[to_a, to_t, e, d] = total
                             came[i, to_a, to_t, e, d] = last

@@ -16,8 +16,14 @@ HALF = 4  # of the window around a law that is searched with all limits, in grid
 COARSE, POINTS = 4, 8  # of how many nodes each way, and points, one is looked at for what is infeasible
 
 
-def nodes(examiner: Examiner, stiffness: Float, configuration: Configuration, rotation: Float, table: Float,
-          which: Int | None = None) -> tuple[Float, Float, Bool]:  # fmt: skip
+def nodes(
+    examiner: Examiner,
+    stiffness: Float,
+    configuration: Configuration,
+    rotation: Float,
+    table: Float,
+    which: Int | None = None,
+) -> tuple[Float, Float, Bool]:
     """Displacement (n, ...), joint and turntable angles (n, ..., 7) and whether each is feasible (n, ...).
 
     At all points of the path, or at those with indices `which` (n,).
@@ -39,8 +45,9 @@ def nodes(examiner: Examiner, stiffness: Float, configuration: Configuration, ro
     return np.where(free, cost, np.inf).reshape(shape), seven, free.reshape(shape)
 
 
-def window(examiner: Examiner, stiffness: Float, configuration: Configuration, way: Int,
-           grid: Grid) -> tuple[tuple[AnyArray, AnyArray], Float, Float, Bool]:  # fmt: skip
+def window(
+    examiner: Examiner, stiffness: Float, configuration: Configuration, way: Int, grid: Grid
+) -> tuple[tuple[AnyArray, AnyArray], Float, Float, Bool]:
     """Indices (n, a, t) of turntable and cutter angle around a way, seven joints, cost, whether feasible."""
     half = np.where(grid.bands > 0, HALF, 0)
     counts = len(grid.tables), len(grid.rotations)
@@ -56,8 +63,7 @@ def window(examiner: Examiner, stiffness: Float, configuration: Configuration, w
     return (table, rotation), joints, cost, free & inside
 
 
-def closed_off(examiner: Examiner, stiffness: Float, configuration: Configuration,
-               grid: Grid) -> Callable[[int], Bool]:  # fmt: skip
+def closed_off(examiner: Examiner, stiffness: Float, configuration: Configuration, grid: Grid) -> Callable[[int], Bool]:
     """Nodes (a, t) that are infeasible by limits or collision, as judged at one of COARSE^2 nodes, every few points."""
     shape, n = (len(grid.tables), len(grid.rotations)), len(examiner.points.layer)
     at = [np.minimum(np.arange(COARSE // 2, count + COARSE // 2, COARSE), count - 1) for count in shape]

@@ -69,18 +69,27 @@ def maps(
     marked = abb_angles(np.array(TABLE_A1_DEG, float) * DEG, "dh")
     if postures_deg is not None:
         marked = np.array(postures_deg, float).reshape(-1, 6) * DEG
-    fields = [np.array(field) for field in zip(*(_row(cell, stiffness, row, force_n, torque_nm, directions)
-                                                 for row in grid), strict=True)]  # fmt: skip
+    fields = [
+        np.array(field)
+        for field in zip(*(_row(cell, stiffness, row, force_n, torque_nm, directions) for row in grid), strict=True)
+    ]
     of_marked = _row(cell, stiffness, marked, force_n, torque_nm, directions)
     found = StiffnessMaps(
-        axes=axes, at=(at_a, at_b), inverse_dexterity=fields[0], fp=fields[1], fr=fields[2], marked=marked,
-        marked_values=np.array(of_marked).T, verdict=_verdict(fields[1], fields[2], of_marked, force_n, torque_nm),
-    )  # fmt: skip
+        axes=axes,
+        at=(at_a, at_b),
+        inverse_dexterity=fields[0],
+        fp=fields[1],
+        fr=fields[2],
+        marked=marked,
+        marked_values=np.array(of_marked).T,
+        verdict=_verdict(fields[1], fields[2], of_marked, force_n, torque_nm),
+    )
     return found, maps_chapter(found)
 
 
-def _row(cell: Cell, stiffness: JointStiffness, joints: Float, force_n: float, torque_nm: float,
-         directions: int) -> tuple[Float, Float, Float]:  # fmt: skip
+def _row(
+    cell: Cell, stiffness: JointStiffness, joints: Float, force_n: float, torque_nm: float, directions: int
+) -> tuple[Float, Float, Float]:
     """1/omega (n,), f_p (n,) and f_r (n,) at postures (n, 6)."""
     tip = cell.flange_from_cutter[:3, 3]
     j = jacobian(cell.chain, joints, tip) / np.array([MM] * 3 + [1.0] * 3)[:, None]

@@ -46,8 +46,9 @@ def mean_stiffness(found: Estimate) -> float:
     return float(np.exp(-np.mean(np.log(found.compliance))))
 
 
-def explain(chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate,
-            largest_relative_u: float) -> str | None:  # fmt: skip
+def explain(
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate, largest_relative_u: float
+) -> str | None:
     """The mistake that explains best why an estimate fits badly or makes no sense, in words; None: none does."""
     sense = makes_sense(found, largest_relative_u)
     if found.scale2 < MISFIT and (sense or (found.scale2 > 1 / MISFIT and _possible(found))):
@@ -78,8 +79,10 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
     for convention in ("dh", "dh_same_sense"):
         joints = abb_angles(tests.joints, convention)
         if np.isfinite(within_limits(chain, joints)).all():
-            yield (f"the joint angles are Denavit-Hartenberg ones: set angle_convention to '{convention}'",
-                   dataclasses.replace(tests, joints=joints))  # fmt: skip
+            yield (
+                f"the joint angles are Denavit-Hartenberg ones: set angle_convention to '{convention}'",
+                dataclasses.replace(tests, joints=joints),
+            )
     yield "the joint angles are in rad, not deg", dataclasses.replace(tests, joints=np.degrees(tests.joints))
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
     yield "the wrench is in base axes, not in the sensor's", _turned(tests, np.swapaxes(rotation, 1, 2), None)
@@ -96,8 +99,12 @@ def _turned(tests: LoadingTests, of_wrench: Float | None, of_displacement: Float
 
     wrench = turn(of_wrench, tests.wrench)
     assert wrench is not None
-    return dataclasses.replace(tests, wrench=wrench, displacement=turn(of_displacement, tests.displacement),
-                               targets_mm=turn(of_displacement, tests.targets_mm))  # fmt: skip
+    return dataclasses.replace(
+        tests,
+        wrench=wrench,
+        displacement=turn(of_displacement, tests.displacement),
+        targets_mm=turn(of_displacement, tests.targets_mm),
+    )
 
 
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
@@ -121,8 +128,10 @@ def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
         for columns, factor, unit in _factors(names, {"mm": (TURNED, *LENGTHS)}):
             flat = tests.targets_mm.reshape(len(tests.lines), -1).copy()
             flat[:, [names.index(name) for name in columns]] *= factor
-            yield (_in_words(columns, factor, unit),
-                   dataclasses.replace(tests, targets_mm=flat.reshape(tests.targets_mm.shape)))  # fmt: skip
+            yield (
+                _in_words(columns, factor, unit),
+                dataclasses.replace(tests, targets_mm=flat.reshape(tests.targets_mm.shape)),
+            )
 
 
 def _factors(

@@ -43,6 +43,8 @@ def check_pairs(tests: LoadingTests, eq: Equations, compliance: Float, use: Floa
     for label, found in sums.items():
         if sum(s for s, _, _ in found) > chdtri(sum(n for _, n, _ in found), SURE / len(sums)):
             most = max(mm for _, _, mm in found)
-            notes.append(f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
-                         "remain): drift, backlash or friction beside elasticity")  # fmt: skip
+            notes.append(
+                f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
+                "remain): drift, backlash or friction beside elasticity"
+            )
     return tuple(notes)

@@ -95,13 +95,16 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
             raise InputError("milling force", "expected that of this path, point by point")
         forces.append(acts @ base[:3, :3].T)
     found = PathPoints(
-        base_from_point=base @ np.concatenate(poses), feed_mm_s=np.concatenate(feeds), force_n=np.concatenate(forces),
+        base_from_point=base @ np.concatenate(poses),
+        feed_mm_s=np.concatenate(feeds),
+        force_n=np.concatenate(forces),
         layer=np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both]),
         cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
-        planned=planned, source=toolpath.source or "milling path",
-    )  # fmt: skip
+        planned=planned,
+        source=toolpath.source or "milling path",
+    )
     if not len(found.loaded):
         raise InputError("milling force", "expected points where the cutter is loaded, found none")
     return found

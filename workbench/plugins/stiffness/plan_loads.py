@@ -124,10 +124,14 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
             f"needs some {needed} loads of this kind, larger forces, longer levers or other postures"
         )
     return LoadPlan(
-        labels=tuple(names[int(one)] for one in np.repeat(p, 2)), joints=np.repeat(offered.joints[p], 2, axis=0),
-        points_mm=np.repeat(offered.points_mm[d], 2, axis=0), force_n=sign * np.repeat(offered.force_n[d], 2, axis=0),
-        wrench=sign * np.repeat(offered.wrench[d], 2, axis=0), relative_u=u, warnings=tuple(warnings),
-    )  # fmt: skip
+        labels=tuple(names[int(one)] for one in np.repeat(p, 2)),
+        joints=np.repeat(offered.joints[p], 2, axis=0),
+        points_mm=np.repeat(offered.points_mm[d], 2, axis=0),
+        force_n=sign * np.repeat(offered.force_n[d], 2, axis=0),
+        wrench=sign * np.repeat(offered.wrench[d], 2, axis=0),
+        relative_u=u,
+        warnings=tuple(warnings),
+    )
 
 
 def _csv(plan: LoadPlan) -> bytes:

@@ -129,18 +129,24 @@ def posture(
     choice, over = search(examiner, traversal(arm, kept, k, some, rotations, tables), whole_map=whole_map)
     chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
-        limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0),
-                        acceleration_deg_s2 * DEG)  # fmt: skip
+        limits = Limits(
+            np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0), acceleration_deg_s2 * DEG
+        )
         over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), step_cost_mm)
         chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
     found = Found(
-        postures=made, points=points, choice=choice, map=over, mode=mode,
-        bound_at=np.flatnonzero(np.isin(points.loaded, at)), cases=_cases(examiner, k, choice, over),
+        postures=made,
+        points=points,
+        choice=choice,
+        map=over,
+        mode=mode,
+        bound_at=np.flatnonzero(np.isin(points.loaded, at)),
+        cases=_cases(examiner, k, choice, over),
         bound_mm=lowest(arm, kept, k, some, rotations, tables).min(axis=1),
         law_bound_mm=None if bound_mm is None else bound_mm / len(points.loaded),
         law_gap=None if bound_mm is None else max(chosen.cost_mm / bound_mm - 1, 0.0),
-    )  # fmt: skip
+    )
     return (
         made,
         _gate(gate, found, force),

@@ -98,8 +98,11 @@ def _robots(cell: Cell, found: Found) -> str:
     before = found.cases["as planned"]
     views = [] if before is None else [("as planned", before.joints[at], before.table, np.full(n, before.table))]
     views.append(("as chosen", made.joints[at], float(made.turntable[at]), made.turntable))
-    middle = np.array([1000.0, 0.0, 900.0]) if cell.turntable is None else np.append(
-        cell.turntable.base_from_turntable[:2, 3] / 2, 1000.0)  # fmt: skip
+    middle = (
+        np.array([1000.0, 0.0, 900.0])
+        if cell.turntable is None
+        else np.append(cell.turntable.base_from_turntable[:2, 3] / 2, 1000.0)
+    )
     text = ""
     for name, joints, table, _ in views:
         path = (found.points.turned(cell, np.array([table])) @ found.points.base_from_point)[found.points.cutting]

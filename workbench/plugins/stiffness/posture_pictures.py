@@ -29,8 +29,17 @@ def map_picture(found: Found) -> bytes:
             box = (x[0], x[-1], y[0], y[-1])
             causes = np.ma.masked_equal(over.cause.T, 0)
             colours = ListedColormap([SHADES[c] for c in range(1, 5)])
-            axes.imshow(causes, cmap=colours, vmin=1, vmax=4, extent=box, origin="lower", aspect="auto", alpha=0.55,
-                        interpolation="nearest")  # fmt: skip
+            axes.imshow(
+                causes,
+                cmap=colours,
+                vmin=1,
+                vmax=4,
+                extent=box,
+                origin="lower",
+                aspect="auto",
+                alpha=0.55,
+                interpolation="nearest",
+            )
             drawn = axes.contourf(x, y, over.mean_mm.T, levels=16, cmap="viridis")
             figure.colorbar(drawn, ax=axes, label="mean displacement, mm")
             axes.set_ylabel("turntable, deg")

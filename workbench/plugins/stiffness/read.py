@@ -42,8 +42,11 @@ def read(
     if given is None and cell is not None:
         if cell.joint_stiffness_nm_per_rad is None:
             where = f"{cell.source}: $.robot.joint_stiffness_nm_per_rad"
-            raise InputError(where, "expected the joint stiffness of this robot, here or as a stiffness.json "
-                             "(stiffness.identify makes it from loading tests)")  # fmt: skip
+            raise InputError(
+                where,
+                "expected the joint stiffness of this robot, here or as a stiffness.json "
+                "(stiffness.identify makes it from loading tests)",
+            )
         return _exact(cell.joint_stiffness_nm_per_rad, cell.source)
     return None if given is None else _exact(np.array(given), "given")
 

@@ -41,8 +41,14 @@ class Relaxed:
     way: Int  # (n, 2) indices of turntable and cutter angle
 
 
-def relaxed_law(examiner: Examiner, stiffness: Float, branch: int, grid: Grid, most_mm: float,
-                closed_off: Callable[[int], Bool] | None = None) -> Relaxed | None:  # fmt: skip
+def relaxed_law(
+    examiner: Examiner,
+    stiffness: Float,
+    branch: int,
+    grid: Grid,
+    most_mm: float,
+    closed_off: Callable[[int], Bool] | None = None,
+) -> Relaxed | None:
     """The law of least cost with steps within the bands; None: none of the branch costs less than `most_mm`.
 
     Joint limits count point by point; speeds, accelerations, collision and the wrist's flip are left out, so a law that
@@ -82,8 +88,9 @@ def _next(value: Float, grid: Grid, cost: _Costs, i: int) -> tuple[Float, AnyArr
 class _Costs:
     """Displacement of one path point on the whole grid; infinite where the branch does not reach it."""
 
-    def __init__(self, examiner: Examiner, stiffness: Float, branch: int, grid: Grid,
-                 closed_off: Callable[[int], Bool] | None) -> None:  # fmt: skip
+    def __init__(
+        self, examiner: Examiner, stiffness: Float, branch: int, grid: Grid, closed_off: Callable[[int], Bool] | None
+    ) -> None:
         self.examiner, self.stiffness, self.grid, self.closed_off = examiner, stiffness, grid, closed_off
         self.shoulder, self.elbow = BRANCHES[branch]
 
@@ -92,8 +99,17 @@ class _Costs:
         cell, tables = self.examiner.cell, self.grid.tables
         found = np.full((len(tables), len(self.grid.rotations)), np.inf)
         cutter, load, force = placed(cell, self.examiner.points.only(np.array([i])), tables[rows])
-        moved, said = traverse(self.examiner.arm, self.stiffness, cell.flange_from_cutter, cutter, load, force,
-                               self.grid.rotations, shoulder=self.shoulder, elbow=self.elbow)  # fmt: skip
+        moved, said = traverse(
+            self.examiner.arm,
+            self.stiffness,
+            cell.flange_from_cutter,
+            cutter,
+            load,
+            force,
+            self.grid.rotations,
+            shoulder=self.shoulder,
+            elbow=self.elbow,
+        )
         found[rows] = np.where(said == 0, moved, np.inf)
         if self.closed_off is not None:
             found[self.closed_off(i)] = np.inf

@@ -39,8 +39,11 @@ def _levers(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Float:
     assert tests.targets_mm is not None
     count = tests.targets_mm.shape[1]
     if count > len(setup.targets_mm):
-        raise InputError(tests.source, f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
-                         f"$.loading.targets_mm places no p{count}")  # fmt: skip
+        raise InputError(
+            tests.source,
+            f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
+            f"$.loading.targets_mm places no p{count}",
+        )
     rotation = forward_kinematics(chain, tests.joints)[:, None, :3, :3]
     arms = setup.targets_mm[:count] - setup.targets_mm[:count].mean(axis=0)
     return np.asarray((rotation @ arms[:, :, None])[..., 0])

@@ -13,8 +13,9 @@ COLOURS = {"tool": "#c8553d", "turntable": "#7a8b99", "workpiece": "#b59b6a"}
 ROBOT, AROUND = "#e8a33d", "#b9c2c9"
 
 
-def robot_picture(cell: Cell, joints: Float, turntable: float, path_mm: Float, middle_mm: Float,
-                  size_mm: float) -> bytes:  # fmt: skip
+def robot_picture(
+    cell: Cell, joints: Float, turntable: float, path_mm: Float, middle_mm: Float, size_mm: float
+) -> bytes:
     """A PNG of the cell; the path (n, 3) is drawn through everything. The floor is left out: it hides nothing."""
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection

@@ -71,8 +71,9 @@ def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Cho
         free = np.flatnonzero(verdicts.cause == FREE)[: MOST_CONFIRMED - confirmed]
         confirmed += len(free)
         if len(free):
-            sure = examiner.confirm(branch[free], verdicts.flip[free], grid.rotations[rotation[free]],
-                                    grid.tables[table[free]])  # fmt: skip
+            sure = examiner.confirm(
+                branch[free], verdicts.flip[free], grid.rotations[rotation[free]], grid.tables[table[free]]
+            )
             verdicts.cause[free], verdicts.hit[free], verdicts.how[free] = sure.cause, sure.hit, sure.how
         state.note(flat, verdicts.cause, verdicts.hit, verdicts.how)
         for i in np.flatnonzero(verdicts.cause == FREE) if choice is None else ():
@@ -133,11 +134,15 @@ class _State:
         used = [int(i) for i in np.unique(best[2]) if i >= 0]
         number = {hit: i for i, hit in enumerate(used)}
         return PostureMap(
-            rotations=self.grid.rotations, tables=self.grid.tables, mean_mm=np.where(best[1] == FREE, best[0], np.nan),
-            cause=best[1], pair=np.vectorize(lambda i: number.get(int(i), -1), otypes=[int])(best[2]),
+            rotations=self.grid.rotations,
+            tables=self.grid.tables,
+            mean_mm=np.where(best[1] == FREE, best[0], np.nan),
+            cause=best[1],
+            pair=np.vectorize(lambda i: number.get(int(i), -1), otypes=[int])(best[2]),
             pairs=tuple(examiner.screen.pair(i) for i in used),
-            how=best[3], without_collision_mm=np.where(np.isfinite(solved), solved, np.nan),
-        )  # fmt: skip
+            how=best[3],
+            without_collision_mm=np.where(np.isfinite(solved), solved, np.nan),
+        )
 
 
 def _why_not(found: PostureMap) -> str:

@@ -10,9 +10,17 @@ from workbench.plugins.stiffness.loads import ANGLES, DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import LoadingTests
 
 
-def simulate_tests(chain: Chain, setup: LoadingSetup, stiffness: Float, joints: Float, wrench: Float,
-                   labels: tuple[str, ...], *, targets: int = 0,
-                   rng: np.random.Generator | None = None) -> LoadingTests:  # fmt: skip
+def simulate_tests(
+    chain: Chain,
+    setup: LoadingSetup,
+    stiffness: Float,
+    joints: Float,
+    wrench: Float,
+    labels: tuple[str, ...],
+    *,
+    targets: int = 0,
+    rng: np.random.Generator | None = None,
+) -> LoadingTests:
     """Tests at postures (L, 6), rad, under wrenches (L, 6) in the sensor's axes; `targets` > 0: that many points.
 
     The robot rests where springs and load are in balance; the wrench keeps its direction in space. Noise out of the
@@ -26,10 +34,14 @@ def simulate_tests(chain: Chain, setup: LoadingSetup, stiffness: Float, joints: 
         rows = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3 + [setup.target_noise_mm] * 3 * targets
         moved = moved + rng.normal(size=moved.shape) * rows
     return LoadingTests(
-        source="simulated", labels=labels, lines=tuple(range(2, len(joints) + 2)), joints=joints, wrench=wrench,
+        source="simulated",
+        labels=labels,
+        lines=tuple(range(2, len(joints) + 2)),
+        joints=joints,
+        wrench=wrench,
         displacement=None if targets else moved[:, :6],
         targets_mm=moved[:, 6:].reshape(len(joints), targets, 3) if targets else None,
-    )  # fmt: skip
+    )
 
 
 def _moved(chain: Chain, setup: LoadingSetup, stiffness: Float, q: Float, wrench: Float, points: Float) -> Float:

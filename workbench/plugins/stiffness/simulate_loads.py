@@ -35,8 +35,16 @@ def simulate_loads(
     """
     if cell.loading is None or targets > len(cell.loading.targets_mm):
         raise InputError(f"{cell.source}: $.loading", f"expected the set-up of loading tests with {targets} targets")
-    tests = simulate_tests(cell.chain, cell.loading, stiffness.nm_per_rad, plan.joints, plan.wrench, plan.labels,
-                           targets=targets, rng=np.random.default_rng(seed))  # fmt: skip
+    tests = simulate_tests(
+        cell.chain,
+        cell.loading,
+        stiffness.nm_per_rad,
+        plan.joints,
+        plan.wrench,
+        plan.labels,
+        targets=targets,
+        rng=np.random.default_rng(seed),
+    )
     truth = ", ".join(f"{k:.6g}" for k in stiffness.nm_per_rad)
     comment = f"Simulated loading tests: seed {seed}, joint stiffness {truth} Nm/rad, noise as in the cell file."
     return Document("loads.csv", loads_csv(tests, comment))

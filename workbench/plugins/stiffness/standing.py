@@ -81,22 +81,38 @@ def case_at(examiner: Examiner, k: Float, rotation: float, table: float) -> Case
     return min(found, key=lambda case: (case.cause, case.displacement_mm.mean()), default=None)
 
 
-def postures(examiner: Examiner, stiffness: JointStiffness, toolpath: Toolpath, law: Law, warnings: tuple[str, ...], *,
-             clearance: bool = True) -> Postures:  # fmt: skip
+def postures(
+    examiner: Examiner,
+    stiffness: JointStiffness,
+    toolpath: Toolpath,
+    law: Law,
+    warnings: tuple[str, ...],
+    *,
+    clearance: bool = True,
+) -> Postures:
     """The postures of a law; `clearance`: whether distances are measured too."""
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
     targets = forward_kinematics(cell.chain, joints) @ flange_from_point
     turned = points.turned(cell, law.table)
     return Postures(
-        toolpath=toolpath, layer=points.layer, cutting=points.cutting, measured=points.measured,
-        position_mm=targets[:, :3, 3], quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
-        feed_mm_s=_feeds(points, targets[:, :3, 3]), cutter_rotation=law.rotation, turntable=law.table, joints=joints,
+        toolpath=toolpath,
+        layer=points.layer,
+        cutting=points.cutting,
+        measured=points.measured,
+        position_mm=targets[:, :3, 3],
+        quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
+        feed_mm_s=_feeds(points, targets[:, :3, 3]),
+        cutter_rotation=law.rotation,
+        turntable=law.table,
+        joints=joints,
         displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
         clearance_mm=_clearances(examiner, joints, law.table) if clearance else np.full(len(joints), np.nan),
-        flange_from_point=flange_from_point, has_turntable=cell.turntable is not None,
-        warnings=warnings + _too_fast(cell, joints, points), planned_turntable=points.planned,
-    )  # fmt: skip
+        flange_from_point=flange_from_point,
+        has_turntable=cell.turntable is not None,
+        warnings=warnings + _too_fast(cell, joints, points),
+        planned_turntable=points.planned,
+    )
 
 
 def _too_fast(cell: Cell, joints: Float, points: PathPoints) -> tuple[str, ...]:

@@ -42,8 +42,9 @@ def spread(indices: Int, count: int) -> Int:
     return np.asarray(indices[np.unique(at)])
 
 
-def traversal(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float,
-              tables: Float) -> Traversal:  # fmt: skip
+def traversal(
+    arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float
+) -> Traversal:
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
     cutter, load, force = placed(cell, points, tables)
     found = [

@@ -102,17 +102,20 @@ def _look(rng: Generator, document: Document) -> None:
         elevation = rng.uniform(25, 65)
         there = [low + high - s for s in way] if rng.random() < 0.5 or number % 2 else way
         lateral = 0.5 * _seen_width(part, elevation) + rng.uniform(-2, 2)
-        passes.append({
-            "way_mm": there,
-            "elevation_deg": elevation,
-            "oblique_deg": rng.uniform(-4, 4),
-            "lead_deg": rng.uniform(-6, 6),
-            "aim_mm": [-math.sin(elevation * DEG) * lateral, math.cos(elevation * DEG) * lateral],
-            "skew_mm": [-skew, skew],
-            "upside_down": bool(rng.random() < 0.5),
-            "follow": "line" if straight else "edge",
-            "motion": "stream",
-        } | asked)  # fmt: skip
+        passes.append(
+            {
+                "way_mm": there,
+                "elevation_deg": elevation,
+                "oblique_deg": rng.uniform(-4, 4),
+                "lead_deg": rng.uniform(-6, 6),
+                "aim_mm": [-math.sin(elevation * DEG) * lateral, math.cos(elevation * DEG) * lateral],
+                "skew_mm": [-skew, skew],
+                "upside_down": bool(rng.random() < 0.5),
+                "follow": "line" if straight else "edge",
+                "motion": "stream",
+            }
+            | asked
+        )
     document["passes"] = passes
 
 
@@ -144,8 +147,11 @@ def texture(rng: Generator, document: Document) -> None:
 def rounded(rng: Generator, document: Document) -> None:
     """Lower edge rounded by up to 0.5 mm, the other edges by up to half of that."""
     radius = rng.uniform(0, 0.5)
-    document["part"].update(lower_radius_mm=radius, middle_radius_mm=radius * rng.uniform(0, 0.5),
-                            upper_radius_mm=radius * rng.uniform(0, 0.5))  # fmt: skip
+    document["part"].update(
+        lower_radius_mm=radius,
+        middle_radius_mm=radius * rng.uniform(0, 0.5),
+        upper_radius_mm=radius * rng.uniform(0, 0.5),
+    )
 
 
 def lost_blocks(rng: Generator, document: Document) -> None:
@@ -175,9 +181,17 @@ def _burrs(rng: Generator, document: Document, direction: str, height: float) ->
     for _ in range(rng.integers(1, 4)):
         start = rng.uniform(2, length - 25)
         edge = "upper" if direction == "out_of_plane" and rng.random() < 0.3 else "lower"
-        burrs.append({"edge": edge, "direction": direction, "from_mm": start, "to_mm": start + rng.uniform(3, 20),
-                      "height_mm": rng.uniform(0.1, height), "width_mm": rng.uniform(0.1, 0.4),
-                      "ragged": rng.uniform(0.2, 0.8)})  # fmt: skip
+        burrs.append(
+            {
+                "edge": edge,
+                "direction": direction,
+                "from_mm": start,
+                "to_mm": start + rng.uniform(3, 20),
+                "height_mm": rng.uniform(0.1, height),
+                "width_mm": rng.uniform(0.1, 0.4),
+                "ragged": rng.uniform(0.2, 0.8),
+            }
+        )
     document["part"]["burrs"] = burrs
 
 
@@ -190,8 +204,12 @@ def twist(rng: Generator, document: Document) -> None:
 
 def helix(rng: Generator, document: Document) -> None:
     """On a helix, its section turning too."""
-    document["part"]["spine"].update(shape="arc", radius_mm=_log(rng, 100, 500), rise_mm=rng.uniform(-80, 80),
-                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+    document["part"]["spine"].update(
+        shape="arc",
+        radius_mm=_log(rng, 100, 500),
+        rise_mm=rng.uniform(-80, 80),
+        sense=str(rng.choice(["convex", "concave"])),
+    )
     twist(rng, document)
     document["way"]["follow"] = "section"
 
@@ -199,16 +217,18 @@ def helix(rng: Generator, document: Document) -> None:
 def saddle(rng: Generator, document: Document) -> None:
     """A part of a nozzle's cut-out: nozzle 60 to 200 mm in a shell of 2 to 6 times that."""
     radius = _log(rng, 60, 200)
-    document["part"]["spine"].update(shape="saddle", radius_mm=radius, shell_radius_mm=radius * _log(rng, 2, 6),
-                                     start_deg=rng.uniform(0, 360))  # fmt: skip
+    document["part"]["spine"].update(
+        shape="saddle", radius_mm=radius, shell_radius_mm=radius * _log(rng, 2, 6), start_deg=rng.uniform(0, 360)
+    )
 
 
 def ring(rng: Generator, document: Document) -> None:
     """350 to 360 deg of a disc or a hole, radius 30 to 60 mm."""
     radius, full = rng.uniform(30, 60), bool(rng.random() < 0.4)
     turn = 2 * math.pi if full else math.radians(rng.uniform(350, 359.5))
-    document["part"]["spine"].update(shape="arc", radius_mm=radius, length_mm=turn * radius,
-                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+    document["part"]["spine"].update(
+        shape="arc", radius_mm=radius, length_mm=turn * radius, sense=str(rng.choice(["convex", "concave"]))
+    )
     document["part"]["reach_mm"] = 0.6 * radius
     for name in ("thickness_mm", "root_mm", "bevel_deg"):
         if name in document["part"]:  # the same at the end of the turn as at its start
@@ -222,15 +242,22 @@ def wavy_root(rng: Generator, document: Document) -> None:
     """The root face waves by up to 0.05 mm over 15 to 60 mm, at a slope of up to 1 deg."""
     wavelength = _log(rng, 15, 60)
     amplitude = min(rng.uniform(0, 0.05), math.radians(1.0) * wavelength / (2 * math.pi))
-    document["part"]["wave_mm"] = {"start": 0, "end": 0, "amplitude": amplitude, "wavelength_mm": wavelength,
-                                   "phase_deg": rng.uniform(0, 360)}  # fmt: skip
+    document["part"]["wave_mm"] = {
+        "start": 0,
+        "end": 0,
+        "amplitude": amplitude,
+        "wavelength_mm": wavelength,
+        "phase_deg": rng.uniform(0, 360),
+    }
 
 
 def bowed(rng: Generator, document: Document) -> None:
     """Bevel bowed by up to 0.1 mm, root face by up to 0.05 mm, one of them or both."""
     which = rng.integers(1, 4)
-    document["part"].update(bevel_bow_mm=_sign(rng) * rng.uniform(0, 0.1) if which & 1 else 0.0,
-                            root_bow_mm=_sign(rng) * rng.uniform(0, 0.05) if which & 2 else 0.0)  # fmt: skip
+    document["part"].update(
+        bevel_bow_mm=_sign(rng) * rng.uniform(0, 0.1) if which & 1 else 0.0,
+        root_bow_mm=_sign(rng) * rng.uniform(0, 0.05) if which & 2 else 0.0,
+    )
 
 
 def ghosts(rng: Generator, document: Document) -> None:
@@ -239,14 +266,16 @@ def ghosts(rng: Generator, document: Document) -> None:
     start = rng.uniform(0, 0.4)
     everywhere = rng.random() < 0.5
     low = rng.uniform(0, 0.6)
-    document["part"]["ghosts"] = [{
-        "face": "root" if document["part"]["kind"] == "raw" or rng.random() < 0.2 else "bevel",
-        "from_mm": -10.0 if everywhere else start * length,
-        "to_mm": 1e4 if everywhere else (start + rng.uniform(0.1, 0.5)) * length,
-        "across": [low, low + rng.uniform(0.15, 0.4)],
-        "offset_mm": _sign(rng) * rng.uniform(0.05, 0.3),
-        "probability": 1.0 if rng.random() < 0.5 else rng.uniform(0.3, 1),
-    }]  # fmt: skip
+    document["part"]["ghosts"] = [
+        {
+            "face": "root" if document["part"]["kind"] == "raw" or rng.random() < 0.2 else "bevel",
+            "from_mm": -10.0 if everywhere else start * length,
+            "to_mm": 1e4 if everywhere else (start + rng.uniform(0.1, 0.5)) * length,
+            "across": [low, low + rng.uniform(0.15, 0.4)],
+            "offset_mm": _sign(rng) * rng.uniform(0.05, 0.3),
+            "probability": 1.0 if rng.random() < 0.5 else rng.uniform(0.3, 1),
+        }
+    ]
 
 
 def correlated(rng: Generator, document: Document) -> None:
@@ -315,8 +344,11 @@ def two_poses(rng: Generator, document: Document) -> None:
 
 def drift(rng: Generator, document: Document) -> None:
     """The robot drifts by up to 0.1 mm from end to end and errs by up to 0.05 mm smoothly."""
-    document["robot"].update(drift_mm=rng.uniform(0, 0.1), smooth_error_mm=rng.uniform(0, 0.05),
-                             smooth_error_wavelength_mm=rng.uniform(60, 250))  # fmt: skip
+    document["robot"].update(
+        drift_mm=rng.uniform(0, 0.1),
+        smooth_error_mm=rng.uniform(0, 0.05),
+        smooth_error_wavelength_mm=rng.uniform(60, 250),
+    )
 
 
 def clamps(rng: Generator, document: Document) -> None:
@@ -330,15 +362,20 @@ def clamps(rng: Generator, document: Document) -> None:
 
 def arc(rng: Generator, document: Document) -> None:
     """Radius 100 to 3,000 mm, convex or concave."""
-    document["part"]["spine"].update(shape="arc", radius_mm=_log(rng, 100, 3000),
-                                     sense=str(rng.choice(["convex", "concave"])))  # fmt: skip
+    document["part"]["spine"].update(
+        shape="arc", radius_mm=_log(rng, 100, 3000), sense=str(rng.choice(["convex", "concave"]))
+    )
 
 
 def space_wave(rng: Generator, document: Document) -> None:
     """A wave in the plate's plane and out of it."""
-    document["part"]["spine"].update(shape="wavy", amplitude_mm=rng.uniform(0.5, 3),
-                                     height_amplitude_mm=rng.uniform(0, 2), wavelength_mm=rng.uniform(120, 300),
-                                     phase_deg=rng.uniform(0, 360))  # fmt: skip
+    document["part"]["spine"].update(
+        shape="wavy",
+        amplitude_mm=rng.uniform(0.5, 3),
+        height_amplitude_mm=rng.uniform(0, 2),
+        wavelength_mm=rng.uniform(120, 300),
+        phase_deg=rng.uniform(0, 360),
+    )
 
 
 def rough(rng: Generator, document: Document) -> None:
@@ -349,8 +386,24 @@ def rough(rng: Generator, document: Document) -> None:
 def mixed(rng: Generator, document: Document) -> None:
     """Two to four of the others at random, one of them often the shape."""
     shapes = [arc, space_wave, twist, saddle]
-    faults = [texture, rounded, lost_blocks, lost_edge, burr_out, burr_in, wavy_root, bowed, ghosts, correlated,
-              fixed_pattern, sway, reversal, there_and_back, drift, clamps]  # fmt: skip
+    faults = [
+        texture,
+        rounded,
+        lost_blocks,
+        lost_edge,
+        burr_out,
+        burr_in,
+        wavy_root,
+        bowed,
+        ghosts,
+        correlated,
+        fixed_pattern,
+        sway,
+        reversal,
+        there_and_back,
+        drift,
+        clamps,
+    ]
     if document["part"]["kind"] == "raw":
         faults = [c for c in faults if c not in (wavy_root,)] + [rough]
     chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]
@@ -364,12 +417,51 @@ def mixed(rng: Generator, document: Document) -> None:
 
 
 _MILLED = (
-    plain, two_poses, arc, space_wave, texture, rounded, lost_blocks, lost_edge, burr_out, burr_in, twist, helix,
-    saddle, ring, wavy_root, bowed, ghosts, correlated, fixed_pattern, one_phase, one_phase_bright, sway, time_offset,
-    there_and_back, reversal, stop_and_go, drift, clamps, mixed,
-)  # fmt: skip
+    plain,
+    two_poses,
+    arc,
+    space_wave,
+    texture,
+    rounded,
+    lost_blocks,
+    lost_edge,
+    burr_out,
+    burr_in,
+    twist,
+    helix,
+    saddle,
+    ring,
+    wavy_root,
+    bowed,
+    ghosts,
+    correlated,
+    fixed_pattern,
+    one_phase,
+    one_phase_bright,
+    sway,
+    time_offset,
+    there_and_back,
+    reversal,
+    stop_and_go,
+    drift,
+    clamps,
+    mixed,
+)
 _RAW = (
-    plain, arc, space_wave, twist, saddle, ring, rough, rounded, burr_out, burr_in, lost_blocks, texture, clamps, mixed,
-)  # fmt: skip
+    plain,
+    arc,
+    space_wave,
+    twist,
+    saddle,
+    ring,
+    rough,
+    rounded,
+    burr_out,
+    burr_in,
+    lost_blocks,
+    texture,
+    clamps,
+    mixed,
+)
 SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_{c.__name__}": c for c in _MILLED}
 RAW_SWEPT_CONDITIONS: dict[str, Condition] = {f"swept_raw_{c.__name__}": c for c in _RAW}

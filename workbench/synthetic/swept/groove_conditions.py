@@ -53,9 +53,15 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
         },
     }
     if clutter:
-        part["tacks"] = [{"at_mm": rng.uniform(10, length - 10), "length_mm": rng.uniform(6, 15),
-                          "width_mm": rng.uniform(3, 6), "height_mm": rng.uniform(1, 3)}
-                         for _ in range(rng.integers(0, 3))]  # fmt: skip
+        part["tacks"] = [
+            {
+                "at_mm": rng.uniform(10, length - 10),
+                "length_mm": rng.uniform(6, 15),
+                "width_mm": rng.uniform(3, 6),
+                "height_mm": rng.uniform(1, 3),
+            }
+            for _ in range(rng.integers(0, 3))
+        ]
         part["spatter"] = {"per_100_mm": rng.uniform(0, 15)}
         part["reflections"] = {"share": rng.uniform(0, 0.08), "patch_mm": rng.uniform(0.5, 3)}
         part["texture"] = {"sd_mm": rng.uniform(0, 0.01), "correlation_mm": rng.uniform(0.1, 0.8)}
@@ -67,41 +73,53 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
     lean = rng.uniform(-8, 8)
     if groove in ("HV", "HY", "K", "J") or groove == "I":  # from the bevelled side, so that the square face shows
         lean = rng.uniform(3, 9 if groove == "J" else 20) * (-1 if part["bevelled"] == "right" else 1)
-    return GrooveRecipe.model_validate({
-        "simulator": "swept",
-        "title": groove,
-        "seed": seed,
-        "part": part,
-        "scanner": {
-            "columns": columns,
-            "pitch_mm": pitch,
-            "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
-            "x_rises": bool(rng.random() < 0.5),
-            "z_away": bool(rng.random() < 0.8),
-            "zero_range_mm": float(rng.choice([0.0, standoff])),
-            "standoff_mm": standoff,
-            "near_mm": standoff - 40,
-            "far_mm": standoff + 60,
-            "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
-            "mixed_share": rng.uniform(0.2, 0.8),
-            "noise": {"sd_mm": 0.015, "grazing_power": rng.uniform(0, 1), "speckle": rng.uniform(0.1, 0.3),
-                      "column_correlation": float(rng.choice([0, rng.uniform(0, 0.8)]))},
-            "intensity": bool(rng.random() < 0.5),
-        },
-        "losses": {"single_share": 0.005, "outlier_share": 0.003, "outlier_reach_mm": rng.uniform(1, 8),
-                   "block_share": float(rng.choice([0.0, 0.05]))},
-        "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
-        "passes": [{
-            "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
-            "elevation_deg": 90 + lean,
-            "oblique_deg": rng.uniform(-4, 4),
-            "lead_deg": rng.uniform(-6, 6),
-            "aim_mm": [lateral, 0.7 * thickness],
-            "skew_mm": [-1.0, 1.0],
-            "upside_down": bool(rng.random() < 0.5),
-            "follow": "line" if part["spine"]["shape"] == "straight" else "edge",
-        }],
-    })  # fmt: skip
+    return GrooveRecipe.model_validate(
+        {
+            "simulator": "swept",
+            "title": groove,
+            "seed": seed,
+            "part": part,
+            "scanner": {
+                "columns": columns,
+                "pitch_mm": pitch,
+                "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
+                "x_rises": bool(rng.random() < 0.5),
+                "z_away": bool(rng.random() < 0.8),
+                "zero_range_mm": float(rng.choice([0.0, standoff])),
+                "standoff_mm": standoff,
+                "near_mm": standoff - 40,
+                "far_mm": standoff + 60,
+                "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
+                "mixed_share": rng.uniform(0.2, 0.8),
+                "noise": {
+                    "sd_mm": 0.015,
+                    "grazing_power": rng.uniform(0, 1),
+                    "speckle": rng.uniform(0.1, 0.3),
+                    "column_correlation": float(rng.choice([0, rng.uniform(0, 0.8)])),
+                },
+                "intensity": bool(rng.random() < 0.5),
+            },
+            "losses": {
+                "single_share": 0.005,
+                "outlier_share": 0.003,
+                "outlier_reach_mm": rng.uniform(1, 8),
+                "block_share": float(rng.choice([0.0, 0.05])),
+            },
+            "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
+            "passes": [
+                {
+                    "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
+                    "elevation_deg": 90 + lean,
+                    "oblique_deg": rng.uniform(-4, 4),
+                    "lead_deg": rng.uniform(-6, 6),
+                    "aim_mm": [lateral, 0.7 * thickness],
+                    "skew_mm": [-1.0, 1.0],
+                    "upside_down": bool(rng.random() < 0.5),
+                    "follow": "line" if part["spine"]["shape"] == "straight" else "edge",
+                }
+            ],
+        }
+    )
 
 
 def _spine(rng: np.random.Generator, length: float) -> Document:
@@ -110,12 +128,20 @@ def _spine(rng: np.random.Generator, length: float) -> Document:
     if shape == "arc":
         spine |= {"radius_mm": rng.uniform(150, 1500), "sense": str(rng.choice(["convex", "concave"]))}
     if shape == "wavy":
-        spine |= {"amplitude_mm": rng.uniform(0.3, 2), "height_amplitude_mm": rng.uniform(0, 1),
-                  "wavelength_mm": rng.uniform(120, 300)}  # fmt: skip
+        spine |= {
+            "amplitude_mm": rng.uniform(0.3, 2),
+            "height_amplitude_mm": rng.uniform(0, 1),
+            "wavelength_mm": rng.uniform(120, 300),
+        }
     return spine
 
 
 def _course(rng: np.random.Generator, mean: float, drift: float, wave: float) -> Document:
     change, amplitude = rng.uniform(-drift, drift), rng.uniform(0, wave)
-    return {"start": mean - change / 2, "end": mean + change / 2, "amplitude": amplitude,
-            "wavelength_mm": rng.uniform(60, 200), "phase_deg": rng.uniform(0, 360)}  # fmt: skip
+    return {
+        "start": mean - change / 2,
+        "end": mean + change / 2,
+        "amplitude": amplitude,
+        "wavelength_mm": rng.uniform(60, 200),
+        "phase_deg": rng.uniform(0, 360),
+    }

@@ -33,8 +33,10 @@ def _tacks(part: GroovePart, curve: Curve) -> list[Piece]:
     level = "lower" if part.groove == "I" else "root"  # a square plate's root face goes up to its upper surface
     height = np.minimum(corners[f"left_{level}"][:, 1], corners[f"right_{level}"][:, 1])
     root = np.stack([np.zeros(len(s)), height], axis=1)
-    return [_ellipsoid(curve, t.at_mm, place, (t.width_mm / 2, t.height_mm, t.length_mm / 2))
-            for t, place in zip(part.tacks, root, strict=True)]  # fmt: skip
+    return [
+        _ellipsoid(curve, t.at_mm, place, (t.width_mm / 2, t.height_mm, t.length_mm / 2))
+        for t, place in zip(part.tacks, root, strict=True)
+    ]
 
 
 def _spatter(part: GroovePart, curve: Curve, rng: np.random.Generator) -> list[Piece]:

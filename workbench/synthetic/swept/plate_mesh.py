@@ -40,8 +40,7 @@ def plate_mesh(part: SweptPart, curve: Curve, rng: np.random.Generator) -> Mesh:
         points[:, on_root, 0] += relief.at(frames.s[:, None], points[:, on_root, 1])
     pieces = [chain_sheet(frames, chain, points)]
     pieces += [_burr(part, curve, burr, rng) for burr in part.burrs]
-    pieces += [_clamp(part, curve, block)
-               for block in part.clamps]  # fmt: skip
+    pieces += [_clamp(part, curve, block) for block in part.clamps]
     return mesh_of(pieces)
 
 

@@ -14,8 +14,7 @@ FULL = 20000.0  # brightness of a full pixel that looks square at a face
 DARK = 0.3  # speckle dims a pixel's signal, and raises its noise, no further
 
 
-def returned(profiles: Profiles, recipe: AnyRecipe, pattern: Float,
-             rng: np.random.Generator) -> tuple[Float, AnyArray]:  # fmt: skip
+def returned(profiles: Profiles, recipe: AnyRecipe, pattern: Float, rng: np.random.Generator) -> tuple[Float, AnyArray]:
     """Ranges (n, M), NaN where there is no return, and brightness (n, M) uint16."""
     scanner, noise, losses = recipe.scanner, recipe.scanner.noise, recipe.losses
     cosine = np.clip(profiles.cosine, 1e-3, 1)

@@ -59,8 +59,14 @@ def _section_refused() -> Iterator[None]:
         raise InputError("recipe: part", str(error)) from None
 
 
-def _scanned(recipe: AnyRecipe, curve: Curve, mesh: Mesh, spoil: Spoil, edge_seen: Callable[[Profiles], Float],
-             progress: Progress | None) -> tuple[Recording, list[Float]]:  # fmt: skip
+def _scanned(
+    recipe: AnyRecipe,
+    curve: Curve,
+    mesh: Mesh,
+    spoil: Spoil,
+    edge_seen: Callable[[Profiles], Float],
+    progress: Progress | None,
+) -> tuple[Recording, list[Float]]:
     """The recording, and for each pass where along the spine its frames see the edge."""
     textures = _textures(recipe.part.texture, np.random.default_rng([recipe.seed, 22]))
     pattern = fixed_pattern(recipe.scanner, np.random.default_rng([recipe.seed, 23]))

@@ -133,12 +133,20 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     base = placed(part.base_from_part)
     step = np.linalg.norm(np.diff(position, axis=0), axis=1)
     return SweptTruth(
-        recipe=recipe, closed=curve.closed, arc_length_mm=np.concatenate([[0.0], np.cumsum(step)]),
-        position_mm=position @ base[:3, :3].T + base[:3, 3], upper_position_mm=top @ base[:3, :3].T + base[:3, 3],
-        tangent=t @ base[:3, :3].T, normal=n @ base[:3, :3].T, across=m @ base[:3, :3].T,
-        root_mm=edges.root_mm, bevel_deg=bevel / DEG, thickness_mm=thickness, spine_mm=s,
+        recipe=recipe,
+        closed=curve.closed,
+        arc_length_mm=np.concatenate([[0.0], np.cumsum(step)]),
+        position_mm=position @ base[:3, :3].T + base[:3, 3],
+        upper_position_mm=top @ base[:3, :3].T + base[:3, 3],
+        tangent=t @ base[:3, :3].T,
+        normal=n @ base[:3, :3].T,
+        across=m @ base[:3, :3].T,
+        root_mm=edges.root_mm,
+        bevel_deg=bevel / DEG,
+        thickness_mm=thickness,
+        spine_mm=s,
         seen=_seen(s, seen_s, recipe, curve),
-    )  # fmt: skip
+    )
 
 
 SIZES = tuple(field.name for field in fields(GrooveSizes) if field.name != "corners")

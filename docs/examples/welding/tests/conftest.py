@@ -28,9 +28,21 @@ def inspect():
         s = 10.0 * np.arange(n)
         position = np.outer(s, [1.0, 0.0, 0.0])
         sections = tuple(
-            Section(i + 1, s[i], position[i], *np.eye(3), root_mm[i], root_mm[i] and ROOT_U_MM, bevel_deg[i],
-                    bevel_deg[i] and BEVEL_U_DEG, "pass", "", np.arange(3))
-            for i in range(n))  # fmt: skip
+            Section(
+                i + 1,
+                s[i],
+                position[i],
+                *np.eye(3),
+                root_mm[i],
+                root_mm[i] and ROOT_U_MM,
+                bevel_deg[i],
+                bevel_deg[i] and BEVEL_U_DEG,
+                "pass",
+                "",
+                np.arange(3),
+            )
+            for i in range(n)
+        )
         root, bevel = (np.array([np.nan if x is None else x for x in values]) for values in (root_mm, bevel_deg))
         profile = EdgeProfile(s, position, root, np.full(n, ROOT_U_MM), bevel, np.full(n, BEVEL_U_DEG))
         return Inspection(sections, profile, Requirements(), 1.645, "pass", "", "whole edge")
@@ -69,6 +81,18 @@ def postures(moves):
     """Of two points."""
     none = np.zeros(2)
     return Postures(
-        moves.toolpath, none, none, none, np.zeros((2, 3)), np.zeros((2, 4)), none, none, none, np.zeros((2, 6)),
-        np.zeros((2, 3)), none, np.eye(4), False,
-    )  # fmt: skip
+        moves.toolpath,
+        none,
+        none,
+        none,
+        np.zeros((2, 3)),
+        np.zeros((2, 4)),
+        none,
+        none,
+        none,
+        np.zeros((2, 6)),
+        np.zeros((2, 3)),
+        none,
+        np.eye(4),
+        False,
+    )

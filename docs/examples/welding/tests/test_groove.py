@@ -57,8 +57,13 @@ def test_the_table_and_the_chapter_say_the_groove(inspect):
     chapter, table = report(made, density_g_cm3=8.0)
     rows = list(csv.DictReader(io.StringIO(table.content.decode())))
     assert float(rows[0]["area_mm2"]) == pytest.approx(123.0)
-    assert rows[1] == {"section": "2", "arc_length_mm": "10.0000", "area_mm2": "", "area_u_mm2": "",
-                       "verdict": "undecided"}  # fmt: skip
+    assert rows[1] == {
+        "section": "2",
+        "arc_length_mm": "10.0000",
+        "area_mm2": "",
+        "area_u_mm2": "",
+        "verdict": "undecided",
+    }
     assert "123.0 ± " in chapter.html
     assert "0.984" in chapter.html  # 123 mm2 of 8 g/cm3
     assert chapter.verdict == made.verdict

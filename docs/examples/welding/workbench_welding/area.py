@@ -40,6 +40,10 @@ def groove_area_u_mm2(root_mm: Float, root_u_mm: Float, bevel: Float, bevel_u: F
     by_root_mm = -p * height_mm * np.tan(bevel)
     by_bevel_mm2 = p / 2 * height_mm**2 / np.cos(bevel) ** 2
     by_thickness_mm = joint.gap_mm + p * height_mm * np.tan(bevel)
-    parts = (by_root_mm * root_u_mm, by_bevel_mm2 * bevel_u, by_thickness_mm * joint.thickness_u_mm,
-             joint.thickness_mm * joint.gap_u_mm)  # fmt: skip
+    parts = (
+        by_root_mm * root_u_mm,
+        by_bevel_mm2 * bevel_u,
+        by_thickness_mm * joint.thickness_u_mm,
+        joint.thickness_mm * joint.gap_u_mm,
+    )
     return np.asarray(np.sqrt(sum(np.square(part) for part in parts)))

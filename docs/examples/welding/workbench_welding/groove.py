@@ -83,14 +83,29 @@ def groove(
     step_mm, middle, middle_u = _intervals(profile.arc_length_mm, area, u)
     verdict, reason = _of_the_part(sections)
     volume, volume_u, length = float(middle @ step_mm), float(middle_u @ step_mm), float(step_mm.sum())
-    return Groove(joint, sections, frozen(profile.arc_length_mm), frozen(area), frozen(u), nominal, (lower, upper),
-                  volume, volume_u, length, verdict, reason)  # fmt: skip
+    return Groove(
+        joint,
+        sections,
+        frozen(profile.arc_length_mm),
+        frozen(area),
+        frozen(u),
+        nominal,
+        (lower, upper),
+        volume,
+        volume_u,
+        length,
+        verdict,
+        reason,
+    )
 
 
 def _area(root_mm: Float, root_u_mm: Float, bevel_deg: Float, bevel_u_deg: Float, joint: Joint) -> tuple[Float, Float]:
     if not (root_mm < joint.thickness_mm).any():
-        raise InputError("weld.groove.thickness_mm", f"expected a plate thicker than its root face, "
-                         f"{np.nanmin(root_mm, initial=np.inf):.3g} mm or more where it was measured")  # fmt: skip
+        raise InputError(
+            "weld.groove.thickness_mm",
+            f"expected a plate thicker than its root face, "
+            f"{np.nanmin(root_mm, initial=np.inf):.3g} mm or more where it was measured",
+        )
     bevel, bevel_u = bevel_deg * DEG, bevel_u_deg * DEG
     return groove_area_mm2(root_mm, bevel, joint), groove_area_u_mm2(root_mm, root_u_mm, bevel, bevel_u, joint)
 

@@ -51,8 +51,10 @@ def _table(sections: tuple[GrooveSection, ...], gram: float) -> str:
         area = mass = "–"
         if s.area_mm2 is not None and s.area_u_mm2 is not None:
             area, mass = f"{s.area_mm2:.1f} ± {2 * s.area_u_mm2:.1f}", f"{gram * s.area_mm2:.3f}"
-        body += (f'<tr><th>{s.index}</th><td>{s.arc_length_mm:.1f}</td><td>{area}</td>'
-                 f'<td>{mass}</td><td class="{s.verdict}">{s.verdict}</td></tr>')  # fmt: skip
+        body += (
+            f"<tr><th>{s.index}</th><td>{s.arc_length_mm:.1f}</td><td>{area}</td>"
+            f'<td>{mass}</td><td class="{s.verdict}">{s.verdict}</td></tr>'
+        )
     return f'<table class="results"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
@@ -81,6 +83,8 @@ def _figure(groove: Groove) -> str:
         axes.margins(y=0.25)
         figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
     address = f"data:image/svg+xml;base64,{base64.b64encode(out.getvalue()).decode()}"
-    return (f'<figure><img src="{address}" alt="Area of the groove over arc length, with its tolerance"/>'
-            "<figcaption>Line: area between the plates; blue band: ± U, thickness and gap included.</figcaption>"
-            "</figure>")  # fmt: skip
+    return (
+        f'<figure><img src="{address}" alt="Area of the groove over arc length, with its tolerance"/>'
+        "<figcaption>Line: area between the plates; blue band: ± U, thickness and gap included.</figcaption>"
+        "</figure>"
+    )

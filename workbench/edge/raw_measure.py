@@ -28,7 +28,9 @@ from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
-ROUGH_MM = 0.01  # roughness within frames from which neighbouring frames share it, and their scatter is no course
+# Roughness within frames from which neighbouring frames share it, and their scatter is no course: what turns an end
+# face of 8 mm by more than its u, and over the range noise by more than its estimate errs.
+ROUGH_MM, ROUGH_SHARE = 0.003, 0.25
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight
@@ -126,7 +128,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     n = _normal(tilt.value(mid))
     stand_out = (face.place * n).sum(axis=1)
     out = fit_course(face.s, stand_out, None, cloud.pass_index)
-    rough = _roughness(found, sigma) > ROUGH_MM
+    rough = _roughness(found, sigma) > max(ROUGH_MM, ROUGH_SHARE * sigma)
     if rough:
         tilt = _rough_course(face.s, angle, cloud.pass_index)
         n = _normal(tilt.value(mid))

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from workbench.geometry.blocks import as_input
+from workbench.geometry.penalised import penalised
+from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
@@ -109,17 +110,16 @@ def fit_course(
     noise_factor = max(_noise_factor(bins, stated), 1.0) if stated else _noise_factor(bins, stated)
     weight = 1.0 / (bins.variance * noise_factor)
     knots = _knots(np.asarray(s)[bins.kept], 2.0 * (together_mm or BIN_MM))  # bins end before the values do
-    basis = BSpline.design_matrix(np.clip(bins.s, knots[3], knots[-4]), knots, 3)
     trend = _trend(bins, weight, min(orders))  # what no walk holds back; taken off, since sums of squares lose digits
-    problem = _Problem(basis, weight, bins.y - trend(bins.s), knots[4] - knots[3], orders)
+    problem = penalised(np.clip(bins.s, knots[3], knots[-4]), bins.y - trend(bins.s), weight, knots, orders)
     grid = _grid(bins, weight, orders, least_walk) if stiffness is None else stiffness[:, :2]
-    scores = np.array([problem.evidence(*both) for both in grid])
+    scores = problem.evidence(grid)
     share = np.exp(TEMPER * (scores - scores.max()))
     share /= share.sum()
     counts = share > LEAST_SHARE
     share = share[counts] / share[counts].sum()
     stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
-    coefficients, value, slope = problem.average(grid[counts], share, stations, knots)
+    coefficients, value, slope = problem.average(grid[counts], share, stations)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
     mean = coefficients if np.ndim(y) > 1 else coefficients[:, 0]
     spline = BSpline(knots, mean, 3)
@@ -200,11 +200,10 @@ def _inliers(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width
     order = on[np.lexsort((s[on], passes[on]))]
     number = _number(s[order], passes[order], 2.0 * width)
     first = np.flatnonzero(np.diff(number, prepend=-1))
-    parts = list(pairwise(np.append(first, number.size)))
-    place = np.array([np.median(s[order[i:j]]) for i, j in parts])
+    place = _medians(s[order], first)
     of_pass = passes[order[first]]
     for k in range(y.shape[1]):
-        middle = np.array([np.median(y[order[i:j], k]) for i, j in parts])
+        middle = _medians(y[order, k], first)
         for p in np.unique(of_pass):
             mine = of_pass == p
             values = middle[mine]
@@ -217,6 +216,20 @@ def _inliers(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width
             off = np.abs(y[here, k] - _interpolated(s[here], place[mine], values)) / np.sqrt(variance[here])
             out[here] &= off <= OUTLIER_SIGMAS * max(float(np.median(off)) / 0.6745, 1e-12)
     return out
+
+
+def _medians(values: Float, first: Int) -> Float:
+    """Medians of the runs of values (n,) that begin at `first` (r,)."""
+    out = np.empty(first.size)
+    _fill_medians(as_input(values), as_input(np.append(first, values.size)), out)
+    return out
+
+
+@kernel
+def _fill_medians(values: Float, edges: Int, out: Float) -> None:
+    for k in range(out.size):
+        run = np.sort(values[edges[k] : edges[k + 1]])
+        out[k] = 0.5 * (run[(run.size - 1) // 2] + run[run.size // 2])
 
 
 def _interpolated(s: Float, at: Float, values: Float) -> Float:
@@ -309,64 +322,3 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], least_walk: float)
     most_two = away[-1] ** 2 / (2.0 * BIN_MM) ** (2 * orders[1] - 1)
     two = np.geomspace(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
     return np.array([(a, b) for a in one for b in two])
-
-
-class _Problem:
-    """The normal equations of one course: A c = B' W y with A = B' W B + Q (eq. (1))."""
-
-    def __init__(self, basis, weight: Float, y: Float, step: float, orders: tuple[int, int]) -> None:  # type: ignore[no-untyped-def]
-        self.y2 = float((weight[:, None] * y**2).sum())
-        normal = basis.T @ basis.multiply(weight[:, None])
-        self.size, self.components = basis.shape[1], y.shape[1]
-        self.normal = _band([normal.diagonal(d) for d in range(4)], self.size)
-        self.right = np.asarray(basis.T @ (weight[:, None] * y))
-        self.roughness = [_differences(self.size, d) / step ** (2 * d - 1) for d in orders]
-        wave = 2.0 - 2.0 * np.cos(np.pi * np.arange(min(orders), self.size) / self.size)  # eigenvalues of D1' D1
-        self.waves = [wave**d / step ** (2 * d - 1) for d in orders]
-
-    def _prior(self, one: float, two: float) -> Float:
-        return np.asarray(self.roughness[0] / one + self.roughness[1] / two)
-
-    def evidence(self, one: float, two: float) -> float:
-        """Logarithm of the restricted marginal likelihood but for a constant (eq. (3))."""
-        whole = cholesky_banded(self.normal + self._prior(one, two), check_finite=False)
-        misfit = self.y2 - float((self.right * cho_solve_banded((whole, False), self.right, check_finite=False)).sum())
-        logs = np.log(whole[-1]).sum() - 0.5 * np.log(self.waves[0] / one + self.waves[1] / two).sum()
-        return float(-0.5 * misfit - self.components * logs)
-
-    def average(self, grid: Float, share: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
-        """Mean coefficients (K, d), variance of value and slope at `at`, over stiffnesses by their shares (eq. (4))."""
-        rows = BSpline.design_matrix(at, knots, 3).toarray()
-        steep = (
-            BSpline.design_matrix(np.minimum(at + 0.5, at[-1]), knots, 3).toarray()
-            - BSpline.design_matrix(np.maximum(at - 0.5, at[0]), knots, 3).toarray()
-        )
-        steep /= (np.minimum(at + 0.5, at[-1]) - np.maximum(at - 0.5, at[0]))[:, None]
-        both = np.concatenate([rows, steep])
-        found, within = [], np.zeros(len(both))
-        for (one, two), part in zip(grid, share, strict=True):
-            whole = cholesky_banded(self.normal + self._prior(one, two), check_finite=False)
-            found.append(cho_solve_banded((whole, False), self.right, check_finite=False))
-            within += part * np.einsum("ij,ji->i", both, cho_solve_banded((whole, False), both.T, check_finite=False))
-        mean = np.einsum("g,gkd->kd", share, np.array(found))
-        between = sum(part * ((both @ (c - mean)) ** 2).mean(axis=1) for c, part in zip(found, share, strict=True))
-        variance = np.maximum(within + between, 0.0)
-        return mean, variance[: at.size], variance[at.size :]
-
-
-def _band(diagonals: list[Float], size: int) -> Float:
-    """Symmetric banded matrix (4, size) in scipy's upper form from its diagonals."""
-    out = np.zeros((4, size))
-    for d, diagonal in enumerate(diagonals):
-        out[3 - d, d:] = diagonal
-    return out
-
-
-def _differences(size: int, order: int) -> Float:
-    """D' D of the differences of an order, in scipy's upper banded form."""
-    row = np.array([(-1.0) ** (order - k) * math.comb(order, k) for k in range(order + 1)])
-    out = np.zeros((4, size))
-    for first in range(order + 1):
-        for second in range(first, order + 1):
-            out[3 - (second - first), second : size - order + second] += row[first] * row[second]
-    return out

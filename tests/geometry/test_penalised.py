@@ -1,0 +1,76 @@
+"""The banded kernels against dense algebra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from workbench.geometry.penalised import BAND, Penalised, penalised
+from workbench.units import Float
+
+STRENGTHS = np.array([[1e-2, 1e-3], [0.2, 1e-2], [40.0, 20.0]])  # over the step's powers
+
+
+def problem(step: float, components: int, orders: tuple[int, int]) -> tuple[Penalised, Float, Float, Float, Float]:
+    rng = np.random.default_rng(17)
+    knots = step * np.arange(-3, 13.0)
+    s, weight = np.sort(rng.uniform(knots[3], knots[-4], 40)), rng.uniform(1.0, 9.0, 40)
+    s[-1] = knots[-4]
+    y = np.sin(s / step / 3.0)[:, None] + rng.normal(0.0, 0.1, (40, components))
+    return penalised(s, y, weight, knots, orders), s, y, weight, knots
+
+
+def dense(knots: Float, orders: tuple[int, int], strengths: Float, basis: Float, weight: Float) -> Float:
+    size, step = knots.size - BAND, knots[4] - knots[3]
+    matrix = basis.T @ (weight[:, None] * basis)
+    for order, strength in zip(orders, strengths, strict=True):
+        differences = np.diff(np.eye(size), order, axis=0)
+        matrix = matrix + differences.T @ differences / step ** (2 * order - 1) / strength
+    return np.asarray(matrix)
+
+
+@pytest.mark.parametrize("orders", [(1, 2), (2, 3)])
+@pytest.mark.parametrize("step", [0.2, 4.0])  # in the first case a slope's chord reaches over several knots
+@pytest.mark.parametrize("components", [1, 3])
+def test_as_dense_algebra(orders: tuple[int, int], step: float, components: int) -> None:
+    made, s, y, weight, knots = problem(step, components, orders)
+    basis = BSpline.design_matrix(s, knots, 3).toarray()
+    at = np.linspace(knots[3], knots[-4], 57)
+    before, after = np.maximum(at - 0.5, at[0]), np.minimum(at + 0.5, at[-1])
+    value = BSpline.design_matrix(at, knots, 3).toarray()
+    chord = BSpline.design_matrix(after, knots, 3).toarray() - BSpline.design_matrix(before, knots, 3).toarray()
+    rows = np.concatenate([value, chord / (after - before)[:, None]])
+    share = np.array([0.2, 0.5, 0.3])
+    all_strengths = STRENGTHS / step ** (2.0 * np.array(orders) - 1.0)
+    found, scores, within = [], [], np.zeros(len(rows))
+    for strengths, part in zip(all_strengths, share, strict=True):
+        matrix, right = dense(knots, orders, strengths, basis, weight), basis.T @ (weight[:, None] * y)
+        found.append(np.linalg.solve(matrix, right))
+        within += part * np.einsum("ij,ji->i", rows, np.linalg.solve(matrix, rows.T))
+        misfit = float((weight[:, None] * y**2).sum() - (right * found[-1]).sum())
+        prior = np.log(made.waves[0] / strengths[0] + made.waves[1] / strengths[1]).sum()
+        scores.append(-0.5 * misfit - components * 0.5 * (np.linalg.slogdet(matrix)[1] - prior))
+    mean = np.einsum("g,gkd->kd", share, np.array(found))
+    between = sum(part * ((rows @ (c - mean)) ** 2).mean(axis=1) for c, part in zip(found, share, strict=True))
+    np.testing.assert_allclose(made.evidence(all_strengths), scores, rtol=1e-9)
+    coefficients, variance, slope_variance = made.average(all_strengths, share, at)
+    np.testing.assert_allclose(coefficients, mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.concatenate([variance, slope_variance]), within + between, rtol=1e-8)
+
+
+def test_many_factors_do_not_overflow() -> None:
+    """5 m of edge: the product of all factors has thousands of digits."""
+    rng = np.random.default_rng(18)
+    knots = 4.0 * np.arange(-3, 1254.0)
+    s = np.linspace(0.0, 5000.0, 2500)
+    for scale in (1e-9, 1.0, 1e9):
+        y = scale * rng.normal(size=(s.size, 1))
+        made = penalised(s, y, np.full(s.size, scale**-2), knots, (1, 2))
+        assert np.isfinite(made.evidence(STRENGTHS * scale**2)).all()
+
+
+def test_no_solution_is_told() -> None:
+    made, *_ = problem(4.0, 1, (1, 2))
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+        made.evidence(np.array([[-1e-6, -1e-6]]))

@@ -1,0 +1,262 @@
+"""A cubic spline on equal steps with two random walks as its prior, compiled: what `geometry.course` asks of it.
+
+All matrices are symmetric and banded: row i of one holds its entries with i, i - 1, i - 2 and i - 3. So everything is
+linear in the length of the edge, the variances too: they need the inverse within a few columns of its diagonal alone,
+which follows from the factor row by row (Takahashi et al. 1973).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
+from workbench.units import Float, Int
+
+BAND = 4
+SLOPE_MM = 0.5  # a slope is that of the chord from so far before to so far after
+FAR = 1e100  # products of many factors, whose logarithm is wanted, are taken apart before they overflow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Penalised:
+    """The normal equations of a course: A c = B' W y with A = B' W B + Q1 / q1 + Q2 / q2 (docs/method.md, eq. (1))."""
+
+    first: float  # arc length of the first knot within
+    step: float  # between knots
+    squares: float  # y' W y
+    normal: Float  # (K, BAND) B' W B
+    right: Float  # (K, d) B' W y
+    roughness: Float  # (2, K, BAND) Q1, Q2
+    waves: Float  # (2, K - lower order) their eigenvalues, but for the ends
+
+    def evidence(self, strengths: Float) -> Float:
+        """Logarithm of the restricted marginal likelihood (j,) of strengths (j, 2), but for a constant (eq. (3)).
+
+        Raises LinAlgError: a matrix is not positive definite.
+        """
+        scores = np.empty(len(strengths))
+        _evidence(self.normal, self.right, self.roughness, self.waves, self.squares, as_input(strengths), scores)
+        return _finite(scores)
+
+    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
+        """Mean coefficients (K, d), variance of value and slope (m,) at places (m,), over strengths (j, 2) by shares.
+
+        Eq. (4) of docs/method.md. Raises LinAlgError: a matrix is not positive definite.
+        """
+        before, after = np.maximum(at - SLOPE_MM, at[0]), np.minimum(at + SLOPE_MM, at[-1])
+        value_first, value = self._rows(at)
+        low_first, low = self._rows(before)
+        high_first, high = self._rows(after)
+        width = int((high_first - low_first).max()) + BAND
+        rows = np.zeros((2, at.size, width))
+        rows[0, :, :BAND] = value
+        rows[1, :, :BAND] = -low
+        place = (high_first - low_first)[:, None] + np.arange(BAND)
+        np.add.at(rows[1], (np.arange(at.size)[:, None], place), high)
+        rows[1] /= (after - before)[:, None]
+        firsts = np.concatenate([value_first, low_first])
+        mean, variance = np.empty(self.right.shape), np.empty(2 * at.size)
+        _average(
+            self.normal,
+            self.right,
+            self.roughness,
+            as_input(strengths),
+            as_input(share),
+            as_input(firsts),
+            as_input(rows.reshape(-1, width)),
+            mean,
+            variance,
+        )
+        return mean, _finite(variance[: at.size]), variance[at.size :]
+
+    def _rows(self, s: Float) -> tuple[Int, Float]:
+        """Number of the first spline that is not 0 at places (m,), and the values there (m, BAND)."""
+        first, values = np.empty(s.size, np.int64), np.empty((s.size, BAND))
+        _basis(as_input(s), self.first, self.step, self.normal.shape[0], first, values)
+        return first, values
+
+
+def penalised(s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int]) -> Penalised:
+    """Normal equations of values y (n, d) with weights (n,) at arc lengths s (n,), on knots at equal steps.
+
+    orders: of the derivatives that walk randomly, each 1 to 3.
+    """
+    size, step = knots.size - BAND, float(knots[4] - knots[3])
+    normal, right = np.zeros((size, BAND)), np.zeros((size, y.shape[1]))
+    _add_up(as_input(s), as_input(y), as_input(weight), float(knots[3]), step, normal, right)
+    scale = [step ** (2 * order - 1) for order in orders]
+    roughness = np.stack([_differences(size, order) / by for order, by in zip(orders, scale, strict=True)])
+    wave = 2.0 - 2.0 * np.cos(np.pi * np.arange(min(orders), size) / size)  # eigenvalues of D1' D1
+    waves = np.stack([wave**order / by for order, by in zip(orders, scale, strict=True)])
+    squares = float((weight[:, None] * y**2).sum())
+    return Penalised(float(knots[3]), step, squares, normal, right, roughness, waves)
+
+
+def _finite(values: Float) -> Float:
+    if not np.isfinite(values).all():
+        raise np.linalg.LinAlgError("normal equations of a course: not positive definite")
+    return values
+
+
+def _differences(size: int, order: int) -> Float:
+    """D' D of the differences of an order, (size, BAND)."""
+    row = np.array([(-1.0) ** (order - k) * math.comb(order, k) for k in range(order + 1)])
+    out = np.zeros((size, BAND))
+    for first in range(order + 1):
+        for second in range(first, order + 1):
+            out[second : size - order + second, second - first] += row[first] * row[second]
+    return out
+
+
+@kernel
+def _splines(s: float, first_knot: float, step: float, size: int) -> tuple[int, float, float, float, float]:
+    """Number of the first cubic spline that is not 0 at s, and the values of the four that are not."""
+    i = min(max(math.floor((s - first_knot) / step), 0), size - 4)
+    u = min(max((s - first_knot) / step - i, 0.0), 1.0)
+    v = 1.0 - u
+    return (
+        i,
+        v * v * v / 6.0,
+        (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
+        (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
+        u * u * u / 6.0,
+    )
+
+
+@kernel
+def _basis(s: Float, first_knot: float, step: float, size: int, first: Int, values: Float) -> None:
+    for k in range(s.size):
+        first[k], values[k, 0], values[k, 1], values[k, 2], values[k, 3] = _splines(s[k], first_knot, step, size)
+
+
+@kernel
+def _add_up(s: Float, y: Float, weight: Float, first_knot: float, step: float, normal: Float, right: Float) -> None:
+    row = np.empty(4)
+    for k in range(s.size):
+        i, row[0], row[1], row[2], row[3] = _splines(s[k], first_knot, step, right.shape[0])
+        for p in range(4):
+            for q in range(p + 1):
+                normal[i + p, p - q] += weight[k] * row[p] * row[q]
+            for d in range(right.shape[1]):
+                right[i + p, d] += weight[k] * row[p] * y[k, d]
+
+
+@kernel
+def _factor(normal: Float, roughness: Float, one: float, two: float, low: Float) -> float:
+    """Fill `low` (K, 4) with the Cholesky factor of A, 1 / its diagonal in column 0; the logarithm of the diagonal."""
+    logs, product = 0.0, 1.0
+    a, b = 1.0 / one, 1.0 / two
+    for i in range(normal.shape[0]):
+        c0 = normal[i, 0] + a * roughness[0, i, 0] + b * roughness[1, i, 0]
+        c1 = normal[i, 1] + a * roughness[0, i, 1] + b * roughness[1, i, 1]
+        c2 = normal[i, 2] + a * roughness[0, i, 2] + b * roughness[1, i, 2]
+        c3 = normal[i, 3] + a * roughness[0, i, 3] + b * roughness[1, i, 3]
+        if i > 2:
+            c3 *= low[i - 3, 0]
+        if i > 1:
+            c2 = (c2 - c3 * low[i - 2, 1]) * low[i - 2, 0]
+        if i > 0:
+            c1 = (c1 - c3 * low[i - 1, 2] - c2 * low[i - 1, 1]) * low[i - 1, 0]
+        c0 = math.sqrt(c0 - c1 * c1 - c2 * c2 - c3 * c3)
+        low[i, 0], low[i, 1], low[i, 2], low[i, 3] = 1.0 / c0, c1, c2, c3
+        product *= c0
+        if not 1.0 / FAR < product < FAR:
+            logs, product = logs + math.log(product), 1.0
+    return logs + math.log(product)
+
+
+@kernel
+def _forward(low: Float, right: Float, d: int, out: Float) -> None:
+    """Fill `out` (K,) with the solution of L out = right[:, d]."""
+    for i in range(out.size):
+        w = right[i, d]
+        for k in range(1, min(i, 3) + 1):
+            w -= low[i, k] * out[i - k]
+        out[i] = w * low[i, 0]
+
+
+@kernel(error_model="numpy")
+def _evidence(
+    normal: Float, right: Float, roughness: Float, waves: Float, squares: float, strengths: Float, scores: Float
+) -> None:
+    size, components = right.shape
+    low, solved = np.empty((size, 4)), np.empty(size)
+    for j in range(strengths.shape[0]):
+        logs = _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
+        misfit = squares
+        for d in range(components):
+            _forward(low, right, d, solved)
+            for i in range(size):
+                misfit -= solved[i] * solved[i]
+        product = 1.0
+        for k in range(waves.shape[1]):
+            product *= waves[0, k] / strengths[j, 0] + waves[1, k] / strengths[j, 1]
+            if not 1.0 / FAR < product < FAR:
+                logs, product = logs - 0.5 * math.log(product), 1.0
+        logs -= 0.5 * math.log(product)
+        scores[j] = -0.5 * misfit - components * logs
+
+
+@kernel
+def _inverse(low: Float, out: Float) -> None:
+    """Fill `out` (K, w) with the inverse's entries (i, i) to (i, i + w - 1), from the last row up."""
+    size, width = out.shape
+    for i in range(size - 1, -1, -1):
+        for m in range(width - 1, -1, -1):
+            total = low[i, 0] if m == 0 else 0.0
+            for k in range(1, min(size - 1 - i, 3) + 1):
+                if i + m < size:
+                    total -= low[i + k, k] * out[i + min(m, k), abs(m - k)]
+            out[i, m] = total * low[i, 0] if i + m < size else 0.0
+
+
+@kernel(error_model="numpy")
+def _average(
+    normal: Float,
+    right: Float,
+    roughness: Float,
+    strengths: Float,
+    share: Float,
+    first: Int,
+    rows: Float,
+    mean: Float,
+    variance: Float,
+) -> None:
+    """Fill mean (K, d) and variance (m,) of rows (m, w), each from its first coefficient on."""
+    size, components = right.shape
+    width = rows.shape[1]
+    low, inverse, solved = np.empty((size, 4)), np.empty((size, width)), np.empty(size)
+    found = np.empty((strengths.shape[0], size, components))
+    mean[:] = 0.0
+    variance[:] = 0.0
+    for j in range(strengths.shape[0]):
+        _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
+        for d in range(components):
+            _forward(low, right, d, solved)
+            for i in range(size - 1, -1, -1):
+                w = solved[i]
+                for k in range(1, min(size - 1 - i, 3) + 1):
+                    w -= low[i + k, k] * solved[i + k]
+                solved[i] = w * low[i, 0]
+                found[j, i, d] = solved[i]
+                mean[i, d] += share[j] * solved[i]
+        _inverse(low, inverse)
+        for r in range(first.size):
+            total = 0.0
+            for p in range(min(width, size - first[r])):
+                part = 0.5 * rows[r, p] * inverse[first[r] + p, 0]
+                for q in range(p):
+                    part += rows[r, q] * inverse[first[r] + q, p - q]
+                total += 2.0 * rows[r, p] * part
+            variance[r] += share[j] * total
+    for j in range(strengths.shape[0]):
+        for r in range(first.size):
+            for d in range(components):
+                off = 0.0
+                for p in range(min(width, size - first[r])):
+                    off += rows[r, p] * (found[j, first[r] + p, d] - mean[first[r] + p, d])
+                variance[r] += share[j] * off * off / components

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,18 @@ import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from tests.checks.conftest import good
-from workbench.artefacts import Gate, Recording
+from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.faces import judge_faces
 from workbench.cloud import denoise
-from workbench.edge import segment
-from workbench.errors import WorkbenchError
+from workbench.cloud import read as read_cloud
+from workbench.edge import segment, segment_cloud, segment_raw
+from workbench.edge.groove_frames import two_plates_share
+from workbench.errors import InputError, WorkbenchError
 from workbench.inspect import gate, sections
 from workbench.scan import fuse
+from workbench.synthetic import simulate_groove, simulate_prism
+from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 
@@ -42,17 +48,78 @@ def test_faces_of_bevels_pass(condition: str) -> None:
     assert [check.name for check in judge_faces(cloud, segment(cloud).labels) if not check.passed] == []
 
 
-@pytest.mark.parametrize("file", ["vendor/gocator_surface_v2.csv"])
-def test_a_real_surface_is_no_bevel(file: str) -> None:
+@pytest.mark.parametrize("kind", GROOVES)
+@pytest.mark.parametrize("simulator", ["swept", "prism"])
+def test_a_groove_is_no_bevel_and_no_raw_edge(kind: str, simulator: str) -> None:
+    made = {
+        "swept": lambda: simulate_groove(random_groove_recipe(kind, 321)),
+        "prism": lambda: simulate_prism(random_prism_recipe(kind, 321)),
+    }
+    recording, _ = made[simulator]()
+    cloud = denoise(fuse(recording))
+    assert two_plates_share(cloud) > 0.8
+    with pytest.raises(InputError):
+        segment(cloud)
+    with pytest.raises(InputError, match=r"no raw edge: 1?[0-9]+ % of the profiles show two plates with a groove"):
+        segment_raw(cloud, upper_side=(0.0, 0.0, 1.0))
+
+
+def rows_of(file: str) -> tuple[np.ndarray, np.ndarray]:
+    """x and z (n, columns) in mm of a real file of profiles; one profile alone goes on along its part, with noise."""
+    text = (REAL / file).read_text().splitlines()
+    if file.endswith("gocator_surface_v2.csv"):
+        cells = [line.split(",") for line in text]
+        first = next(i for i, row in enumerate(cells) if row[0] == r"Y\X") + 1
+        z = numbers([row[1:] for row in cells[first:]])
+        return np.broadcast_to(np.arange(z.shape[1]) * 0.3, z.shape), 150.0 - z
+    if file.endswith("vgroove_lds_scan1.csv"):  # counts: of 0.05 mm the groove has the size of a weld's
+        z = numbers([line.split(",") for line in text[1:]])
+        z[z == 0] = np.nan
+        return np.broadcast_to(np.arange(z.shape[1]) * 0.05, z.shape), z * (60.0 / np.nanmax(z))
+    if file.endswith("scancontrol_2925.csv"):
+        z = numbers([line.replace(",", ".").split(";") for line in text if line.strip()])
+        third = len(z) // 3
+        return z[:third], z[2 * third :]
+    separator, columns = (";", [0, 1]) if file.endswith("lps_profile.csv") else (",", [1, 2])
+    x, z = numbers([line.split(separator) for line in text if line[:1] in "-0123456789"])[:, columns].T
+    z[z < -900] = np.nan
+    rng = np.random.default_rng(7)
+    return np.broadcast_to(x, (200, x.size)), z + rng.normal(0, 0.005, (200, x.size))
+
+
+def numbers(rows: list[list[str]]) -> np.ndarray:
+    widest = max(map(len, rows))
+    return np.array([[float(c) if c.strip() else np.nan for c in row] + [np.nan] * (widest - len(row)) for row in rows])
+
+
+REAL_PROFILES = [
+    "vendor/gocator_surface_v2.csv",
+    "vendor/gopxl_profile.csv",
+    "vendor/scancontrol_2925.csv",
+    "real/vgroove_lds_scan1.csv",
+    "real/lps_profile.csv",
+]
+
+
+def raw_edge(recording: Recording) -> RawEdge:
+    return segment_raw(denoise(fuse(recording)), upper_side=(0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("file", REAL_PROFILES)
+@pytest.mark.parametrize("judge", [inspected, raw_edge])
+def test_what_real_sensors_saw_and_is_no_bevel_is_refused(file: str, judge: Callable[[Recording], object]) -> None:
     if not (REAL / file).is_file():
         pytest.skip("real files are not beside this checkout")
-    rows = [line.split(",") for line in (REAL / file).read_text().splitlines()]
-    first = next(i for i, row in enumerate(rows) if row[0] == r"Y\X") + 1
-    grid = [[float(cell) if cell.strip() else np.nan for cell in row[1:]] for row in rows[first : first + 200]]
-    widest = max(map(len, grid))
-    z = np.full((200, 500), np.nan)
-    for i, row in enumerate(grid):
-        z[i, : min(len(row), 500)] = row[: min(widest, 500)][:500]
-    base = shape_recording("empty table", 0)
+    x, z = rows_of(file)
+    which = np.linspace(0, len(z) - 1, 200).astype(int)
+    recording = with_grid(shape_recording("empty table", 0), x[which], z[which])
     with pytest.raises(WorkbenchError):
-        inspected(with_grid(base, np.broadcast_to(np.arange(500) * 0.3, z.shape), 150.0 - z))
+        judge(recording)
+
+
+@pytest.mark.parametrize(("file", "unit"), [("real/trispector_table.pcd", "m"), ("real/nist_SPH105_metres.xyz", "m")])
+def test_real_clouds_without_a_bevel_are_refused(file: str, unit: str) -> None:
+    if not (REAL / file).is_file():
+        pytest.skip("real files are not beside this checkout")
+    with pytest.raises(WorkbenchError):
+        segment_cloud(read_cloud(file=REAL / file, unit=unit))

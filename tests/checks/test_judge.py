@@ -141,6 +141,20 @@ def test_a_fault_is_seen_and_named(fault: str) -> None:
     assert words in found[name]
 
 
+@pytest.mark.parametrize("step_mm", [0.01, 0.3])
+def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(step_mm: float) -> None:
+    r = good("straight")
+    along = r.robot_position_mm[-1] - r.robot_position_mm[0]
+    way = along / np.linalg.norm(along) * step_mm * (len(r.time_s) - 1)
+    narrow = spoilt(
+        r,
+        x_mm=r.x_mm / 25.4,
+        z_mm=r.z_mm / 25.4,
+        robot_position_mm=r.robot_position_mm[0] + np.linspace(0, 1, len(r.robot_time_s))[:, None] * way,
+    )
+    assert ("view_width_mm" in failed(narrow)) == (step_mm == 0.3)
+
+
 def test_passes_that_disagree() -> None:
     r = good("raw_two_pass")
     moved = r.robot_position_mm + np.where(r.robot_pass == r.robot_pass[-1], 1.0, 0.0)[:, None] * (3.0, 3.0, 3.0)

@@ -22,15 +22,31 @@ SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surfac
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
-def require_bevel(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:
-    """As `judge_faces`.
+def require_bevel(
+    cloud: Cloud, labels: AnyArray, two_plates_share: float, limits: Mapping[str, Bound] | None = None
+) -> tuple[Check, ...]:
+    """As `judge_faces`, and two plates with a groove between them are no bevel.
+
+    Args:
+        cloud, labels: see there.
+        two_plates_share: share of the profiles that show such a groove.
+        limits: limits to set by name.
 
     Raises:
         InputError: what was found is no bevel.
     """
-    checks = judge_faces(cloud, labels, limits)
+    checks = (plates_check(two_plates_share, limits), *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
+
+
+def plates_check(two_plates_share: float, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that no groove between two plates is taken for the edge of one."""
+    share = f"{100 * two_plates_share:.0f} %"
+    told = (
+        f"{share} of the profiles show two plates with a groove between them: a weld groove, for inspect_groove.json?"
+    )
+    return check("two_plates_share", two_plates_share, told, given=limits)
 
 
 def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:

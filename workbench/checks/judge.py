@@ -15,7 +15,7 @@ from workbench.checks.motion import Consistency, consistency
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
-from workbench.checks.sensor import sensor_traces
+from workbench.checks.sensor import column_pitch_mm, sensor_traces
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Float
@@ -33,6 +33,7 @@ STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 EXPLAINED = 0.1  # share of the twist that a better reading may leave
 VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
+COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -161,10 +162,20 @@ def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterato
     seen = np.isfinite(recording.x_mm) & np.isfinite(recording.z_mm)
     x, z = recording.x_mm[seen], recording.z_mm[seen]
     width, far = (float(np.ptp(x)), float(np.abs(z).max())) if x.size else (float("nan"),) * 2
-    yield check(
-        "view_width_mm", width, f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}", given=given
-    )
+    told = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
+    narrowest = NARROWEST_MM if _columns_a_frame(recording) < COARSE else least("view_width_mm")
+    yield check("view_width_mm", width, told, given=given, default=(narrowest, most("view_width_mm")))
     yield check("range_mm", far, f"a return is {far:.4g} mm away{_unit(far, (20.0, 2000.0))}", given=given)
+
+
+def _columns_a_frame(recording: Recording) -> float:
+    """How many columns' widths the flange moves from frame to frame: of profiles in inches 25 times as many."""
+    position, pitch = recording.robot_position_mm, column_pitch_mm(recording.x_mm)
+    way = sum(
+        float(np.linalg.norm(np.diff(position[recording.robot_pass == number], axis=0), axis=1).sum())
+        for number in np.unique(recording.pass_index)
+    )
+    return way / max(len(recording.time_s) - 1, 1) / pitch if pitch > 0 else float("inf")
 
 
 def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:

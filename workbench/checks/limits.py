@@ -21,7 +21,11 @@ class Limit:
 
 
 LIMITS: dict[str, Limit] = {
-    "view_width_mm": Limit((4.0, 3000.0), "width of all that the profiles show", "profilers for edges see 5 mm to 3 m"),
+    "view_width_mm": Limit(
+        (4.0, 3000.0),
+        "width of all that the profiles show; 0.5 mm is enough where frames are under 25 columns apart",
+        "profilers for edges see 4 mm to 3 m; frames are rarely closer than columns, so in inches they seem far apart",
+    ),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
     "reach_mm": Limit(
         (250.0, 30_000.0),
@@ -133,6 +137,11 @@ LIMITS: dict[str, Limit] = {
         0.3,
         "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
         "a plate's edge is convex all round; grooves, fillets and steps are not",
+    ),
+    "two_plates_share": Limit(
+        0.4,
+        "share of some profiles in which two level plates with a groove between them were found, of a single edge",
+        "grooves show them in 0.9 and more, edges beside a table or a fixture in less than 0.1",
     ),
     "groove_share": Limit(
         (0.34, 1.0),

@@ -50,7 +50,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
         return nothing
     off, used, slope, pieces_z = off[straight], used[straight], slope[straight], pieces_z[straight]
     size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
-    plain = size < STRAIGHT * np.median(size) + 1e-12
+    plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
     noise = float(np.median(size))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
@@ -158,6 +158,11 @@ def _uneven_step(x: AnyArray) -> float:
         return 0.0
     uneven = float((np.abs(spacing - np.median(spacing)) > 0.5 * step).mean())
     return step if uneven > UNEVEN_SHARE else 0.0
+
+
+def column_pitch_mm(x_mm: AnyArray) -> float:
+    """Mean distance of neighbouring columns of some frames (N, M); NaN: there is none."""
+    return _pitch(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, SAMPLE).astype(int))].astype(np.float64))
 
 
 def _pitch(x: Float) -> float:

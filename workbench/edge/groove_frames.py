@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from workbench.artefacts import Cloud
+from workbench.checks.limits import most
 from workbench.edge.groove_profile import Kind, Side, read_profile, upwards
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
@@ -17,6 +18,7 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.units import Float, Int
 
 SAMPLE = 24  # profiles that show which way is up
+LEAST_RETURNS = 50  # of a profile
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
 STRAY_SIGMAS = 3.5
@@ -68,19 +70,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     Raises:
         InputError: most profiles do not show two plates.
     """
-    frames, points = [], []
-    for i in range(len(cloud.keep)):
-        column = np.flatnonzero(cloud.keep[i])
-        if column.size >= 50:
-            frames.append(i)
-            points.append(column)
-    flips = _flips(cloud)
-    profiles = []
-    for i, column in zip(frames, points, strict=True):
-        x = flips[i] * cloud.x_mm[i, column].astype(np.float64)
-        # In the order of the columns: under a fan, what lies far below a root face may have a smaller x than that.
-        order = slice(None) if x[-1] >= x[0] else slice(None, None, -1)
-        profiles.append((x[order], cloud.z_mm[i, column].astype(np.float64)[order], column[order]))
+    frames, profiles, flips = _profiles(cloud, np.arange(len(cloud.keep)))
     some = profiles[:: max(1, len(profiles) // SAMPLE)]
     up = upwards([p[0] for p in some], [p[1] for p in some])
     if up == 0.0:
@@ -105,6 +95,44 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         share,
         min(agree_left, agree_right),
     )
+
+
+def two_plates_share(cloud: Cloud) -> float:
+    """Share of some profiles in which two plates stand nearly level with a groove between them: no milled, no raw edge.
+
+    A table or a fixture beside a plate lies deeper than half of what is seen between the two.
+    """
+    shows = np.flatnonzero(cloud.keep.sum(axis=1) >= LEAST_RETURNS)
+    if not shows.size:
+        return 0.0
+    _, profiles, _ = _profiles(cloud, shows[np.unique(np.linspace(0, shows.size - 1, SAMPLE // 2).astype(int))])
+    up = upwards([p[0] for p in profiles], [p[1] for p in profiles])
+    return float(np.mean([_is_groove(x, up * z) for x, z, _ in profiles])) if up else 0.0
+
+
+def _is_groove(x: Float, y: Float) -> bool:
+    read = read_profile(x, y)
+    if read is None or all(side.kind == "edge" for side in read):
+        return False
+    left, right = read
+    upper = float(np.median(y[left.upper])), float(np.median(y[right.upper]))
+    depth = max(upper) - float(y[left.last : right.last + 1].min())
+    return abs(float(right.corner[1] - left.corner[1])) < most("groove_level") * depth
+
+
+def _profiles(cloud: Cloud, of: Int) -> tuple[list[int], list[tuple[Float, Float, Int]], Float]:
+    """Frames with enough returns; x from left to right, z and columns of each; and `_flips` of all."""
+    frames, profiles, flips = [], [], _flips(cloud)
+    for i in of:
+        column = np.flatnonzero(cloud.keep[i])
+        if column.size < LEAST_RETURNS:
+            continue
+        x = flips[i] * cloud.x_mm[i, column].astype(np.float64)
+        # In the order of the columns: under a fan, what lies far below a root face may have a smaller x than that.
+        order = slice(None) if x[-1] >= x[0] else slice(None, None, -1)
+        frames.append(int(i))
+        profiles.append((x[order], cloud.z_mm[i, column].astype(np.float64)[order], column[order]))
+    return frames, profiles, flips
 
 
 def _flips(cloud: Cloud) -> Float:

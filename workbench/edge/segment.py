@@ -15,6 +15,7 @@ from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import Rounding, form_of, is_free_end, root_rim, rounding_of
+from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
 from workbench.geometry.curves import doubtful_slope
@@ -70,7 +71,8 @@ def segment(
             beside the faces, or only here and there along the scan.
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
-    checks = require_bevel(cloud, tracked.labels, checked_limits(limits, "edge.segment.limits"))
+    given = checked_limits(limits, "edge.segment.limits")
+    checks = require_bevel(cloud, tracked.labels, two_plates_share(cloud), given)
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked))
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, RawEdge
+from workbench.checks import checked_limits, refuse_failed
+from workbench.checks.faces import plates_check
+from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.hand_eye_u import place_u_mm, turn_u
 from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
@@ -40,6 +44,10 @@ def segment_raw(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
     ] = 0.07,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of the checks of the edge by name (docs/checks.md)"),
+    ] = {},  # noqa: B006  (never changed)
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 
@@ -53,14 +61,20 @@ def segment_raw(
         z_away: whether z counts away from the sensor; only needed where nothing but the end face is in view.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
+        limits: limits of the checks of the edge by name. One that passes only by a wider limit than the default is
+            named in the results.
 
     Raises:
-        InputError: `upper_side` is zero or runs along the edge; no raw edge, or only a part of it, is in view.
+        InputError: `upper_side` is zero or runs along the edge; no raw edge, only a part of it, or two plates with a
+            groove between them are in view.
     """
+    plates = plates_check(two_plates_share(cloud), checked_limits(limits, "edge.segment_raw.limits"))
+    refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     along, sense = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, along, sense)
     measured = measure_raw_edge(cloud, found)
-    return _edge(cloud, found, measured, robot_noise_mm)
+    edge = _edge(cloud, found, measured, robot_noise_mm)
+    return replace(edge, checks=(*edge.checks, plates))
 
 
 def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: float) -> RawEdge:

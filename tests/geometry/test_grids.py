@@ -80,3 +80,25 @@ def test_unshuffle_undoes_the_shuffle() -> None:
     out = np.empty((4, 11), np.float32)  # a chunk may reach beyond the last frame
     grids.unshuffle(shuffled, out)
     np.testing.assert_array_equal(out, values[:4])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_extent_is_that_of_the_returns(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, z = (rng.normal(3.0 * sign, 20.0, (50, 31)).astype(np.float32) for sign in (-1, 1))
+    x[rng.random(x.shape) < 0.3], z[rng.random(z.shape) < 0.3] = np.nan, np.nan
+    x[3, 4], z[5, 6] = np.inf, -np.inf
+    seen = np.isfinite(x) & np.isfinite(z)
+    assert grids.extent(x, z) == (float(np.ptp(x[seen])), float(np.abs(z[seen]).max()))
+    assert np.isnan(grids.extent(np.full_like(x, np.nan), z)).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_frames_have_one_digest_only_if_they_are_the_same(dtype: type) -> None:
+    frames = np.random.default_rng(8).normal(size=(20_000, 5)).astype(dtype)
+    frames[7, 2] = np.nan
+    frames[11] = frames[3]
+    digest = grids.frame_digests(frames)
+    assert len(np.unique(digest)) == len(frames) - 1
+    assert digest[11] == digest[3]
+    np.testing.assert_array_equal(grids.frame_digests(frames[5:9]), digest[5:9])

@@ -17,6 +17,7 @@ from workbench.checks.profiles import Chain, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
 from workbench.checks.sensor import column_pitch_mm, sensor_traces
 from workbench.errors import InputError
+from workbench.geometry.grids import extent
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Float
 
@@ -159,9 +160,7 @@ def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bo
 
 
 def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
-    seen = np.isfinite(recording.x_mm) & np.isfinite(recording.z_mm)
-    x, z = recording.x_mm[seen], recording.z_mm[seen]
-    width, far = (float(np.ptp(x)), float(np.abs(z).max())) if x.size else (float("nan"),) * 2
+    width, far = extent(recording.x_mm, recording.z_mm)
     told = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
     narrowest = NARROWEST_MM if _columns_a_frame(recording) < COARSE else least("view_width_mm")
     yield check("view_width_mm", width, told, given=given, default=(narrowest, most("view_width_mm")))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.geometry.grids import frame_digests
 from workbench.units import AnyArray, Bool, Int
 
 LEAST_RETURNS = 16  # of a frame: with fewer, frames may well be alike
@@ -37,7 +37,7 @@ def find_repeats(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> Repeats:
     none = Repeats(np.zeros(frames, bool), 0, ())
     if frames < 2 or not _has_noise(z_mm):
         return none
-    digest = np.array([zlib.crc32(row) for row in np.ascontiguousarray(z_mm)], np.int64)
+    digest = frame_digests(z_mm)
     _, first = np.unique(digest, return_index=True)
     if len(first) == frames:  # the usual case: no two are alike
         return none

@@ -73,6 +73,52 @@ def _bits(values_mm: Float32) -> AnyArray:
     return as_input(values_mm).view(np.int32)
 
 
+def extent(x_mm: Float32, z_mm: Float32) -> tuple[float, float]:
+    """Greatest distance of two returns along x, and greatest range |z|, mm; NaN without a return."""
+    found = np.array(over_blocks(partial(_extent, _bits(x_mm), _bits(z_mm)), x_mm.shape), np.int32)
+    order = np.array([found[:, 0].min(), found[:, 1].max(), found[:, 2].max()], np.int32)
+    if order[0] > order[1]:
+        return float("nan"), float("nan")
+    low, high, far = (order ^ (order >> 31 & _MAGNITUDE)).view(np.float32)
+    return float(high - low), float(far)
+
+
+@kernel
+def _extent(x_bits: AnyArray, z_bits: AnyArray, first: int, last: int) -> tuple[np.int32, np.int32, np.int32]:
+    """Least and greatest x and greatest |z| of the returns, as integers in the order of the numbers."""
+    low, high, far = _MAGNITUDE, ~_MAGNITUDE, ~_MAGNITUDE
+    for i in range(first, last):
+        for j in range(x_bits.shape[1]):
+            u, w = x_bits[i, j], z_bits[i, j] & _MAGNITUDE
+            back = ((u & _MAGNITUDE) < _EXPONENT) & (w < _EXPONENT)
+            order = u ^ (u >> np.int32(31) & _MAGNITUDE)
+            low = min(low, order if back else _MAGNITUDE)
+            high = max(high, order if back else ~_MAGNITUDE)
+            far = max(far, w if back else ~_MAGNITUDE)
+    return low, high, far
+
+
+def frame_digests(values: Float32) -> AnyArray:
+    """A 64-bit digest (N,) of each frame's bits: two frames that differ have the same one once in 2^32 pairs or less.
+
+    The digest is multilinear in the bits, with fixed odd numbers drawn once (Carter and Wegman 1979).
+    """
+    bits, out = as_input(values).view(np.uint32), np.empty(len(values), np.uint64)
+    drawn = np.asarray(np.random.default_rng(20261120).integers(2**63, size=bits.shape[1], dtype=np.uint64))
+    keys = drawn | np.uint64(1)
+    over_blocks(partial(_digests, bits, as_input(keys), out), values.shape)
+    return out
+
+
+@kernel
+def _digests(bits: AnyArray, keys: AnyArray, out: AnyArray, first: int, last: int) -> None:
+    for i in range(first, last):
+        total = np.uint64(0)
+        for j in range(bits.shape[1]):
+            total += np.uint64(bits[i, j]) * keys[j]
+        out[i] = total
+
+
 def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
     """(points that came back, entries of x and z beyond `limit_mm`, infinite ones too) in a block (N, M).
 

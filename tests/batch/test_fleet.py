@@ -116,8 +116,8 @@ def test_the_section_that_is_always_worst_is_named() -> None:
     counts = worst_counts(characteristics(fleet))
     assert counts.tolist() == [[0, 0, 40], [0, 0, 0]]
     assert worst_text(counts).startswith("Section 3 has the smallest margin in 40 of 40 parts")
-    assert "more often than chance would" in worst_text(counts)
-    assert "no more often" in worst_text(np.array([[10, 12, 9], [4, 3, 5]]))
+    assert ": significantly more often" in worst_text(counts)
+    assert "not significantly" in worst_text(np.array([[10, 12, 9], [4, 3, 5]]))
 
 
 def test_a_trend_and_a_shift_stand_in_the_page() -> None:

@@ -129,7 +129,7 @@ def test_a_changed_stretch_is_one_region_of_its_size() -> None:
     assert 0.06 < regions[0]["mean_mm"] < 0.08  # at its ends the step is averaged with what lies beside it
     assert regions[0]["to_mm"] - regions[0]["from_mm"] == pytest.approx(LENGTH / 3, abs=3.0)
     assert sum(region["area_mm2"] for region in regions[1:]) < 0.1 * regions[0]["area_mm2"]
-    assert "hang together" in chapter.html
+    assert "Connected regions" in chapter.html
 
 
 def test_regions_are_kept_apart_by_sign_and_by_distance() -> None:

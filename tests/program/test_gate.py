@@ -122,7 +122,7 @@ def test_a_program_that_fails_is_not_left(moves: Moves, irb6700: Cell) -> None:
     record, gate, judgement, chapter = write(moves, passed(moves.toolpath), with_spindle(boxed))
     assert not judgement.passed
     assert record.name == "program_check.json"
-    assert "Why it may not run" in chapter.html
+    assert "Reasons against release" in chapter.html
     words = r"program refused: line \d+, at [\d.]+ mm of its way: .*post.*, expected a clearance of 5.00 mm"
     assert re.search(words, gate.reason)
     assert {"tool", "post"} <= set(re.findall(r"tool|post", gate.reason))

@@ -45,7 +45,7 @@ def test_it_is_one_file_that_needs_nothing_else(document, page):
             assert (attributes.get(name) or "#").startswith(("data:", "#"))
     assert page.scripts_are_the_reports_own()
     assert b"url(" not in re.sub(rb"base64,[A-Za-z0-9+/=]*", b"", document.content)
-    assert sum(tag == "img" for tag, _ in page.tags) == 6
+    assert sum(tag == "img" for tag, _ in page.tags) == 7
 
 
 def test_every_picture_opens_and_shows_something(page):

@@ -159,8 +159,12 @@ def worst_text(counts: Int) -> str:
         return ""
     worst = int(np.argmax(by_section))
     chance = min(1.0, sections * float(bdtrc(int(by_section[worst]) - 1, parts, 1 / sections)))
-    told = "more often than chance would make any" if chance < SIGNIFICANT else "no more often than chance may make one"
+    told = (
+        "significantly more often than by chance"
+        if chance < SIGNIFICANT
+        else "not significantly more often than by chance"
+    )
     return (
-        f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts (evenly spread, each "
-        f"would in {parts / sections:.1f}): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
+        f"Section {worst + 1} has the smallest margin in {by_section[worst]} of {parts} parts ({parts / sections:.1f} "
+        f"expected for each section): {told} (p = {chance:.2g}, binomial, times {sections} sections)."
     )

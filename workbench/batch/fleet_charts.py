@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from workbench.batch.capability import capability
 from workbench.batch.control import ControlChart
 from workbench.batch.fleet_table import Characteristic
+from workbench.pieces import styled, svg
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
-from workbench.report.style import styled, svg
 from workbench.units import Float, Int
 
 COLUMNS = 3  # of small charts side by side
@@ -41,6 +42,7 @@ def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> byte
                 ranges.set_ylabel("range")
             if row == rows - 1 or k + COLUMNS >= len(charts):
                 ranges.set_xlabel("part")
+            ranges.xaxis.set_major_locator(MaxNLocator(integer=True))
         return svg(figure)
 
 
@@ -105,6 +107,7 @@ def trend_chart(found: Sequence[Characteristic]) -> bytes:
             axes.set_ylim(low, high)
             axes.set_ylabel(f"{what.name}, {what.unit}")
         axes.set_xlabel("part, in the order given")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         return svg(figure)
 
 

@@ -7,8 +7,8 @@ from pathlib import PurePath
 
 import numpy as np
 
+from workbench import pieces
 from workbench.artefacts import Chapter
-from workbench.compare import html
 from workbench.compare.deviation_pictures import course_picture, map_picture
 from workbench.compare.statistics import Summary
 from workbench.compare.surface_values import Deviations, Registration, Surface
@@ -26,32 +26,32 @@ def deviation_chapter(
     position_u_mm: float,
 ) -> Chapter:
     """Finding, maps, course, sections, registration."""
-    pieces = [
-        html.facts_html(_facts(summary, found, scan, reference)),
-        html.figure_html(
+    parts = [
+        pieces.facts_html(_facts(summary, found, scan, reference)),
+        pieces.figure_html(
             map_picture(found, summary),
             "Map of the deviations",
-            "As seen from outside: arc length to the right, across the part upwards. Of the changes shown "
-            "below 5 % at most are false, on average.",
+            f"Seen from outside. Lower map: places with a significant {summary.what}; at most 5 % of them "
+            "are false, on average. Grey: not significant; beige: not compared.",
         ),
-        html.figure_html(
+        pieces.figure_html(
             course_picture(found, summary),
             "Deviations along the part, and their histogram",
-            "The level of detection is 1.96 standard uncertainties of one place.",
+            "Level of detection: 1.96 standard uncertainties of a single place.",
         ),
         *_regions(summary),
-        html.heading("Sections"),
+        pieces.heading("Sections"),
         _sections(summary),
-        html.heading("Percentiles"),
+        pieces.heading("Percentiles"),
         _percentiles(summary),
-        html.heading("Registration"),
+        pieces.heading("Registration"),
         *_registration(registration, position_u_mm),
     ]
     unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
     warnings = (*(registration.warnings if registration else ()), *((NO_FRAMES,) if unknown else ()))
     return Chapter(
         "Deviation from the reference",
-        "\n".join(pieces),
+        "\n".join(parts),
         summary=f"{summary.in_words}.",
         part=scan.part,
         warnings=warnings,
@@ -60,14 +60,13 @@ def deviation_chapter(
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:
     return [
-        ("Finding", summary.in_words),
         ("Scan", PurePath(scan.source).name),
         ("Reference", PurePath(reference.source).name),
         ("Places compared", f"{summary.compared} of {len(found.distance_mm)}"),
         ("Mean", f"{summary.mean_mm:+.4f} mm"),
         ("Root mean square", f"{summary.rms_mm:.4f} mm"),
-        ("Level of detection of a place (95 %), median", f"{summary.detectable_mm:.4f} mm"),
-        ("Places beyond their level of detection", f"{100 * summary.significant:.1f} % (5 % by chance)"),
+        ("Level of detection (95 %), median", f"{summary.detectable_mm:.4f} mm"),
+        ("Places beyond the level of detection", f"{100 * summary.significant:.1f} % (5 % expected by chance)"),
     ]
 
 
@@ -75,7 +74,7 @@ def _regions(summary: Summary) -> list[str]:
     """The largest regions of change, if anything changed."""
     if not summary.regions:
         return []
-    head = ("Region", "Arc length, mm", "Across, mm", "Area, mm²", "Mean, mm", "u of it, mm", "Extreme, mm")
+    head = ("Region", "Arc length, mm", "Across, mm", "Area, mm²", "Mean, mm", "u, mm", "Extreme, mm")
     rows = [
         (
             f"{k}",
@@ -89,9 +88,9 @@ def _regions(summary: Summary) -> list[str]:
         for k, one in enumerate(summary.regions[:MOST_REGIONS], start=1)
     ]
     more = len(summary.regions) - len(rows)
-    caption = f"Significant {summary.what}s that hang together, one sign each"
-    caption += f"; {more} smaller ones" if more else ""
-    return [html.heading("Regions"), html.table_html(head, rows, caption)]
+    caption = f"Connected regions of significant {summary.what}, by area"
+    caption += f"; {more} smaller regions not shown" if more else ""
+    return [pieces.heading("Regions"), pieces.table_html(head, rows, caption)]
 
 
 def _sections(summary: Summary) -> str:
@@ -100,10 +99,10 @@ def _sections(summary: Summary) -> str:
         "Arc length, mm",
         "Places",
         "Mean, mm",
-        "Least, mm",
-        "Most, mm",
-        "Detectable, mm",
-        "Beyond it, %",
+        "Lowest, mm",
+        "Highest, mm",
+        "Level of detection, mm",
+        "Places beyond it, %",
     )
     rows = [
         (
@@ -116,20 +115,20 @@ def _sections(summary: Summary) -> str:
         )
         for one in summary.sections
     ]
-    return html.table_html(head, rows, f"Arc length along {summary.along}")
+    return pieces.table_html(head, rows, f"Arc length along {summary.along}")
 
 
 def _percentiles(summary: Summary) -> str:
     head = ("", *(f"{k} %" for k in summary.percentiles_mm))
-    return html.table_html(head, [("Distance, mm", *(_signed(value) for value in summary.percentiles_mm.values()))])
+    return pieces.table_html(head, [("Distance, mm", *(_signed(value) for value in summary.percentiles_mm.values()))])
 
 
 def _registration(found: Registration | None, position_u_mm: float) -> list[str]:
     if found is None:
         return [
-            html.paragraph(
-                "None: both are taken as they lie in the base; the scan's place along a normal is known "
-                f"to {position_u_mm:g} mm (1 u)."
+            pieces.paragraph(
+                "None: both are compared in the base; standard uncertainty of the scan's position "
+                f"along a normal: {position_u_mm:g} mm."
             )
         ]
     back = np.linalg.inv(found.reference_from_scan)
@@ -137,13 +136,16 @@ def _registration(found: Registration | None, position_u_mm: float) -> list[str]
     turn = math.degrees(math.acos(float(np.clip((np.trace(back[:3, :3]) - 1) / 2, -1.0, 1.0))))
     u = np.sqrt(np.diagonal(found.covariance))
     facts = [
-        ("Shift of the scan's middle, mm", ", ".join(f"{x:+.3f} ± {s:.3f}" for x, s in zip(shift, u, strict=False))),
-        ("Turn", f"{turn:.4f}° ± {math.degrees(float(np.linalg.norm(u[3:]))):.4f}°"),
+        ("Shift of the scan's centre, mm", ", ".join(f"{x:+.3f} ± {s:.3f}" for x, s in zip(shift, u, strict=False))),
+        ("Rotation", f"{turn:.4f}° ± {math.degrees(float(np.linalg.norm(u[3:]))):.4f}°"),
         ("Overlap", f"{100 * found.overlap:.0f} % of the scan"),
         ("RMS of matched places", f"{found.rms_mm:.4f} mm"),
-        ("Open directions", "; ".join(found.held) or "none"),
+        ("Directions not determined", "; ".join(found.held) or "none"),
     ]
-    return [html.facts_html(facts), html.note("± is one standard uncertainty. In an open direction nothing is fitted.")]
+    return [
+        pieces.facts_html(facts),
+        pieces.note("± one standard uncertainty. A direction that the surfaces do not determine is not fitted."),
+    ]
 
 
 def _signed(value: float) -> str:

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
-from workbench.compare.html import BLUE, GREY, ORANGE, PALE, styled, svg
 from workbench.compare.statistics import Summary
 from workbench.compare.surface_values import Deviations
+from workbench.pieces import BLUE, GREY, ORANGE, PALE, styled, svg
 
 COLOURS = "RdBu_r"  # red: outside the reference, too much material; blue: inside
 
@@ -34,7 +34,9 @@ def map_picture(found: Deviations, summary: Summary) -> bytes:
             rasterized=True,
         )
         figure.colorbar(dots, ax=above, label="distance, mm", pad=0.01)
-        above.set(title="Signed distance along the normal; red: outside the reference", ylabel="across, mm")
+        above.set(
+            title="Signed distance along the normal (red: outside the reference, blue: inside)", ylabel="across, mm"
+        )
         _significance(below, found, summary)
         figure.colorbar(dots, ax=below, label="distance, mm", pad=0.01)
         return svg(figure)
@@ -59,11 +61,7 @@ def _significance(axes: Axes, found: Deviations, summary: Summary) -> None:
         linewidths=0.0,
         rasterized=True,
     )
-    axes.set(
-        title=f"The same where a {summary.what} is significant; grey: it is not",
-        xlabel="arc length, mm",
-        ylabel="across, mm",
-    )
+    axes.set(title=f"Significant {summary.what}s alone", xlabel="arc length, mm", ylabel="across, mm")
 
 
 def course_picture(found: Deviations, summary: Summary) -> bytes:
@@ -77,7 +75,7 @@ def course_picture(found: Deviations, summary: Summary) -> bytes:
         histogram.axvline(0.0, color=GREY, linewidth=0.8)
         for sign in (-1, 1):
             histogram.axvline(sign * summary.detectable_mm, color=ORANGE, linewidth=0.9, linestyle="--")
-        histogram.set(title="Distances; dashed: level of detection", xlabel="mm", ylabel="places")
+        histogram.set(title="Histogram; dashed: level of detection", xlabel="mm", ylabel="places")
         return svg(figure)
 
 
@@ -101,5 +99,5 @@ def _along(axes: Axes, found: Deviations) -> None:
     axes.plot(s, middle, color=BLUE, linewidth=1.3, label="median")
     axes.plot(s, detectable, color=ORANGE, linewidth=0.9, linestyle="--", label="level of detection of a place, 95 %")
     axes.plot(s, -detectable, color=ORANGE, linewidth=0.9, linestyle="--")
-    axes.set(title="Along the part", xlabel="arc length, mm", ylabel="distance, mm")
-    axes.legend(fontsize=8, ncols=3, loc="best")
+    axes.set(xlabel="arc length, mm", ylabel="distance, mm")
+    axes.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from workbench import pieces
 from workbench.artefacts import Chapter
-from workbench.compare import html
 from workbench.compare.agreement import COVERAGE
 from workbench.compare.gauge import Component
 from workbench.compare.gauge_pictures import gauge_picture
@@ -25,16 +25,16 @@ NAMES = {
     "TV": "Total (TV)",
 }
 HEAD = ("Source", "Standard deviation", "95 % interval", "% contribution", "% study variation", "% tolerance")
-NORMAL = "Below 1 is normal: a stated uncertainty also covers what repeats from recording to recording."
+NORMAL = "A ratio below 1 is expected: the stated uncertainty also covers errors common to all recordings."
 
 
 def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
     """Tables and pictures of all characteristics."""
-    pieces = [html.facts_html(_facts(study))]
+    parts = [pieces.facts_html(_facts(study))]
     for one in results:
-        pieces += _characteristic(study, one)
-    pieces.append(
-        html.note(
+        parts += _characteristic(study, one)
+    parts.append(
+        pieces.note(
             "Sections of one recording share errors, so each section is analysed by itself and sums of squares are "
             "averaged. Intervals are 95 % generalised confidence intervals. %GRR follows AIAG: six standard deviations "
             f"over the tolerance, standard deviation over the total; below {GOOD_PERCENT:g} % acceptable, above "
@@ -43,7 +43,7 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
     )
     return Chapter(
         "Repeatability and reproducibility",
-        "\n".join(pieces),
+        "\n".join(parts),
         summary="; ".join(_summary(one) for one in results),
         warnings=(*study.warnings, *(words for one in results for words in one.warnings)),
     )
@@ -59,13 +59,13 @@ def verdict_in_words(one: Characteristic) -> str:
     if share is None:
         share, of = grr.study_percent, "the study variation"
     if share is None:
-        return "no tolerance and one part: nothing to judge it by"
+        return "neither a tolerance nor part variation: not judged"
     words = "acceptable" if share < GOOD_PERCENT else "may be acceptable, depending on use"
     if share > BAD_PERCENT:
         words = "not acceptable"
     elif categories is not None and categories < LEAST_CATEGORIES:
-        words = f"not acceptable: it tells {categories} categories of these parts apart, {LEAST_CATEGORIES} required"
-    return f"GRR is {share:.1f} % of {of}: {words}"
+        words = f"not acceptable: ndc {categories}, at least {LEAST_CATEGORIES} required"
+    return f"GRR {share:.1f} % of {of}: {words}"
 
 
 def _summary(one: Characteristic) -> str:
@@ -83,16 +83,16 @@ def _facts(study: Study) -> list[tuple[str, str]]:
 
 def _characteristic(study: Study, one: Characteristic) -> Iterator[str]:
     unit = study.unit_of(one.name)
-    yield html.heading(one.title)
-    yield html.paragraph(f"{verdict_in_words(one)}. {_categories(one)}")
-    yield html.table_html(HEAD, [_component(part) for part in one.gauge.components], f"Components, {unit}")
-    yield html.figure_html(
+    yield pieces.heading(one.title)
+    yield pieces.paragraph(f"{verdict_in_words(one)}. {_categories(one)}")
+    yield pieces.table_html(HEAD, [_component(part) for part in one.gauge.components], f"Components, {unit}")
+    yield pieces.figure_html(
         gauge_picture(study, one),
         f"Gauge study of the {one.title.lower()}",
-        f"Colours are operators{', in the chart of biases parts' if len(study.parts) > 1 else ''}; grey bars "
-        "the reference, dashed the limits.",
+        f"Colours: operators{', in the chart of biases parts' if len(study.parts) > 1 else ''}. Grey bars: "
+        "reference. Dashed: limits.",
     )
-    yield html.table_html(
+    yield pieces.table_html(
         ("Analysis of variance", "Sum of squares", "Degrees of freedom", "Mean square", "F", "p"),
         [
             (
@@ -113,9 +113,9 @@ def _characteristic(study: Study, one: Characteristic) -> Iterator[str]:
 def _categories(one: Characteristic) -> str:
     found = one.gauge.categories
     if found is None:
-        return "One part alone cannot show how many categories of parts the gauge tells apart."
-    enough = "" if found >= LEAST_CATEGORIES else f" (AIAG requires {LEAST_CATEGORIES} or more)"
-    return f"Distinct categories of parts: {found}{enough}."
+        return "The number of distinct categories (ndc) needs more than one part."
+    enough = "" if found >= LEAST_CATEGORIES else f" (AIAG: at least {LEAST_CATEGORIES})"
+    return f"Number of distinct categories (ndc): {found}{enough}."
 
 
 def _component(part: Component) -> tuple[str, ...]:
@@ -140,13 +140,13 @@ def _sections(study: Study, one: Characteristic) -> Iterator[str]:
             )
         )
     head = ("Section", "Arc length, mm", "Mean", "EV", "AV", "GRR", "GRR, % tolerance")
-    yield html.table_html(head, rows, f"By section, {study.unit_of(one.name)}")
+    yield pieces.table_html(head, rows, f"By section, {study.unit_of(one.name)}")
 
 
 def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
     found, unit = one.agreement, study.unit_of(one.name)
     if np.isfinite(found.observed_over_stated):
-        yield html.paragraph(
+        yield pieces.paragraph(
             f"Observed repeatability over stated uncertainty: {found.observed_over_stated:.2f}. {NORMAL}"
         )
     if not found.has_reference:
@@ -158,7 +158,7 @@ def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
     if largest.size:
         above = int((largest > 1).sum())
         words += f" |E_n| is above 1 in {above} of {largest.size} measurements, at most {largest.max():.2f}."
-    yield html.paragraph(words)
+    yield pieces.paragraph(words)
     rows = [
         (
             f"{part}, section {index}",
@@ -170,7 +170,7 @@ def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
         for k, index in enumerate(study.section)
         if np.isfinite(found.bias[i, k])
     ]
-    yield html.table_html(
+    yield pieces.table_html(
         ("Place", f"Bias, {unit}", f"Expanded uncertainty (k = 2), {unit}", "Largest |E_n|"), rows[:MOST_ROWS]
     )
 

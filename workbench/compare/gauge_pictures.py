@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from workbench.compare.agreement import COVERAGE
 from workbench.compare.gauge_values import Characteristic
-from workbench.compare.html import GREY, ORANGE, PALE, SERIES, styled, svg
 from workbench.compare.values import Study
+from workbench.pieces import GREY, ORANGE, PALE, SERIES, styled, svg
 
 MOST_OPERATORS = len(SERIES)  # beyond, colours would repeat: operators share one
 

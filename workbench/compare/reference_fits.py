@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from workbench import pieces
 from workbench.artefacts import Chapter, Document
-from workbench.compare import html
 from workbench.compare.reference_file import read_answer, read_points
 from workbench.errors import InputError
 from workbench.geometry.fits import Fit, Shape, fit
@@ -109,7 +109,7 @@ def _chapter(shape: Shape, tolerance: float, rows: list[dict[str, object]]) -> C
         if not errors
         else f"{passed} of {len(rows)} {shape} fits within {tolerance:g} of their size; worst {max(errors):.1e}"
     )
-    table = html.table_html(
+    table = pieces.table_html(
         ("Data set", "Points", "RMS residual, mm", "Relative error"),
         [
             (

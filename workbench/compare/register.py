@@ -105,6 +105,7 @@ def register(
             f"the shapes leave open: {'; '.join(loose)}: expected "
             "shapes that fix it, or open_directions 'hold' to keep the initial pose there",
         )
+    kept = tuple(f"kept as in the initial pose, not determined: {one}" for one in loose)
     found = Registration(
         pose,
         covariance_of(equations, held_u_mm),
@@ -113,7 +114,7 @@ def register(
         rms,
         tuple(loose),
         len(equations.weight),
-        tuple(f"held at the initial pose: {one}" for one in loose),
+        kept,
     )
     return found, _document(found, scan, reference)
 

@@ -8,15 +8,15 @@ from workbench.artefacts import KINDS, MilledEdge, Quantity, Uncertainty, Uncert
 from workbench.units import DEG, Float
 
 NOT_INCLUDED = (
-    "Errors of scale and linearity of the profile sensor: its calibration certificate states them.",
-    "Position errors of the robot that do not scatter within a pass, such as those of its kinematic calibration.",
-    "Turns of the laser plane within 20 deg, and scales of the robot's travel, that a straight pass in one orientation "
-    "does not show (checks).",
+    "Errors of scale and linearity of the profile sensor: see its calibration certificate.",
+    "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration.",
+    "A rotation of the laser plane by up to 20°, and a scale error of the robot's travel: a straight pass in one "
+    "orientation does not reveal them.",
     "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
-    "A burr in the plane of the root face, or returns lost at its end, along the whole edge: no frame shows them "
-    "(declare them by edge.segment.end_u_mm).",
+    "A burr in the plane of the root face, or a loss of returns at its end, along the whole edge: no profile reveals "
+    "it. An allowance for it can be declared.",
 )
-NO_HAND_EYE = "The uncertainty of the hand-eye calibration: none is stated with the pose in use (hand_eye)."
+NO_HAND_EYE = "The uncertainty of the hand-eye calibration: the calibration in use states none."
 
 
 def budget(edge: MilledEdge, at_mm: Float) -> Uncertainty:

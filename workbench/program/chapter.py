@@ -1,11 +1,10 @@
-"""The chapter of the report on a program: whether it may run, how near it came to anything, what nobody looked at."""
+"""The chapter of the report on a program: whether it is released, its least margins, what was not checked."""
 
 from __future__ import annotations
 
-from html import escape
-
+from workbench import pieces
 from workbench.artefacts import Chapter, Judgement, PathGate
-from workbench.dialect import NOT_CHECKED, place
+from workbench.dialect import place
 from workbench.units import DEG
 
 TOLD = 10  # violations in the report; all are in program_check.json
@@ -14,26 +13,23 @@ TOLD = 10  # violations in the report; all are in program_check.json
 def program_chapter(judgement: Judgement, gate: PathGate) -> Chapter:
     """What came of driving the written program through its cell."""
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
-    rows = [
-        ("program", f"{judgement.program.name} ({judgement.program.dialect})"),
-        ("may run", "yes" if judgement.passed else "no: it was not written"),
-        (
-            "way, time",
-            f"{judgement.length_mm:.0f} mm, {judgement.time_s:.0f} s, looked at in {judgement.postures} postures",
-        ),
-        ("least clearance, proven", f"{judgement.clearance_mm:.1f} mm ({pair})"),
-        ("least distance from a limit", f"{judgement.limit_margin / DEG:.2f} deg"),
-        ("least angle of the wrist", f"{judgement.wrist / DEG:.2f} deg"),
-        ("largest condition number", f"{judgement.condition:.1f}"),
-        ("largest share of a joint's speed", f"{judgement.speed_share:.3f}"),
-        ("largest deviation from the path", f"{judgement.deviation_mm:.3f} mm"),
+    name = f"{judgement.program.name} ({judgement.program.dialect})"
+    released = "released" if judgement.passed else "not released: it was not written"
+    facts = [
+        ("Program", name),
+        ("Release", released),
+        ("Length of the way", f"{judgement.length_mm:.0f} mm in {judgement.time_s:.0f} s"),
+        ("Postures examined", f"{judgement.postures}"),
+        ("Least clearance, proven", f"{judgement.clearance_mm:.1f} mm ({pair})"),
+        ("Least distance from a joint limit", f"{judgement.limit_margin / DEG:.2f}°"),
+        ("Least wrist angle", f"{judgement.wrist / DEG:.2f}°"),
+        ("Largest condition number", f"{judgement.condition:.1f}"),
+        ("Largest share of a joint's speed", f"{judgement.speed_share:.3f}"),
+        ("Largest deviation from the path", f"{judgement.deviation_mm:.3f} mm"),
     ]
-    table = "".join(f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in rows)
     wrong = [place(one) for one in judgement.violations[:TOLD]]
-    open_ = [*gate.loosened, *(f"{NOT_CHECKED}{text}" for text in gate.unchecked)]
-    lists = "".join(
-        f"<h3>{title}</h3><ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
-        for title, texts in (("Why it may not run", wrong), ("What nobody looked at", open_))
-        if texts
+    lists = (("Reasons against release", wrong), ("Not checked", [*gate.loosened, *gate.unchecked]))
+    text = pieces.facts_html(facts) + "".join(
+        pieces.heading(title) + pieces.list_html(texts) for title, texts in lists if texts
     )
-    return Chapter(title="Program", html=f"<table>{table}</table>{lists}", summary=rows[1][1])
+    return Chapter(title="Program", html=text, summary=f"{name}: {released}")

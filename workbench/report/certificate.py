@@ -7,7 +7,7 @@ import math
 from workbench.artefacts import Inspection, Section, Uncertainty, Verdict
 from workbench.errors import one_line
 from workbench.report.tables import section_rows
-from workbench.report.template import render
+from workbench.report.template import data_address, render, source
 from workbench.report.values import COVERAGE, alike, decimals, measured
 
 STATEMENTS: dict[Verdict, str] = {
@@ -38,6 +38,7 @@ def certificate_html(inspection: Inspection) -> str:
         correlations=known.correlations,
         not_included=known.not_included,
         decision_rule=decision_rule(inspection.guard_factor),
+        terms=data_address(source("bevel_terms.svg").encode()),
     )
 
 
@@ -112,7 +113,7 @@ def decision_rule(guard_factor: float) -> str:
     risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
     return (
         f"ISO 14253-1 with the guard band g = {guard_factor:g} u. Conformity of a value is verified inside the limits "
-        "by at least g (pass), nonconformity outside by at least g (fail); between them, in the uncertainty zone, "
-        f"neither is (undecided). The probability of a wrong statement is at most {risk:.2g} % a value. The part "
-        "fails if any section fails and passes if all pass."
+        "by at least g (pass), nonconformity outside by at least g (fail). In between, in the uncertainty range, "
+        f"neither is verified (undecided). The risk of a wrong statement is at most {risk:.2g} % for each value. "
+        "A part fails if any section fails; it passes if all sections pass."
     )

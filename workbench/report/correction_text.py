@@ -13,6 +13,7 @@ from workbench.report.along import gaps
 from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
 from workbench.report.figures import hatch_hidden, svg
 from workbench.report.plot import Axes, Figure
+from workbench.report.tables import check_texts
 from workbench.report.template import data_address, render
 from workbench.report.values import COVERAGE, span
 from workbench.units import DEG, Float
@@ -28,7 +29,7 @@ def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -
         found=list(_found_rows(found)),
         chart=data_address(_chart(found)),
         checks=[
-            (c.name, _number(c.value), _limit(c.limit), "passed" if c.passed else one_line(c.finding))
+            (*check_texts(c.name, c.value, c.limit), "passed" if c.passed else one_line(c.finding))
             for c in found.checks
         ],
         cancels=CANCELS,
@@ -145,13 +146,3 @@ def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
 def _band(axes: Axes, s: Float, value: Float, u: Float, colour: str, label: str | None = None) -> None:
     axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=colour, alpha=0.25)
     axes.plot(s, value, color=colour, linewidth=1.0, label=label)
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:g}"
-
-
-def _limit(limit: float | tuple[float, float] | None) -> str:
-    if limit is None:
-        return "–"
-    return f"{limit[0]:.3g} to {limit[1]:.3g}" if isinstance(limit, tuple) else f"at most {limit:g}"

@@ -12,11 +12,12 @@ from workbench.artefacts import Chapter, Part, Provenance, Verdict
 from workbench.errors import one_line
 from workbench.report.identity import identity_html, shortened
 from workbench.report.pack import packed
-from workbench.report.tables import one_line_a_stage
+from workbench.report.tables import one_line_a_stage, shown_path
 from workbench.report.template import render, source
 
 WORST_FIRST: tuple[Verdict, ...] = ("fail", "undecided", "pass")
 SCENE_POINTS = 300_000  # on the page, all scenes together
+DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
 
 
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
@@ -38,9 +39,18 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         chapters=chapters,
         warnings=_warnings(chapters),
         provenance=provenance,
+        inputs=[(name, shown_path(path), digest) for name, path, digest in provenance.inputs] if provenance else [],
+        data=_data(provenance) if provenance else [],
         versions=sorted(provenance.versions.items()) if provenance else [],
         pipeline=one_line_a_stage(provenance.pipeline) if provenance else "",
     )
+
+
+def _data(provenance: Provenance) -> list[str]:
+    """What binds the first page to its data and to what evaluated them."""
+    files = [f"{shown_path(path)}, SHA-256 {digest[:DIGITS]}…" for _, path, digest in provenance.inputs]
+    more = [f"{len(files) - MOST_FILES} further files (annex)"] if len(files) > MOST_FILES else []
+    return [*files[:MOST_FILES], *more, f"evaluated by workbench {provenance.versions.get('workbench', '')}".rstrip()]
 
 
 def _parts(chapters: Sequence[Chapter]) -> list[Part]:

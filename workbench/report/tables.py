@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -80,9 +80,7 @@ def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
     """A row a check that passed, or that did not: name, value, limits; what was found, or why the limit is there."""
     return [
         (
-            check.name.replace("_", " "),
-            _number(check.value),
-            _limit(check.limit),
+            *check_texts(check.name, check.value, check.limit),
             one_line(check.reason if passed else check.finding or check.reason),
         )
         for check in checks
@@ -90,14 +88,22 @@ def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
     ]
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
+CHECK_UNITS = {"_mm_s": " mm/s", "_mm": " mm", "_deg": "°", "_ms": " ms", "_s": " s"}
 
 
-def _limit(limit: float | tuple[float, float] | None) -> str:
-    if isinstance(limit, tuple):
-        return f"{limit[0]:.4g} to {limit[1]:.4g}"
-    return "–" if limit is None else f"at most {limit:.4g}"
+def check_texts(
+    name: str, value: float | None, limit: float | Sequence[float] | None, places: str = ".4g"
+) -> tuple[str, str, str]:
+    """Name, value and limit of a check, the unit taken from its name: 'obliquity', '3.869°', 'at most 20°'."""
+    ending = next((one for one in CHECK_UNITS if name.endswith(one)), "")
+    unit = CHECK_UNITS.get(ending, "")
+
+    def text(number: float) -> str:
+        return (f"{number:.0f}" if abs(number) >= 1e4 else f"{number:{places}}") + unit
+
+    least, most = limit if isinstance(limit, Sequence) else (None, limit)
+    bounds = "–" if most is None else f"at most {text(most)}" if least is None else f"{text(least)} to {text(most)}"
+    return name.removesuffix(ending).replace("_", " "), "–" if value is None else text(value), bounds
 
 
 def plan_note(plan: PlanView) -> str:
@@ -107,11 +113,28 @@ def plan_note(plan: PlanView) -> str:
     return f"{searched} searched{beyond}."
 
 
+def shown_path(path: str) -> str:
+    """A path as a page shows it: a relative one as given, of an absolute one the name alone."""
+    for kind in (PurePosixPath, PureWindowsPath):
+        if kind(path).is_absolute():
+            return kind(path).name or path
+    return path
+
+
+def _without_folders(value: Any) -> Any:
+    """A pipeline's value with absolute paths shown by name."""
+    if isinstance(value, Mapping):
+        return {key: _without_folders(one) for key, one in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_without_folders(one) for one in value]
+    return shown_path(str(value)) if isinstance(value, str | PurePath) else value
+
+
 def one_line_a_stage(pipeline: Mapping[str, Any]) -> str:
     """A pipeline as JSON that is still JSON, laid out to be read: a line for each stage and each other key."""
 
     def compact(value: Any) -> str:
-        return json.dumps(value, default=str, ensure_ascii=False)
+        return json.dumps(_without_folders(value), default=str, ensure_ascii=False)
 
     lines = []
     for key, value in pipeline.items():

@@ -31,13 +31,13 @@ def chapter(parts):
 def test_chapter_tells_everything(parts, chapter):
     titles = re.findall(r"<h3>(.*?)</h3>", chapter.html)
     assert titles == [
-        "What is known well, and what is not",
+        "Principal directions of the uncertainty",
         "Sphere centres in the base",
-        "Residuals of each posture",
-        "Frames that do not count",
-        "Profiles and their circles",
+        "Residuals of the postures",
+        "Rejected frames",
+        "Profiles and fitted circles",
         "Errors on held-out postures",
-        "Where the next posture would help most",
+        "Proposed further postures",
     ]
     found = parts[0]
     assert f"{found.volume_u_mm:.3f} mm" in chapter.html

@@ -17,6 +17,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    pieces,
     rotation_from_quaternion,
     stage,
     strict_json,
@@ -321,18 +322,13 @@ def _chapter(
     verdict: str,
     warnings: tuple[str, ...],
 ) -> Chapter:
-    from html import escape
-
-    rows = "".join(
-        f"<tr><th>{escape(name)}</th>"
-        + "".join(f"<td>{v:.3f}</td>" for v in found.position_mm[k])
-        + f"<td>{u[k]:.3f}</td></tr>"
-        for k, name in enumerate(touches.tool_names)
-    )
-    turned = "" if axis is None else f"<p>Axis: u = {axis['u_deg']:.3f} deg about the worst direction.</p>"
-    html = (
-        "<table><thead><tr><th>Tool point</th><th>x, mm</th><th>y, mm</th><th>z, mm</th><th>u, the worst direction, mm"
-        f"</th></tr></thead><tbody>{rows}</tbody></table>{turned}<p>Misfit {found.misfit:.2f} (1: as the noise says), "
-        f"{found.freedom} degrees of freedom.</p><p>{escape(verdict[:1].upper() + verdict[1:])}.</p>"
+    rows = [
+        (name, *(f"{v:.3f}" for v in found.position_mm[k]), f"{u[k]:.3f}") for k, name in enumerate(touches.tool_names)
+    ]
+    head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
+    turned = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
+    html = pieces.table_html(head, rows) + pieces.paragraph(
+        f"{turned}Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. "
+        f"{verdict[:1].upper() + verdict[1:]}."
     )
     return Chapter("Tool calibration", html, summary=verdict, warnings=warnings)

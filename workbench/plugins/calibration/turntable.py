@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from html import escape
 from typing import Annotated
 
 import numpy as np
@@ -19,6 +18,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    pieces,
     rotation_from_vector,
     stage,
     strict_json,
@@ -134,13 +134,11 @@ def turntable(
         "verdict": verdict,
         "warnings": warnings,
     }
-    html = (
-        f"<p>Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
-        f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm along the worst direction over a "
-        f"reach of {reach_mm:g} mm. Misfit {found.misfit:.2f} (1: as the noise says), {found.freedom} degrees of "
-        f"freedom.</p>"
-        f"<p>{escape(verdict[:1].upper() + verdict[1:])}.</p>"
-    )
+    html = pieces.paragraph(
+        f"Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
+        f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm in the least certain direction over a "
+        f"reach of {reach_mm:g} mm. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}."
+    ) + pieces.paragraph(f"{verdict[:1].upper() + verdict[1:]}.")
     return (
         Document("turntable.json", strict_json(document)),
         Chapter("Turntable calibration", html, summary=verdict, warnings=warnings),

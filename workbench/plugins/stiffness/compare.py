@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import io
-
 import numpy as np
 
-from workbench.api import Chapter, Document, EdgeProfile, Float, Inspection, PathDeflection, stage, strict_json
+from workbench.api import (
+    Chapter,
+    Document,
+    EdgeProfile,
+    Float,
+    Inspection,
+    PathDeflection,
+    pieces,
+    stage,
+    strict_json,
+)
 
 
 @stage("stiffness.compare")
@@ -23,19 +30,15 @@ def compare(without: Inspection, compensated: Inspection, bending: PathDeflectio
     gave = np.concatenate([np.linalg.norm(moved, axis=1) for moved in bending.by_layer_mm.values()])
     root = {name: found["mean_root_error_mm"] for name, found in errors.items()}
     summary = (
-        f"Mean root error {root['without']:+.3f} mm without compensation, {root['compensated']:+.3f} mm with it; the "
-        f"cutter gave way by up to {gave.max():.3f} mm"
+        f"Mean error of the root face {root['without']:+.3f} mm without compensation, {root['compensated']:+.3f} mm "
+        f"with it; the cutter is deflected by up to {gave.max():.3f} mm"
     )
-    rows = "".join(
-        f"<tr><td>{name}</td>" + "".join(f"<td>{value:+.4f}</td>" for value in found.values()) + "</tr>"
-        for name, found in errors.items()
-    )
-    picture = base64.b64encode(_picture(without, compensated)).decode()
-    text = (
-        "<table><tr><th></th><th>mean root error, mm</th><th>largest root error, mm</th><th>mean angle error, deg</th>"
-        f"<th>largest angle error, deg</th></tr>{rows}</table>"
-        f'<img alt="Root and angle along the edge, both parts" style="max-width:100%" '
-        f'src="data:image/svg+xml;base64,{picture}">'
+    head = ("Path", "Root face error, mean, mm", "largest, mm", "Bevel angle error, mean, °", "largest, °")
+    rows = [(name, *(f"{value:+.4f}" for value in found.values())) for name, found in errors.items()]
+    text = pieces.table_html(head, rows) + pieces.figure_html(
+        _picture(without, compensated),
+        "Root face and bevel angle along the edge, both parts",
+        "Dotted: nominal values.",
     )
     document = strict_json({"format": "compensation", "version": 1, "largest_deflection_mm": gave.max(), **errors})
     return Document("compensation.json", document), Chapter(
@@ -62,23 +65,19 @@ def _largest(errors: Float) -> float:
 
 def _picture(without: Inspection, compensated: Inspection) -> bytes:
     """Root and bevel angle along the edge, of both parts (SVG)."""
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     wanted = without.requirements
-    with rc_context({"svg.hashsalt": "compare", "svg.fonttype": "none", "font.size": 8}):
-        figure = Figure(figsize=(8, 4.2), layout="constrained")
+    with pieces.styled():
+        figure = Figure(figsize=(10, 4.2), layout="constrained")
         top, below = figure.subplots(2, 1, sharex=True)
         for name, one in (("without", without), ("compensated", compensated)):
             profile: EdgeProfile = one.profile
             top.plot(profile.arc_length_mm, profile.root_mm, lw=1, label=name)
             below.plot(profile.arc_length_mm, profile.bevel_deg, lw=1, label=name)
-        top.axhline(wanted.root_nominal_mm, color="0.4", lw=0.8, ls=":")
-        below.axhline(wanted.bevel_nominal_deg, color="0.4", lw=0.8, ls=":")
-        top.set_ylabel("root, mm")
-        below.set_ylabel("bevel angle, deg")
-        below.set_xlabel("arc length, mm")
-        top.legend(frameon=False, ncols=2)
-        drawing = io.BytesIO()
-        figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
-    return drawing.getvalue()
+        top.axhline(wanted.root_nominal_mm, color=pieces.GREY, lw=0.8, ls=":")
+        below.axhline(wanted.bevel_nominal_deg, color=pieces.GREY, lw=0.8, ls=":")
+        top.set_ylabel("root face, mm")
+        below.set(xlabel="arc length, mm", ylabel="bevel angle, °")
+        top.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        return pieces.svg(figure)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import html
-
 import numpy as np
 
-from workbench.api import DEG, Cell, Chapter
+from workbench.api import DEG, Cell, Chapter, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
-from workbench.plugins.stiffness.posture_pictures import along_picture, map_picture, surface_picture
+from workbench.plugins.stiffness.posture_pictures import along_picture, map_picture
 from workbench.plugins.stiffness.robot_picture import robot_picture
 from workbench.plugins.stiffness.standing import Case, Found
 
@@ -19,18 +16,20 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
     made = found.postures
     summary = (
         f"Postures for {len(found.points.layer)} points: mean displacement {found.displacement_mm.mean():.4f} mm, "
-        f"{found.gap:.1%} above what the best posture of every single point would give; clearance from "
+        f"{found.gap:.1%} above the best posture of each single point; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
     )
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in made.warnings)
     text = (
-        f"<p>{html.escape(_how(found))}</p>{f'<ul>{notes}</ul>' if notes else ''}"
-        f"{_table(found)}{_causes(found)}<h3>Mean displacement over both angles</h3>"
-        f"{_picture('svg+xml', map_picture(found), 'Map of the mean displacement, with the chosen postures')}"
-        f"{_picture('png', surface_picture(found), 'The same as a surface') if len(found.map.tables) > 1 else ''}"
-        f"<h3>The robot at the middle of the path</h3>{_robots(cell, found)}"
-        f"<h3>Displacement along the path</h3>"
-        f"{_picture('svg+xml', along_picture(found), 'Displacement and angles along the path')}"
+        pieces.paragraph(_how(found))
+        + pieces.list_html(made.warnings)
+        + _table(found)
+        + _causes(found)
+        + pieces.heading("Mean displacement over cutter rotation and turntable angle")
+        + pieces.figure_html(map_picture(found), "Map of the mean displacement, with the chosen postures")
+        + pieces.heading("The robot at the middle of the path")
+        + _robots(cell, found)
+        + pieces.heading("Displacement along the path")
+        + pieces.figure_html(along_picture(found), "Displacement and angles along the path")
     )
     return Chapter("Postures", text, summary=summary, warnings=made.warnings)
 
@@ -38,8 +37,8 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
 def _how(found: Found) -> str:
     choice, over = found.choice, found.map
     line = (
-        f"Of {over.mean_mm.size} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g} and "
-        f"{choice.table / DEG:g} deg give the least mean displacement; every better pair was examined and ruled out."
+        f"Of {over.mean_mm.size} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g}° and "
+        f"{choice.table / DEG:g}° give the least mean displacement; every better pair was examined and excluded."
     )
     if found.mode == "along_path":
         gap = found.law_gap or 0.0
@@ -50,35 +49,25 @@ def _how(found: Found) -> str:
 
 def _table(found: Found) -> str:
     """The choice beside what it is compared with."""
-    rows = "".join(_row(name, case) for name, case in found.cases.items())
+    rows = [_row(name, case) for name, case in found.cases.items()]
     solved = found.map.without_collision_mm
     at = np.unravel_index(np.nanargmin(solved), solved.shape)
-    rows += (
-        f"<tr><td>best, without the collision check</td><td>{found.map.rotations[at[0]] / DEG:g}</td>"
-        f"<td>{found.map.tables[at[1]] / DEG:g}</td><td>{solved[at]:.4f}</td><td></td><td></td></tr>"
-    )
+    angles = (f"{angle / DEG:g}" for angle in (found.map.rotations[at[0]], found.map.tables[at[1]]))
+    rows.append(("best, without the collision check", *angles, f"{solved[at]:.4f}", "–", ""))
     if found.mode == "along_path":
-        made = found.postures
-        spans = (f"{np.ptp(a) / DEG:.0f} deg span" for a in (made.cutter_rotation, made.turntable))
-        rows += (
-            f"<tr><td>law along the path</td>{''.join(f'<td>{s}</td>' for s in spans)}"
-            f"<td>{found.displacement_mm.mean():.4f}</td><td>{found.displacement_mm.max():.4f}</td><td></td></tr>"
-        )
-    return (
-        "<table><tr><th></th><th>cutter rotation, deg</th><th>turntable, deg</th><th>mean displacement, mm</th>"
-        f"<th>largest, mm</th><th></th></tr>{rows}</table>"
-    )
+        made, moved = found.postures, found.displacement_mm
+        spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, made.turntable))
+        rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
+    head = ("Posture", "Cutter rotation, °", "Turntable, °", "Mean displacement, mm", "Largest, mm", "Remark")
+    return pieces.table_html(head, rows, text=(5,))
 
 
-def _row(name: str, case: Case | None) -> str:
+def _row(name: str, case: Case | None) -> tuple[str, ...]:
     if case is None:
-        return f"<tr><td>{name}</td><td colspan=5>out of the robot's reach or limits</td></tr>"
-    said = f"in collision: {case.pair[0]} with {case.pair[1]}" if case.pair else ""
+        return name, "–", "–", "–", "–", "out of the robot's reach or limits"
+    said = f"collision of {case.pair[0]} with {case.pair[1]}" if case.pair else ""
     d = case.displacement_mm
-    return (
-        f"<tr><td>{name}</td><td>{case.rotation / DEG:g}</td><td>{case.table / DEG:g}</td><td>{d.mean():.4f}</td>"
-        f"<td>{d.max():.4f}</td><td>{html.escape(said)}</td></tr>"
-    )
+    return name, f"{case.rotation / DEG:g}", f"{case.table / DEG:g}", f"{d.mean():.4f}", f"{d.max():.4f}", said
 
 
 def _causes(found: Found) -> str:
@@ -87,8 +76,8 @@ def _causes(found: Found) -> str:
     parts = [f"{CAUSES[c]} {np.mean(cause == c):.1%}" for c in (3, 2, 1, COLLISION) if (cause == c).any()]
     pairs = [f"{a} with {b} {np.mean(pair == i):.1%}" for i, (a, b) in enumerate(found.map.pairs)]
     if not parts:
-        return "<p>The whole map is feasible.</p>"
-    return f"<p>Infeasible: {html.escape(', '.join(parts + pairs))} of the map.</p>"
+        return pieces.paragraph("The whole map is feasible.")
+    return pieces.paragraph(f"Infeasible share of the map: {', '.join(parts + pairs)}.")
 
 
 def _robots(cell: Cell, found: Found) -> str:
@@ -103,14 +92,8 @@ def _robots(cell: Cell, found: Found) -> str:
         if cell.turntable is None
         else np.append(cell.turntable.base_from_turntable[:2, 3] / 2, 1000.0)
     )
-    text = ""
+    drawn = []
     for name, joints, table, _ in views:
         path = (found.points.turned(cell, np.array([table])) @ found.points.base_from_point)[found.points.cutting]
-        png = robot_picture(cell, joints, table, path[:, :3, 3], middle, 3600.0)
-        text += _picture("png", png, f"The robot {name}", width="48%")
-    return f"<p>{text}</p><p>{'Left: as planned. Right: as chosen.' if len(views) == 2 else 'As chosen.'}</p>"
-
-
-def _picture(kind: str, content: bytes, alt: str, width: str = "100%") -> str:
-    data = base64.b64encode(content).decode()
-    return f'<img alt="{html.escape(alt)}" style="max-width:{width}" src="data:image/{kind};base64,{data}">'
+        drawn.append((robot_picture(cell, joints, table, path[:, :3, 3], middle, 3600.0), name.capitalize()))
+    return pieces.panels_html(drawn)

@@ -1,13 +1,12 @@
-"""Pictures of the posture optimiser: its map as contours and surface (Fig. 17a, b), and what comes along the path."""
+"""Pictures of the posture optimiser: its map (Fig. 17a), and what comes along the path."""
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray
+from workbench.api import DEG, AnyArray, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
 from workbench.plugins.stiffness.standing import Found
 
@@ -16,14 +15,13 @@ SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by 
 
 def map_picture(found: Found) -> bytes:
     """Contours of the mean displacement; what is infeasible in the colour of its cause; the choice on top (SVG)."""
-    from matplotlib import rc_context
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
 
     over = found.map
     x, y = over.rotations / DEG, over.tables / DEG
-    with rc_context({"svg.hashsalt": "posture", "svg.fonttype": "none", "font.size": 8}):
-        figure = Figure(figsize=(8, 5), layout="constrained")
+    with pieces.styled():
+        figure = Figure(figsize=(10, 5), layout="constrained")
         axes = figure.subplots()
         if len(y) > 1:
             box = (x[0], x[-1], y[0], y[-1])
@@ -42,7 +40,7 @@ def map_picture(found: Found) -> bytes:
             )
             drawn = axes.contourf(x, y, over.mean_mm.T, levels=16, cmap="viridis")
             figure.colorbar(drawn, ax=axes, label="mean displacement, mm")
-            axes.set_ylabel("turntable, deg")
+            axes.set_ylabel("turntable, °")
         else:
             axes.plot(x, over.mean_mm[:, 0])
             axes.set_ylabel("mean displacement, mm")
@@ -50,9 +48,9 @@ def map_picture(found: Found) -> bytes:
             if (over.cause == c).any():
                 axes.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
         _mark(axes, found)
-        axes.set_xlabel("cutter rotation, deg")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=8, frameon=False, fontsize=7)
-        return _saved(figure, "svg")
+        axes.set_xlabel("cutter rotation, °")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=8)
+        return pieces.svg(figure)
 
 
 def _mark(axes: Any, found: Found) -> None:
@@ -60,64 +58,37 @@ def _mark(axes: Any, found: Found) -> None:
     made, flat = found.postures, len(found.map.tables) == 1
     loaded = found.points.loaded
     height = found.displacement_mm if flat else made.turntable[loaded] / DEG
-    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color="#ff006e", ms=4, label="chosen, point by point")
+    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color=pieces.PURPLE, ms=4, label="chosen, at each point")
     for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
         if case is not None:
             at = case.displacement_mm.mean() if flat else case.table / DEG
             axes.plot(case.rotation / DEG, at, mark, mfc="white", mec="black", ms=9, label=name)
 
 
-def surface_picture(found: Found) -> bytes:
-    """The map as a surface (PNG): Fig. 17b."""
-    from matplotlib.figure import Figure
-
-    over = found.map
-    step = max(1, max(over.mean_mm.shape) // 90)
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
-    axes: Any = figure.add_subplot(projection="3d")
-    z = over.mean_mm[::step, ::step].T
-    grid = np.meshgrid(over.rotations[::step] / DEG, over.tables[::step] / DEG)
-    low, high = np.nanmin(z), np.nanmax(z)
-    axes.plot_surface(
-        *grid, z, cmap="viridis", vmin=low, vmax=high, rstride=1, cstride=1, linewidth=0, antialiased=False
-    )
-    axes.set_xlabel("cutter rotation, deg")
-    axes.set_ylabel("turntable, deg")
-    axes.set_zlabel("mean displacement, mm")
-    return _saved(figure, "png")
-
-
 def along_picture(found: Found) -> bytes:
     """Displacement of the loaded points, and the law, in the order of motion (SVG)."""
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context({"svg.hashsalt": "posture", "svg.fonttype": "none", "font.size": 8}):
-        figure = Figure(figsize=(8, 4.6), layout="constrained")
+    with pieces.styled():
+        figure = Figure(figsize=(10, 4.6), layout="constrained")
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         for name, case in found.cases.items():
             if case is not None and not (name == "best" and found.mode == "constant"):
                 top.plot(case.displacement_mm, lw=1, label=name)
         top.plot(found.displacement_mm, "k", lw=1.4, label="as chosen")
-        top.plot(found.bound_at, found.bound_mm, "k:", lw=1, label="best of every single point")
+        top.plot(found.bound_at, found.bound_mm, "k:", lw=1, label="best of each single point")
         top.set_ylabel("displacement, mm")
         top.set_ylim(0, 1.15 * top.get_ylim()[1])  # room for the legend
-        top.legend(ncols=5, frameon=False, fontsize=7, loc="upper left")
+        top.legend(ncols=5, loc="upper left")
         made, loaded = found.postures, found.points.loaded
         for angle, name in ((made.cutter_rotation, "cutter rotation"), (made.turntable, "turntable")):
             below.plot(_from_start(angle[loaded]), lw=1, label=name)
-        below.set_ylabel("from its start, deg")
+        below.set_ylabel("from its start, °")
+        below.set_ylim(min(-1.0, below.get_ylim()[0]), max(1.0, below.get_ylim()[1]))  # a constant angle is a line
         below.set_xlabel("points that cut, in the order of motion")
-        below.legend(ncols=2, frameon=False, fontsize=7, loc="center left", bbox_to_anchor=(0.0, 1.08))
-        return _saved(figure, "svg")
+        below.legend(ncols=2, loc="center left", bbox_to_anchor=(0.0, 1.08))
+        return pieces.svg(figure)
 
 
 def _from_start(angle: AnyArray) -> AnyArray:
     return np.asarray((np.unwrap(angle) - angle[0]) / DEG)
-
-
-def _saved(figure: Any, kind: str) -> bytes:
-    drawing = io.BytesIO()
-    metadata = {"Software": None} if kind == "png" else {"Date": None, "Creator": None}
-    figure.savefig(drawing, format=kind, metadata=metadata, **({"dpi": 110} if kind == "png" else {}))
-    return drawing.getvalue()

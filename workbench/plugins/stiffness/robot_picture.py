@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 
-from workbench.api import Cell, Float, cell_triangles
+from workbench.api import Cell, Float, cell_triangles, pieces
 
 COLOURS = {"tool": "#c8553d", "turntable": "#7a8b99", "workpiece": "#b59b6a"}
 ROBOT, AROUND = "#e8a33d", "#b9c2c9"
@@ -37,6 +36,4 @@ def robot_picture(
     axes.set_box_aspect((1, 1, 1), zoom=1.5)
     axes.view_init(elev=22, azim=-60)
     axes.set_axis_off()
-    drawing = io.BytesIO()
-    figure.savefig(drawing, format="png", dpi=110, metadata={"Software": None})
-    return drawing.getvalue()
+    return pieces.png(figure)

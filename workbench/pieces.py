@@ -1,0 +1,121 @@
+"""Pieces of a report's chapter: HTML with every text escaped, and the style of its pictures in matplotlib."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
+BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)  # told apart with any colour vision (after Okabe and Ito)
+STYLE: Any = {
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same everywhere
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "hatch.color": PALE,
+    "hatch.linewidth": 0.8,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "workbench",  # element names must not be random
+}
+
+
+def styled() -> Any:
+    """Context in which pictures are made and written."""
+    from matplotlib import rc_context
+    from matplotlib.rcsetup import cycler
+
+    return rc_context({**STYLE, "axes.prop_cycle": cycler(color=SERIES)})
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as SVG, the same for the same data; dots in it are a picture of 200 dpi."""
+    return _saved(figure, "svg", 200, {"Date": None, "Creator": None})
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG, for drawings in space."""
+    return _saved(figure, "png", 150, {"Software": None})
+
+
+def _saved(figure: Figure, kind: str, dpi: int, metadata: dict[str, Any]) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format=kind, dpi=dpi, metadata=metadata)
+    return out.getvalue()
+
+
+def figure_html(picture: bytes, words: str, caption: str = "", colours: Iterable[tuple[str, str]] = ()) -> str:
+    """A picture, SVG or PNG, with what it shows in words, a caption, and a key of (colour, name)."""
+    kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
+    address = f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
+    key = "".join(
+        f'<span class="key"><i style="background:{colour}"></i>{escape(name)}</span>' for colour, name in colours
+    )
+    below = f"<figcaption>{key}{escape(caption)}</figcaption>" if key or caption else ""
+    return f'<figure><img src="{address}" alt="{escape(words)}"/>{below}</figure>'
+
+
+def panels_html(pictures: Iterable[tuple[bytes, str]]) -> str:
+    """Small pictures beside each other, each with its words as caption."""
+    return f'<div class="panels">{"".join(figure_html(one, words, words) for one, words in pictures)}</div>'
+
+
+def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", text: Iterable[int] = ()) -> str:
+    """A table; the first cell of a row is its name, the columns `text` hold words, the others numbers."""
+    words = {0, *text}
+
+    def cell(i: int, value: str, tag: str) -> str:
+        kind = ' class="text"' if i in words else ""
+        return f"<{tag}{kind}>{escape(value)}</{tag}>"
+
+    names = "".join(cell(i, name, "th") for i, name in enumerate(head))
+    body = "".join(
+        "<tr>" + "".join(cell(i, value, "td" if i else "th") for i, value in enumerate(row)) + "</tr>" for row in rows
+    )
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f'<table class="summary">{title}<thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>'
+
+
+def facts_html(facts: Iterable[tuple[str, str]]) -> str:
+    """Names and values, side by side."""
+    rows = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+    return f'<dl class="facts">{rows}</dl>'
+
+
+def list_html(items: Iterable[str]) -> str:
+    """A list of sentences; '' where there are none."""
+    rows = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<ul>{rows}</ul>" if rows else ""
+
+
+def heading(words: str) -> str:
+    """A section of the chapter; the page numbers it."""
+    return f"<h3>{escape(words)}</h3>"
+
+
+def note(words: str) -> str:
+    """A remark in small print."""
+    return f'<p class="note">{escape(words)}</p>'
+
+
+def paragraph(words: str) -> str:
+    """A sentence or two."""
+    return f"<p>{escape(words)}</p>"

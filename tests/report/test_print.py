@@ -21,7 +21,8 @@ A4_WIDTH_PX, A4_HEIGHT_PX = round((210 - 2 * 13) / 25.4 * 96), (297 - 2 * 14) / 
 LONG = "a name of a part that is much longer than names of parts are in most shops, revision 12"
 
 WIDER = """() => [...document.querySelectorAll("body *")].filter((e) => {
-  const box = e.getBoundingClientRect(), scrolls = e.closest("table, pre, .scroll, figure"), edge = window.innerWidth + 1;
+  const box = e.getBoundingClientRect(), edge = window.innerWidth + 1;
+  const scrolls = e.closest("table, pre, .scroll, figure");
   return box.width && box.right > edge && !e.closest(".across, .stage")
     && !(scrolls && scrolls.getBoundingClientRect().right <= edge);
 }).map((e) => e.tagName + "." + e.className)"""

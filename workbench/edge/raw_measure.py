@@ -11,7 +11,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import BSpline, CubicSpline
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
@@ -36,15 +37,21 @@ RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this lo
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
+ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EndAlong:
-    """One edge along the other: its distance from the reference curve along m."""
+    """The lower or the upper edge: its distance from the reference curve along m."""
 
-    course: Course
+    course: Course  # of its height: from where a straight line would run that the reference curve leaves by `bend`
+    bend: CubicSpline  # arc length -> mm
     s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
     rounding: Rounding
+
+    def value(self, at: Float) -> Float:
+        """Distance (k,) at arc lengths `at` (k,), mm."""
+        return np.asarray(self.course.value(at) - self.bend(at))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +115,7 @@ def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
 def _offset(state: RawMeasured, at: Float, on: Bool) -> Float:
     """From the reference curve to the lower edge (k, 3) at the arc lengths (k,) of the frames `on`."""
     _, n, m = axes(state, at)
-    return state.stands_out_mm[on, None] * n + state.lower.course.value(at)[:, None] * m
+    return state.stands_out_mm[on, None] * n + state.lower.value(at)[:, None] * m
 
 
 def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -> RawMeasured:
@@ -137,8 +144,9 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)
     placed = [_placed(cloud, found, ends, curve, s, tilt, sigma) for ends in (found.lower, found.upper)]
-    lower = _end_along(cloud, found, found.lower, placed[0], -1.0, vibration, rough, whole)
-    upper = _end_along(cloud, found, found.upper, placed[1], 1.0, vibration, rough, whole)
+    bend = _bend(curve, tilt)
+    lower = _end_along(cloud, found, found.lower, placed[0], bend, -1.0, vibration, rough, whole)
+    upper = _end_along(cloud, found, found.upper, placed[1], bend, 1.0, vibration, rough, whole)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
@@ -213,6 +221,20 @@ def _placed(
     return out[0], out[1], out[2], out[3], out[4]
 
 
+def _bend(curve: Curve, tilt: Course) -> CubicSpline:
+    """How far the reference curve leaves a straight line along m, mm: what of it is the edge's is told by the ends.
+
+    Else waves of the reference curve, which started from the middles of the face, would pass for the edge's.
+    """
+    at = np.arange(curve.spline.t[3] - ALONG_MM, curve.spline.t[-4] + 2.0 * ALONG_MM, ALONG_MM)
+    _, a, b = curve.frame(at)
+    angle = tilt.value(at)[:, None]
+    curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
+    slope = cumulative_trapezoid(curvature, at, initial=0.0)
+    bend = cumulative_trapezoid(slope - slope.mean(), at, initial=0.0)
+    return CubicSpline(at, bend - bend.mean())
+
+
 def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
     """Probability that a column at the face's end has no return (N,): as inside the face, MIXED at a mixed pixel."""
     face = found.faces[ROOT_FACE]
@@ -230,6 +252,7 @@ def _end_along(
     found: RawFaces,
     ends: FaceEnds,
     placed: tuple[Float, Float, Float, Float, Float],
+    bend: CubicSpline,
     outward: float,
     vibration: Float,
     rough: bool,
@@ -240,6 +263,7 @@ def _end_along(
     A frame's own shift scatters its silhouette and its corner alike.
     """
     s, m, step, sigma, missing = placed
+    m = m + bend(np.where(np.isfinite(s), s, 0.0))
     together = TOGETHER_MM if rough else None
     m = np.where(_at_rim(s), np.nan, m)
     silhouette = np.isfinite(m) & (step > 0)
@@ -247,7 +271,7 @@ def _end_along(
     use = corner | (silhouette if not _covered(s, corner) else _alone(s, corner, silhouette))
     spread = np.hypot(sigma, vibration)
     middle = np.where(use, outward * m + 0.5 * step, np.nan)
-    course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, together_mm=together)
+    course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, (2, 3), together_mm=together)
     if whole and (use & silhouette).any():
         column = np.where(silhouette, ends.column, 0).astype(np.int64)
         low, wide, noise, weight = settled(outward * m, step, spread, column, cloud.pass_index)
@@ -255,13 +279,13 @@ def _end_along(
         on = on[np.argsort(s[on], kind="stable")]
         unknown = np.full(on.size, np.nan)
         known = Ends(s[on], low[on], wide[on], np.maximum(noise[on], 1e-3), missing[on], weight[on], unknown, unknown)
-        course = find_end(known, course, together).course
+        course = find_end(known, course, together, (2, 3)).course
     rounding = NO_ROUNDING
     if whole and not rough and not _covered(s, corner):
         rounding = _rounding(cloud, found, ends, outward, silhouette)
         spline = course.spline
         course = replace(course, spline=BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
-    return EndAlong(_scaled(course, outward), np.where(np.isfinite(placed[1]), s, np.nan), rounding)
+    return EndAlong(_scaled(course, outward), bend, np.where(np.isfinite(placed[1]), s, np.nan), rounding)
 
 
 def _rounding(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, silhouette: Bool) -> Rounding:

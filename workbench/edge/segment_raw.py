@@ -85,7 +85,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     seen = covered(lower_s, cloud.pass_index, at)
     t, n, m = axes(measured, at)
     origin = measured.curve.position(at)
-    low, high = measured.lower.course.value(at), measured.upper.course.value(at)
+    low, high = measured.lower.value(at), measured.upper.value(at)
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
     position[~seen] = np.nan

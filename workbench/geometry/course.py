@@ -22,10 +22,13 @@ from workbench.units import Bool, Float, Int
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
+NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; times that their weights settle
+LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
+LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
+READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
 STIFFEST_MM = 150.0  # no course is taken for straighter than over this length
 LEAST_SHARE = 2e-3  # of the posterior, for a stiffness to count
-TEMPER = 1.0
 HIDDEN, HIDDEN_MM = 0.3, 20.0  # a walk is assumed that this much edge cannot tell from noise, whatever the data say
 PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise that is found
 
@@ -69,12 +72,15 @@ class Course:
 class Bins:
     """Values averaged over short stretches of edge, pass by pass."""
 
-    s: Float  # (b,)
+    s: Float  # (b,) mean
+    spread: Float  # (b,) standard deviation of s: the mean of a bend lies off the bend
     y: Float  # (b, d)
     variance: Float  # (b,) as the stated variances say
     group: Int  # (b,)
-    kept: Bool  # (n,)
+    kept: Bool  # (n,) False: outliers, and what was not finite
     frame_factor: float
+    vector: bool = True  # of values (n, d)
+    seen: Bool | None = None  # (n,) finite
 
 
 def fit_course(
@@ -105,25 +111,45 @@ def fit_course(
         >>> bool(abs(course.value(np.array([50.0]))[0] - 2.5) < 1e-3)
         True
     """
-    stated = variance is not None
-    bins, between = _aligned(binned(s, y, variance, group, together_mm or BIN_MM))
-    noise_factor = max(_noise_factor(bins, stated), 1.0) if stated else _noise_factor(bins, stated)
+    bin_mm, stated = together_mm or BIN_MM, variance is not None
+    bins = binned(s, y, variance, group, bin_mm)
+    course = _fit(s, bins, stated, orders, stiffness, least_walk, bin_mm)
+    for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
+        kept = _near(course, s, y, variance, group)
+        if (kept == course.kept).all():
+            break
+        bins = binned(s, y, variance, group, bin_mm, kept)
+        course = _fit(s, bins, stated, orders, course.stiffness, least_walk, bin_mm)
+    return course
+
+
+def _fit(s: Float, bins: Bins, stated: bool, orders: tuple[int, int], stiffness: Float | None, least_walk: float,
+         bin_mm: float) -> Course:  # fmt: skip
+    bins, between = _aligned(bins)
+    noise_factor = _noise_factor(bins, stated, min(orders))
+    noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     weight = 1.0 / (bins.variance * noise_factor)
-    knots = _knots(np.asarray(s)[bins.kept], 2.0 * (together_mm or BIN_MM))  # bins end before the values do
+    knots = _knots(np.asarray(s)[bins.seen], 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, min(orders))  # what no walk holds back; taken off, since sums of squares lose digits
     problem = penalised(np.clip(bins.s, knots[3], knots[-4]), bins.y - trend(bins.s), weight, knots, orders)
     grid = _grid(bins, weight, orders, least_walk) if stiffness is None else stiffness[:, :2]
     scores = problem.evidence(grid)
-    share = np.exp(TEMPER * (scores - scores.max()))
+    share = np.exp(scores - scores.max())
     share /= share.sum()
     counts = share > LEAST_SHARE
     share = share[counts] / share[counts].sum()
     stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
     coefficients, value, slope = problem.average(grid[counts], share, stations)
+    y = bins.y
+    if min(orders) > 1:  # the mean of a bend lies off the bend
+        bend = BSpline(knots, coefficients, 3).derivative(2)(np.clip(bins.s, knots[3], knots[-4]))
+        y = y - 0.5 * bins.spread[:, None] ** 2 * bend
+        problem = penalised(np.clip(bins.s, knots[3], knots[-4]), y - trend(bins.s), weight, knots, orders)
+        coefficients, value, slope = problem.average(grid[counts], share, stations)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
-    mean = coefficients if np.ndim(y) > 1 else coefficients[:, 0]
+    mean = coefficients if bins.vector else coefficients[:, 0]
     spline = BSpline(knots, mean, 3)
-    left = bins.y - spline(np.clip(bins.s, knots[3], knots[-4])).reshape(bins.y.shape)
+    left = y - spline(np.clip(bins.s, knots[3], knots[-4])).reshape(y.shape)
     spent = float((weight * np.interp(bins.s, stations, value)).sum())
     misfit = float((weight[:, None] * left**2).sum()) / (left.shape[1] * max(weight.size - spent, 1.0))
     raised, value = max(1.0, misfit), value + between / max(1.0, misfit)
@@ -142,18 +168,49 @@ def fit_course(
     )
 
 
-def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM) -> Bins:
-    """Means of y (n,) or (n, d) over bins along s (n,), outliers left out, each pass by itself."""
+def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM,
+           kept: Bool | None = None) -> Bins:  # fmt: skip
+    """Means of y (n,) or (n, d) over bins along s (n,), pass by pass; kept: without outliers, None: tell them."""
+    values, stated, passes, seen = _as_values(s, y, variance, group)
+    if not seen.any():
+        raise ValueError("expected a finite value")
+    least = LEAST_BINS if bin_mm <= BIN_MM else LEAST_BINS // 4
+    width = min(bin_mm, max(float(np.ptp(s[seen])), 1e-6) / least)
+    kept = _inliers(s, values, stated, passes, seen, width) if kept is None else kept
+    return replace(_means(s, values, stated, passes, kept, width), vector=np.ndim(y) > 1, seen=seen)
+
+
+def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None) -> tuple[Float, Float, Int, Bool]:
+    """Values (n, d), their variances (n,), passes (n,), and which of them are numbers (n,)."""
     values = np.asarray(y, dtype=float).reshape(len(s), -1)
     stated = np.ones(len(s)) if variance is None else np.asarray(variance, dtype=float)
     passes = np.zeros(len(s), np.int64) if group is None else np.asarray(group)
-    kept = np.isfinite(s) & np.isfinite(values).all(axis=1) & np.isfinite(stated) & (stated > 0)
-    if not kept.any():
-        raise ValueError("expected a finite value")
-    least = LEAST_BINS if bin_mm <= BIN_MM else LEAST_BINS // 4
-    width = min(bin_mm, max(float(np.ptp(s[kept])), 1e-6) / least)
-    kept &= _inliers(s, values, stated, passes, kept, width)
-    return _means(s, values, stated, passes, kept, width)
+    seen = np.isfinite(s) & np.isfinite(values).all(axis=1) & np.isfinite(stated) & (stated > 0)
+    return values, stated, passes, seen
+
+
+def _near(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None) -> Bool:
+    """Values (n,) within OUTLIER_SIGMAS of the course: of their pass's own scatter about it, and of its uncertainty.
+
+    A pass of LEAST_VALUES or more may run beside the course as a whole.
+    """
+    values, stated, passes, out = _as_values(s, y, variance, group)
+    on = np.flatnonzero(out)
+    off = values[on] - course.value(s[on]).reshape(on.size, -1)
+    for p in np.unique(passes[on]):
+        mine = passes[on] == p
+        sound = mine & course.kept[on]
+        if sound.sum() >= LEAST_VALUES:
+            off[mine] -= np.median(off[sound], axis=0)
+    size = np.sqrt((off**2).sum(axis=1) / stated[on])
+    typical = np.full(on.size, float(np.median(size)))
+    for p in np.unique(passes[on]):
+        mine = passes[on] == p
+        if mine.sum() >= LEAST_VALUES:
+            typical[mine] = np.median(size[mine])
+    limit = np.hypot(np.maximum(typical / 0.6745, 1e-12), course.u(s[on]) / np.sqrt(stated[on]))
+    out[on] = size <= OUTLIER_SIGMAS * limit
+    return out
 
 
 def _aligned(bins: Bins) -> tuple[Bins, float]:
@@ -164,21 +221,25 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
     passes = np.unique(bins.group)
     if passes.size < 2:
         return bins, 0.0
-    width = 4.0 * float(np.median(np.diff(np.unique(bins.s)))) + 1e-9
-    cell = np.floor((bins.s - bins.s.min()) / width).astype(np.int64)
+    of_pass = [np.flatnonzero(bins.group == p) for p in passes]
+    width = 2.0 * max(float(np.median(np.diff(bins.s[mine]))) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
     off, weight = np.zeros((passes.size, bins.y.shape[1])), np.zeros(passes.size)
-    for k, p in enumerate(passes):  # against the mean of all passes, where it shares a stretch with another
-        mine = bins.group == p
-        shared = mine & np.isin(cell, cell[~mine])
-        for i in np.flatnonzero(shared):
-            there = ~mine & (cell == cell[i])
-            off[k] += bins.y[i] - bins.y[there].mean(axis=0)
-        weight[k] = shared.sum()
+    for k, mine in enumerate(of_pass):  # against each of the others, on the line between the two bins beside
+        total, count = np.zeros(bins.y.shape[1]), 0
+        for other in (one for j, one in enumerate(of_pass) if j != k):
+            after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
+            near = np.minimum.reduce([np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine])
+                                      for i in (after - 1, after)]) < width  # fmt: skip
+            there = np.stack([np.interp(bins.s[mine], bins.s[other], y) for y in bins.y[other].T], axis=1)
+            inside = near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])
+            total, count = total + (bins.y[mine] - there)[inside].sum(axis=0), count + int(inside.sum())
+        if count >= LEAST_SHARED:
+            off[k], weight[k] = total, count
     if not (weight > 0).any():
         return bins, 0.0
     # Each difference is against the others' mean: of g passes, g / (g - 1) times the pass's own offset.
     off = off / np.maximum(weight, 1.0)[:, None] * (passes.size - 1) / passes.size
-    off -= np.average(off, axis=0, weights=weight)
+    off[weight > 0] -= np.average(off, axis=0, weights=weight)
     number = np.searchsorted(passes, bins.group)
     seen = weight > 0
     between = float((off[seen] ** 2).mean(axis=1).sum()) / max(seen.sum() * (seen.sum() - 1), 1)
@@ -194,28 +255,56 @@ def _number(s: Float, passes: Int, width: float) -> Int:
 
 
 def _inliers(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width: float) -> Bool:
-    """Values within OUTLIER_SIGMAS of the running median of their neighbouring bins' medians."""
+    """Values within OUTLIER_SIGMAS of a smooth course through the medians of neighbouring bins, in one pass.
+
+    Components are judged together: noise of a frame may lie along one direction only.
+    """
     out = kept.copy()
-    on = np.flatnonzero(kept)
-    order = on[np.lexsort((s[on], passes[on]))]
-    number = _number(s[order], passes[order], 2.0 * width)
-    first = np.flatnonzero(np.diff(number, prepend=-1))
-    place = _medians(s[order], first)
-    of_pass = passes[order[first]]
-    for k in range(y.shape[1]):
-        middle = _medians(y[order, k], first)
-        for p in np.unique(of_pass):
-            mine = of_pass == p
-            values = middle[mine]
-            if values.size >= 3:
-                inner = np.median(np.stack([values[:-2], values[1:-1], values[2:]]), axis=0)
-                values = np.concatenate([[values[0]], inner, [values[-1]]])
-            here = order[passes[order] == p]
-            if here.size < 5:
-                continue
-            off = np.abs(y[here, k] - _interpolated(s[here], place[mine], values)) / np.sqrt(variance[here])
-            out[here] &= off <= OUTLIER_SIGMAS * max(float(np.median(off)) / 0.6745, 1e-12)
+    for p in np.unique(passes[kept]):
+        here = np.flatnonzero(kept & (passes == p))
+        if here.size < LEAST_VALUES:
+            continue
+        here = here[np.argsort(s[here], kind="stable")]
+        number = np.floor((s[here] - s[here[0]]) / width)
+        first = np.flatnonzero(np.diff(number, prepend=-1.0))
+        place = _medians(s[here], first)
+        middle = np.stack([_medians(part, first) for part in y[here].T], axis=1)
+        nearest = np.abs(np.searchsorted(0.5 * (place[1:] + place[:-1]), s[here]))
+        off = y[here] - _parabolas(place, middle, nearest, s[here])
+        size = np.sqrt((off**2).sum(axis=1) / variance[here])
+        out[here] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, 1e-12)
     return out
+
+
+def _parabolas(place: Float, middle: Float, nearest: Int, s: Float) -> Float:
+    """Values (n, d) at s (n,) of the parabola about the nearest of the places (b,), through the NEIGHBOURS nearest it.
+
+    Through middles (b, d), by least squares with weights that fall with a middle's own distance (Cauchy's): robust, and
+    true to a course that bends, at its ends too, where lines between the middles would leave it.
+    """
+    count = min(NEIGHBOURS, place.size)
+    first = np.arange(place.size) - count // 2
+    for _ in range(count // 2):  # windows slide away from ends and gaps
+        first = np.clip(first, 0, place.size - count)
+        last = first + count - 1
+        further = np.minimum(last + 1, place.size - 1)
+        ahead = (further > last) & (place[further] - place < place - place[first]) & (first < np.arange(place.size))
+        behind = np.maximum(first - 1, 0)
+        back = (behind < first) & (place - place[behind] < place[last] - place) & (last > np.arange(place.size))
+        first = first + ahead - back
+    window = np.clip(first, 0, place.size - count)[:, None] + np.arange(count)
+    reach = np.maximum(np.ptp(place[window], axis=1), 1e-9)
+    u = (place[window] - place[:, None]) / reach[:, None]
+    powers = u[:, :, None] ** np.arange(min(3, max(1, (count + 1) // 2)))
+    weight = np.ones(place.size)
+    for _ in range(RESETTLED):
+        left = powers * weight[window][:, :, None]
+        normal = np.einsum("bki,bkj->bij", left, powers) + 1e-12 * np.eye(powers.shape[2])
+        found = np.linalg.solve(normal, np.einsum("bki,bkd->bid", left, middle[window]))
+        off = np.linalg.norm(middle - found[:, 0], axis=1)
+        weight = 1.0 / (1.0 + (off / max(2.0 * float(np.median(off)), 1e-12)) ** 2)
+    u = (s - place[nearest]) / reach[nearest]
+    return np.asarray(np.einsum("ni,nid->nd", u[:, None] ** np.arange(powers.shape[2]), found[nearest]))
 
 
 def _medians(values: Float, first: Int) -> Float:
@@ -232,21 +321,13 @@ def _fill_medians(values: Float, edges: Int, out: Float) -> None:
         out[k] = 0.5 * (run[(run.size - 1) // 2] + run[run.size // 2])
 
 
-def _interpolated(s: Float, at: Float, values: Float) -> Float:
-    """Linear interpolation, going on in a straight line beyond the outer places."""
-    if at.size < 2:
-        return np.full(s.shape, values[0])
-    i = np.clip(np.searchsorted(at, s), 1, at.size - 1)
-    share = (s - at[i - 1]) / np.maximum(at[i] - at[i - 1], 1e-9)
-    return np.asarray(values[i - 1] + np.clip(share, -1.0, 2.0) * (values[i] - values[i - 1]))
-
-
 def _means(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width: float) -> Bins:
     on = np.flatnonzero(kept)
     number = _number(s[on], passes[on], width)
     weight = 1.0 / variance[on]
     total = np.bincount(number, weight)
     place = np.bincount(number, weight * s[on]) / total
+    spread = np.sqrt(np.bincount(number, weight * (s[on] - place[number]) ** 2) / total)
     mean = np.stack([np.bincount(number, weight * y[on, k]) / total for k in range(y.shape[1])], axis=1)
     group = np.zeros(total.size, np.int64)
     group[number] = passes[on]
@@ -261,23 +342,30 @@ def _means(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width: 
     off = y[on] - mean[number] - slope[number] * (s[on] - place[number])[:, None]
     free = max(float((count - 1).sum()), 0.0) * y.shape[1]
     factor = float((weight[:, None] * off**2).sum()) / free if free >= 10 else 1.0
-    return Bins(place, mean, 1.0 / total, group, kept, factor)
+    return Bins(place, spread, mean, 1.0 / total, group, kept, factor)
 
 
-def _noise_factor(bins: Bins, stated: bool) -> float:
-    """Variance of the bins' means over the stated one, from what each differs from its neighbours' line (eq. (2))."""
-    between = np.zeros(bins.s.size, bool)
+def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
+    """Variance of the bins' means over the stated one, from what each differs from its neighbours (eq. (2)).
+
+    From their line, where a course is constant but for waves (order 1), from the cubic of four where it is straight but
+    for bends (order 2): these are no noise.
+    """
+    reach = order
+    known = max(1.0, bins.frame_factor) if stated else bins.frame_factor
     gap = np.diff(bins.s)
     widest = 2.5 * float(np.median(gap[gap > 0])) if (gap > 0).any() else 0.0
-    joined = (np.diff(bins.group) == 0) & (gap > 0) & (gap <= widest)
-    between[1:-1] = joined[:-1] & joined[1:]
-    k = np.flatnonzero(between)
-    known = max(1.0, bins.frame_factor) if stated else bins.frame_factor
+    parted = np.concatenate([[0], np.cumsum((np.diff(bins.group) != 0) | (gap <= 0) | (gap > widest))])
+    k = np.arange(reach, bins.s.size - reach)
+    k = k[parted[k - reach] == parted[k + reach]]
     if k.size < 4:
         return known if stated or bins.s.size > 4 else max(known, 1e-12)
-    share = (bins.s[k] - bins.s[k - 1]) / (bins.s[k + 1] - bins.s[k - 1])
-    off = bins.y[k] - (1.0 - share)[:, None] * bins.y[k - 1] - share[:, None] * bins.y[k + 1]
-    expected = bins.variance[k] + (1.0 - share) ** 2 * bins.variance[k - 1] + share**2 * bins.variance[k + 1]
+    beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
+    at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
+    share = np.stack([np.prod([at[:, i] / (at[:, i] - at[:, j]) for i in range(2 * reach) if i != j], axis=0)
+                      for j in range(2 * reach)], axis=1)  # fmt: skip
+    off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
+    expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
     z2 = off**2 / expected[:, None]
     typical = float(np.median(z2)) / 0.4549
     bounded = np.minimum(z2, 9.0 * typical)

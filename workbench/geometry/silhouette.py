@@ -54,8 +54,10 @@ class EndCourse:
     contradicted: Bool  # (c,) most frames there say something else than the course
 
 
-def find_end(ends: Ends, first: Course, together_mm: float | None = None) -> EndCourse:
-    """The end along the edge; first: a course through the middles of the column steps; together_mm: as `fit_course`."""
+def find_end(
+    ends: Ends, first: Course, together_mm: float | None = None, orders: tuple[int, int] = (1, 2)
+) -> EndCourse:
+    """The end along the edge; first: a course through the middles of the column steps; the others: as `fit_course`."""
     length = max(float(ends.s[-1] - ends.s[0]), 1e-3)
     cells = max(math.ceil(length / CELL_MM), min(LEAST_CELLS, ends.s.size // 3), 1)
     cell = np.minimum((ends.s - ends.s[0]) / length * cells, cells - 1).astype(np.int64)
@@ -66,7 +68,7 @@ def find_end(ends: Ends, first: Course, together_mm: float | None = None) -> End
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
-    least_walk = (UNSEEN_STEPS * step) ** 2 / UNSEEN_MM
+    least_walk = (UNSEEN_STEPS * step) ** 2 / UNSEEN_MM ** (2 * orders[0] - 1)
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     for _ in range(ROUNDS):
         about = course.value(place)
@@ -85,9 +87,8 @@ def find_end(ends: Ends, first: Course, together_mm: float | None = None) -> End
             logs,
         )
         mean, variance = _sites(logs, grid, prior)
-        course = fit_course(
-            place, about + mean, variance * _said_again(logs, grid), least_walk=least_walk, together_mm=together_mm
-        )
+        said = variance * _said_again(logs, grid)
+        course = fit_course(place, about + mean, said, orders=orders, least_walk=least_walk, together_mm=together_mm)
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     off = np.bincount(cell, _off_course(ends, course.value(ends.s))) / count
     return EndCourse(course, place, off > CONTRADICTED)

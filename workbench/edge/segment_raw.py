@@ -24,6 +24,7 @@ from workbench.geometry.gaps import covered
 from workbench.stage import stage
 
 STATION_MM = 1.0
+ALONG_NORMAL = math.sqrt(3.0)  # frames scatter along the normal alone; the curve's u is that of a third of it
 ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
 
 
@@ -100,7 +101,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
     tilt_u = np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u)
-    stand_u = np.hypot(np.hypot(measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
+    stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
     if measured.rough:
         stand_u = np.hypot(stand_u, measured.stand_out.u(at))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
@@ -108,6 +109,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     low_u = np.hypot(low_u, sudden_mm(at, low, low_u))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
+    turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     return RawEdge(
         part=cloud.part,
@@ -118,7 +120,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         arc_length_mm=at - start,
         position_mm=position,
         tangent=t,
-        tangent_u=np.hypot(measured.curve.tangent_u(at), doubtful),
+        tangent_u=np.hypot(turning, doubtful),
         normal=n,
         across=m,
         seen=seen,

@@ -123,8 +123,15 @@ def fit_course(
     return course
 
 
-def _fit(s: Float, bins: Bins, stated: bool, orders: tuple[int, int], stiffness: Float | None, least_walk: float,
-         bin_mm: float) -> Course:  # fmt: skip
+def _fit(
+    s: Float,
+    bins: Bins,
+    stated: bool,
+    orders: tuple[int, int],
+    stiffness: Float | None,
+    least_walk: float,
+    bin_mm: float,
+) -> Course:
     bins, between = _aligned(bins)
     noise_factor = _noise_factor(bins, stated, min(orders))
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
@@ -168,8 +175,14 @@ def _fit(s: Float, bins: Bins, stated: bool, orders: tuple[int, int], stiffness:
     )
 
 
-def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM,
-           kept: Bool | None = None) -> Bins:  # fmt: skip
+def binned(
+    s: Float,
+    y: Float,
+    variance: Float | None = None,
+    group: Int | None = None,
+    bin_mm: float = BIN_MM,
+    kept: Bool | None = None,
+) -> Bins:
     """Means of y (n,) or (n, d) over bins along s (n,), pass by pass; kept: without outliers, None: tell them."""
     values, stated, passes, seen = _as_values(s, y, variance, group)
     if not seen.any():
@@ -228,8 +241,12 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
         total, count = np.zeros(bins.y.shape[1]), 0
         for other in (one for j, one in enumerate(of_pass) if j != k):
             after = np.searchsorted(bins.s[other], bins.s[mine]).clip(1, max(other.size - 1, 1))
-            near = np.minimum.reduce([np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine])
-                                      for i in (after - 1, after)]) < width  # fmt: skip
+            near = (
+                np.minimum.reduce(
+                    [np.abs(bins.s[other[np.minimum(i, other.size - 1)]] - bins.s[mine]) for i in (after - 1, after)]
+                )
+                < width
+            )
             there = np.stack([np.interp(bins.s[mine], bins.s[other], y) for y in bins.y[other].T], axis=1)
             inside = near & (bins.s[mine] >= bins.s[other[0]]) & (bins.s[mine] <= bins.s[other[-1]])
             total, count = total + (bins.y[mine] - there)[inside].sum(axis=0), count + int(inside.sum())
@@ -362,8 +379,13 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
         return known if stated or bins.s.size > 4 else max(known, 1e-12)
     beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
     at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
-    share = np.stack([np.prod([at[:, i] / (at[:, i] - at[:, j]) for i in range(2 * reach) if i != j], axis=0)
-                      for j in range(2 * reach)], axis=1)  # fmt: skip
+    share = np.stack(
+        [
+            np.prod([at[:, i] / (at[:, i] - at[:, j]) for i in range(2 * reach) if i != j], axis=0)
+            for j in range(2 * reach)
+        ],
+        axis=1,
+    )
     off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
     expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
     z2 = off**2 / expected[:, None]

@@ -11,7 +11,7 @@ import numpy as np
 from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
-from workbench.artefacts import Recording
+from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError
 from workbench.inspect import gate
@@ -22,7 +22,16 @@ from workbench.units import Float
 SEED = 2_000_000  # from here on; not used for developing
 INSPECTED = ("straight", "arc", "oblique", "two_pass", "robot_error")
 PLANNED = ("raw_straight", "raw_arc", "raw_two_pass")
-CLASSES = ("right", "honest", "refused, right suspicion", "refused, other suspicion", "confidently wrong", "crashed")
+NAMED = "wrong, named as not included"
+CLASSES = (
+    "right",
+    "honest",
+    "refused, right suspicion",
+    "refused, other suspicion",
+    NAMED,
+    "confidently wrong",
+    "crashed",
+)
 FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
@@ -50,7 +59,7 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
     share = np.array([(s.index - 0.5) / count for s in told])
     wrong = min(_wrong(told, truth, share), _wrong(told, truth, 1.0 - share))
     if wrong > 2:
-        return "confidently wrong"
+        return _wrong_class(kind, inspection.checks)
     vague = [s for s in told if s.root_u_mm > HONEST_MM or s.bevel_u_deg > HONEST_DEG]
     return "honest" if len(told) - len(vague) < count / 2 else "right"
 
@@ -80,7 +89,13 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     place = edge.position_mm[np.isfinite(edge.position_mm[:, 0])]
     apart = np.array([np.linalg.norm(truth.position_mm - p, axis=1).min() for p in place[:: max(1, len(place) // 50)]])
     off = float(np.median(apart))
-    return "right" if off < PATH_MM else "confidently wrong"
+    return "right" if off < PATH_MM else _wrong_class(kind, edge.checks)
+
+
+def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
+    """Whether the results say that it could not be seen: a sensor's scale, or a flange that hardly turns."""
+    still = any(check.name == "flange_turn_deg" and "would not show" in check.finding for check in checks)
+    return NAMED if kind.unseen == "sensor" or (kind.unseen == "flange" and still) else "confidently wrong"
 
 
 def _refused(message: str, kind: Kind) -> str:
@@ -97,7 +112,8 @@ def main() -> None:
     parser.add_argument("--docs", action="store_true", help="write docs/confidently_wrong.md")
     chosen = parser.parse_args()
     lines = [
-        f"`python -m bench.confidently_wrong --parts {chosen.parts} --plans {chosen.plans} --good {chosen.good}`",
+        f"`python -m bench.confidently_wrong --parts {chosen.parts} --plans {chosen.plans} --good {chosen.good} "
+        f"--seed {chosen.seed}`",
         "",
     ]
     for what, judge, conditions, count in (

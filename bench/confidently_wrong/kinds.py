@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
@@ -18,10 +18,15 @@ Spoil = Callable[[Recording, np.random.Generator], Recording]
 
 
 class Kind(NamedTuple):
-    """A corruption; `words`: any of them in a refusal is the right suspicion."""
+    """A corruption; `words`: any of them in a refusal is the right suspicion.
+
+    `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
+    it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
+    """
 
     spoil: Spoil
     words: tuple[str, ...]
+    unseen: Literal["", "sensor", "flange"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -117,9 +122,14 @@ def _rounded(step_x: float, step_z: float) -> Spoil:
     return _grid(lambda r, _: (one(r.x_mm, step_x), one(r.z_mm, step_z)))
 
 
+def _copied(number: Float, count: int) -> Float:
+    """Pass numbers (n,) again and again, each time others."""
+    return (number + (number.max() + 1) * np.arange(count)[:, None]).ravel()
+
+
 def _passes(count: int, dither_mm: float) -> Spoil:
     def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        n, k = len(r.time_s), len(r.robot_time_s)
+        n = len(r.time_s)
         z = np.tile(r.z_mm, (count, 1)) + rng.normal(0, dither_mm, (count * n, r.z_mm.shape[1])).astype(np.float32)
         return _with(
             r,
@@ -131,7 +141,7 @@ def _passes(count: int, dither_mm: float) -> Spoil:
             robot_time_s=np.tile(r.robot_time_s, count),
             robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
             robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (count, 1)),
-            robot_pass=np.repeat(np.arange(count), k),
+            robot_pass=_copied(r.robot_pass, count),
         )
 
     return spoil
@@ -172,8 +182,10 @@ def dense_stream(r: Recording) -> Recording:
 def _clock(offset_s: float) -> Spoil:
     def spoil(r: Recording, _: np.random.Generator) -> Recording:
         dense = dense_stream(r)
-        low, high = dense.robot_time_s[0], dense.robot_time_s[-1]
-        keep = (r.time_s + offset_s >= low) & (r.time_s + offset_s <= high)
+        keep = np.zeros(len(r.time_s), bool)
+        for number in np.unique(r.pass_index):
+            time = r.time_s[r.pass_index == number]
+            keep[r.pass_index == number] = time + offset_s <= time[-1]
         return _with(
             dense,
             time_s=r.time_s[keep] + offset_s,
@@ -215,25 +227,27 @@ KINDS: dict[str, Kind] = {
     "hand-eye missing": Kind(_hand_eye(lambda p: np.eye(4)), HAND_EYE),
     "hand-eye rotation missing": Kind(_hand_eye(lambda p: pose_from(np.eye(3), p[:3, 3])), HAND_EYE),
     "hand-eye translation in m": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)), (*HAND_EYE, *UNIT)),
-    "hand-eye translation negated": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], -p[:3, 3])), HAND_EYE),
-    "hand-eye translation 30 mm off": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] + (30, 0, 0))), HAND_EYE),
-    "hand-eye turned by 2 deg": Kind(_turned_hand_eye(2), HAND_EYE),
-    "hand-eye turned by 10 deg": Kind(_turned_hand_eye(10), HAND_EYE),
+    "hand-eye translation negated": Kind(_hand_eye(lambda p: pose_from(p[:3, :3], -p[:3, 3])), HAND_EYE, "flange"),
+    "hand-eye translation 30 mm off": Kind(
+        _hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] + (30, 0, 0))), HAND_EYE, "flange"
+    ),
+    "hand-eye turned by 2 deg": Kind(_turned_hand_eye(2), HAND_EYE, "flange"),
+    "hand-eye turned by 10 deg": Kind(_turned_hand_eye(10), HAND_EYE, "flange"),
     "hand-eye turned by 30 deg": Kind(_turned_hand_eye(30), HAND_EYE),
     "hand-eye turned by 90 deg": Kind(_turned_hand_eye(90), HAND_EYE),
     "positions in m": Kind(_position(lambda p: p / 1e3), UNIT),
     "positions in cm": Kind(_position(lambda p: p / 10), UNIT),
     "positions in inches": Kind(_position(lambda p: p / 25.4), UNIT),
     "positions in micrometres": Kind(_position(lambda p: p * 1e3), UNIT),
-    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT),
-    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT),
-    "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES),
-    "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES),
-    "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES),
-    "axes y z x": Kind(_axes([1, 2, 0], (1, 1, 1)), AXES),
-    "x mirrored": Kind(_axes([0, 1, 2], (-1, 1, 1)), AXES),
-    "y mirrored": Kind(_axes([0, 1, 2], (1, -1, 1)), AXES),
-    "z mirrored": Kind(_axes([0, 1, 2], (1, 1, -1)), AXES),
+    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT, "flange"),
+    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT, "flange"),
+    "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES, "flange"),
+    "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES, "flange"),
+    "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES, "flange"),
+    "axes y z x": Kind(_axes([1, 2, 0], (1, 1, 1)), AXES, "flange"),
+    "x mirrored": Kind(_axes([0, 1, 2], (-1, 1, 1)), AXES, "flange"),
+    "y mirrored": Kind(_axes([0, 1, 2], (1, -1, 1)), AXES, "flange"),
+    "z mirrored": Kind(_axes([0, 1, 2], (1, 1, -1)), AXES, "flange"),
     "poses frozen": Kind(_position(lambda p: np.repeat(p[:1], len(p), axis=0)), ("frozen",)),
     "pose stream hangs for 60 %": Kind(_frozen_stream(0.6), ("frozen",)),
     "pose stream hangs for 20 %": Kind(_frozen_stream(0.2), ("frozen",)),
@@ -241,9 +255,9 @@ KINDS: dict[str, Kind] = {
     "profiles in inches": Kind(_grid(lambda r, _: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
     "profiles in cm": Kind(_grid(lambda r, _: (r.x_mm / 10, r.z_mm / 10)), UNIT),
     "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge")),
-    "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",)),
-    "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",)),
-    "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",)),
+    "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
+    "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
+    "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
     "all frames alike": Kind(_frames(lambda n: np.full(n, n // 2)), ("repeating", "frozen")),
     "scanner hangs for an eighth": Kind(_frames(_hangs), ("repeating", "frozen")),
     "every frame twice": Kind(_frames(lambda n: np.arange(n) // 2 * 2), ("repeating", "frozen")),

@@ -72,6 +72,7 @@ class Edge(AlongTheEdge):
     seen: Bool  # (n,) measured here; False under clamps and in other gaps
     burr_stations: Int  # (b,) stations where material stands out beyond the faces
     part: Part = UNKNOWN_PART
+    source: str = ""  # the file it was measured in
     warnings: tuple[str, ...] = ()
     not_included: tuple[str, ...] = ()  # what no recording of this kind can show, in sentences
     checks: tuple[Check, ...] = ()  # of the cloud that it was found in, and of the faces

@@ -105,6 +105,7 @@ class Inspection:
     uncertainty: Uncertainty = NO_BUDGET
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()  # what was checked of recording and faces
+    source: str = ""  # the file it was measured in
 
     def table(self) -> Any:
         """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""

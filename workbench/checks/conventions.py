@@ -70,6 +70,11 @@ def _known() -> Iterator[Convention]:
             f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
             quaternion=_reordered(written, read),
         )
+        if written[0] == written[2]:  # their middle angle goes to 180 deg, where the others' goes to 90
+            yield Convention(
+                f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
+                quaternion=_reordered(written, read, beyond=True),
+            )
     for axes in permutations(range(3)):
         for signs in product((1, -1), repeat=3):
             if axes != (0, 1, 2) or signs != (1, 1, 1):
@@ -106,8 +111,8 @@ def _axis_map(axes: tuple[int, ...], signs: tuple[int, ...]) -> Positions:
     return lambda position: np.asarray(position[:, list(axes)] * signs)
 
 
-def _reordered(written: str, read: str) -> Quaternions:
-    """Undo that angles written in one order were read in another."""
+def _reordered(written: str, read: str, beyond: bool = False) -> Quaternions:
+    """Undo that angles written in one order were read in another; `beyond`: with the middle angle beyond 90 deg."""
 
     def undo(q: Float) -> Float:
         import warnings
@@ -115,6 +120,8 @@ def _reordered(written: str, read: str) -> Quaternions:
         with warnings.catch_warnings():  # gimbal lock: any of the angles will do
             warnings.simplefilter("ignore")
             angles = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_euler(read)
+        if beyond:
+            angles = angles * (1.0, -1.0, 1.0) + np.pi
         return np.asarray(Rotation.from_euler(written, angles).as_quat()[:, [3, 0, 1, 2]])
 
     return undo

@@ -15,12 +15,13 @@ from workbench.checks.motion import Consistency, consistency
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
-from workbench.checks.sensor import column_pitch_mm, sensor_traces
+from workbench.checks.sensor import column_pitch_mm, sensor_traces, swapped_share
 from workbench.errors import InputError
 from workbench.geometry.grids import extent
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Float
 
+ROUNDED_SHARE = 0.5  # of the noise, from which on steps of the ranges make neighbours equal
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 NOT_JUDGED = Check(
     "recording_judged",
@@ -32,9 +33,14 @@ NOT_JUDGED = Check(
 )
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
-EXPLAINED = 0.1  # share of the twist that a better reading may leave
+OBLIQUE_DEG = 6.0  # from here on a small twist is looked into
+SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
+TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
+SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it
+EXPLAINED = 0.15  # share of the twist that a better reading may leave
 VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
+UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -118,7 +124,7 @@ def _consistent(
     recording: Recording, found: Mapping[int, Chain], hand_eye: Float, most_deg: float
 ) -> tuple[tuple[Convention, Consistency], ...]:
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
-    allowed = max(most("convention_twist_deg"), EXPLAINED * as_read.twist_deg)
+    allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg)
     tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in known_conventions())
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
     if as_read.obliquity_deg <= most_deg:
@@ -156,7 +162,7 @@ def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bo
     yield _hand_eye_check(hand_eye, given)
     if calibration or recording.clock == "own":
         return
-    yield from _motion_checks(recording, hand_eye, given)
+    yield from _motion_checks(without_copies(recording), hand_eye, given)
 
 
 def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
@@ -247,33 +253,27 @@ def _copied_passes(recording: Recording, repeats: Repeats) -> dict[int, int]:
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
+    share = swapped_share(recording.x_mm, recording.z_mm)
+    told = f"z is evenly spaced from column to column, x is not, in {100 * share:.0f} % of the profiles"
+    yield check("swapped_share", share, f"{told}: axes x and z swapped?", given=given)
     traces = sensor_traces(recording.x_mm, recording.z_mm)
-    yield check(
-        "mean_columns",
-        traces.mean_columns,
-        f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off",
-        given=given,
-    )
-    yield check(
-        "equal_share",
-        traces.equal_share,
-        f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
-        "a median filter, or a held value? switch the sensor's filters off",
-        given=given,
-    )
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
     pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
+    rounded = traces.step_z_mm > ROUNDED_SHARE * noise
     for name, what, step, blurred in (  # noise of the ranges blurs their own steps alone
         ("range_step_mm", "ranges", traces.step_z_mm, 2.0 * noise),
         ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
     ):
-        yield check(
-            name,
-            step,
-            f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution",
-            given=given,
-            default=max(most(name), blurred),
-        )
+        told = f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution"
+        yield check(name, step, told, given=given, default=max(most(name), blurred))
+    told = (
+        f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off"
+    )
+    yield check("mean_columns", traces.mean_columns, told, given=given)
+    told = f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
+    told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
+    told += "a median filter, or a held value? switch the sensor's filters off"
+    yield check("equal_share", traces.equal_share, told, given=given)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
@@ -290,11 +290,14 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     twist = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected: list[str] = []
-    unexplained = now.twist_deg > most("convention_twist_deg")
+    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order?"
+    yield check("wiggle_mm", now.wiggle_mm, told, given=given)
+    unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
-        readings = _consistent(recording, found, hand_eye, SMALL_DEG)
+        readings = _consistent(recording, found, hand_eye, most("obliquity_deg"))
         suspected = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
-    hint = f"; suspicion: {_listed(suspected)}" if suspected else ": are orientations, axes or the hand-eye pose wrong?"
+    hint = f"; suspicion: {_listed(suspected)}" if suspected else ""
+    hint += "; or other orientations, axes or a hand-eye pose that are wrong" if suspected else UNKNOWN
     told = f"the laser plane would stand {now.obliquity_deg:.0f} deg off square to the edge"
     yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
     told = f"the angle between laser plane and edge would vary by {now.varies_deg:.1f} deg to each side"
@@ -305,8 +308,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
     yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
-    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order?"
-    yield check("wiggle_mm", now.wiggle_mm, told, given=given)
+    yield _unseen(recording)
     yield from _pass_check(recording, found, hand_eye, given)
     offset = clock_offset(
         found, lambda number, shift: _poses(recording, {number: found[number]}, hand_eye, AS_READ, shift)[number]
@@ -322,13 +324,41 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     )
 
 
+def _unseen(recording: Recording) -> Check:
+    """How much the flange turns within a pass, and what does not show where that is little; told, not judged."""
+    turned = max(
+        _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
+        for number in np.unique(recording.robot_pass)
+    )
+    told = f"the flange turns by {turned:.1f} deg within a pass"
+    if turned < TURNS_DEG:
+        told += (
+            ": a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
+            "swapped axes of the robot and a scale of its travel would not show"
+        )
+    reason = f"a hand-eye pose shows itself where the flange turns by {TURNS_DEG:g} deg and more"
+    return Check("flange_turn_deg", turned, None, True, reason, told)
+
+
+def _turned_deg(quaternion: Float) -> float:
+    """Greatest angle to the first of unit quaternions (k, 4)."""
+    return float(np.degrees(2.0 * np.arccos(np.clip(np.abs(quaternion @ quaternion[0]).min(), 0.0, 1.0))))
+
+
 def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool:
-    """Whether a reading makes better what is bad as read."""
+    """Whether a reading makes better what is bad as read.
+
+    A small twist may be the plate's own: it counts against what was read only if the reading that explains it also
+    takes the laser plane nearer to square, which scans mostly are.
+    """
+    left = EXPLAINED * now.twist_deg + SEEN_TWIST_DEG
     if now.obliquity_deg > most("obliquity_deg"):
+        better, left = there.obliquity_deg < 0.5 * now.obliquity_deg, max(left, most("convention_twist_deg"))
+    elif now.twist_deg < SURE_TWIST_DEG:
         better = there.obliquity_deg < 0.5 * now.obliquity_deg
     else:  # orientations that turn about another axis take the turn from about the edge to across it
         better = there.varies_deg < now.varies_deg + VARIES_DEG
-    return better and there.twist_deg < max(EXPLAINED * now.twist_deg, 0.25)
+    return better and there.twist_deg < left
 
 
 def _turning(names: Sequence[str]) -> bool:

@@ -58,6 +58,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames that are an earlier frame of their pass again, bit for bit",
         "a few are dropped as copies; more is a sensor or driver that delivers old buffers",
     ),
+    "swapped_share": Limit(
+        0.5,
+        "share of the profiles in which ranges are evenly spaced from column to column, and lateral places are not",
+        "columns follow the sensor's pixels, so lateral places are even; ranges have noise",
+    ),
     "mean_columns": Limit(
         1.5,
         "width of a moving mean over the columns of a profile",
@@ -99,12 +104,13 @@ LIMITS: dict[str, Limit] = {
         "plates turn slowly, good recordings have up to 0.5; wrong orientations turn the section with the wrist",
     ),
     "convention_twist_deg": Limit(
-        1.2,
-        "the same, where another reading of the orientations explains nine tenths of it",
+        0.25,
+        "the same, where another reading of the orientations explains most of it; below 1.2 deg only if that "
+        "reading also halves an obliquity of 6 deg and more",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
     "wiggle_mm": Limit(
-        0.3,
+        0.12,
         "standard deviation of the edge's way through the base from a smooth one, from profile to profile",
         "robots and edges are smoother; frames out of order and poses that jump are not",
     ),

@@ -29,7 +29,7 @@ class Consistency:
     varies_deg: float  # of that angle within a pass: half of its middle nine tenths
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
-    wiggle_mm: float  # robust standard deviation of a place from the straight line through the two beside it
+    wiggle_mm: float  # robust standard deviation of a place across its way from a smooth one
     way_mm: float  # of the edge, all passes
 
 
@@ -84,15 +84,14 @@ def _carried_by(chain: Chain, pose: Float) -> tuple[Float, Float, Int]:
 
 
 def _wiggle(place: Float, stretch: Int) -> float:
-    """Robust standard deviation of a place from the straight line through the two beside it, mm."""
-    together = stretch[2:] == stretch[:-2]
-    before, here, after = place[:-2][together], place[1:-1][together], place[2:][together]
-    if len(here) < LEAST_STRETCH:
+    """Robust standard deviation of a place across its way, from the third differences: a bend of the way has none."""
+    together = stretch[3:] == stretch[:-3]
+    if together.sum() < LEAST_STRETCH:
         return 0.0
-    chord, off = after - before, here - before
+    bend, chord = np.diff(place, n=3, axis=0)[together], (place[3:] - place[:-3])[together]
     size = np.maximum(np.linalg.norm(chord, axis=1), LEAST_MM)
-    aside = np.linalg.norm(np.cross(off, chord), axis=1) / size
-    return float(np.median(aside)) / 1.1774 / math.sqrt(1.5)  # of two normal numbers, of a place less the mean of two
+    aside = np.linalg.norm(np.cross(bend, chord), axis=1) / size
+    return float(np.median(aside)) / 1.1774 / math.sqrt(20.0)  # of two normal numbers; of 1, -3, 3, -1
 
 
 def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float] | None:

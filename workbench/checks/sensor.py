@@ -19,6 +19,8 @@ LEAST_SHARE = 0.6  # of a piece's columns that returned
 OUTLIERS = 6.0  # median misfits
 FLAT = 2.0  # standard deviations of the noise by which neighbouring columns of a flat piece differ at most
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
+LEAST_STEPS = 16  # of a profile
+EVEN, EVEN_SHARE = 0.05, 0.9  # by how much steps that are alike differ; and how many of them are
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -158,6 +160,23 @@ def _uneven_step(x: AnyArray) -> float:
         return 0.0
     uneven = float((np.abs(spacing - np.median(spacing)) > 0.5 * step).mean())
     return step if uneven > UNEVEN_SHARE else 0.0
+
+
+def swapped_share(x_mm: AnyArray, z_mm: AnyArray) -> float:
+    """Share of some profiles of a grid (N, M) whose ranges are evenly spaced while their lateral places are not."""
+    rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
+    return float((_evenly(z_mm[rows]) & ~_evenly(x_mm[rows])).mean())
+
+
+def _evenly(grid: AnyArray) -> Bool:
+    """Of rows (n, M): whether nearly all their steps from value to value are alike, and not 0."""
+    step = np.diff(grid.astype(np.float64), axis=1)
+    known = np.isfinite(step)
+    many = known.sum(axis=1) >= LEAST_STEPS
+    step[~many] = 0.0
+    usual = np.nanmedian(step, axis=1)
+    alike = (np.abs(step - usual[:, None]) < EVEN * np.abs(usual)[:, None]) & known
+    return np.asarray(many & (usual != 0.0) & (alike.sum(axis=1) > EVEN_SHARE * known.sum(axis=1)))
 
 
 def column_pitch_mm(x_mm: AnyArray) -> float:

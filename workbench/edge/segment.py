@@ -21,9 +21,10 @@ from workbench.edge.sizes import corrected_angles, sizes
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 STATION_MM = 1.0
+HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
 ROUNDED = (
     "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
@@ -104,6 +105,7 @@ def _edge(
     told = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
     return MilledEdge(
         part=cloud.part,
+        source=cloud.source,
         faces=tracked.faces,
         labels=tracked.labels,
         pass_index=cloud.pass_index,
@@ -126,10 +128,15 @@ def _edge(
 def laser_plane_u(cloud: Cloud) -> float:
     """Standard uncertainty (rad) of the laser plane's direction against the robot's motion: that of the hand-eye pose.
 
-    The profiles are turned with it, the way that the edge takes through the base is not.
+    The profiles are turned with it, the way that the edge takes through the base is not. Where the poses tell one
+    orientation all along, and the section turns, the plate may be twisted, or the orientation was not recorded: the
+    laser plane may then have turned across the edge by as much.
     """
     covariance = cloud.hand_eye_covariance
-    return 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
+    u = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
+    told = {check.name: check.value or 0.0 for check in cloud.checks}
+    held = told.get("flange_turn_deg", math.inf) < HELD_DEG and told.get("twist_deg", 0.0) > SEEN_TWIST_DEG
+    return math.hypot(u, told["twist_deg"] * DEG) if held else u
 
 
 def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:

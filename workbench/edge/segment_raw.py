@@ -113,6 +113,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     return RawEdge(
         part=cloud.part,
+        source=cloud.source,
         faces=found.faces,
         labels=found.labels,
         pass_index=cloud.pass_index,

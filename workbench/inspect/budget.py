@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import KINDS, MilledEdge, Quantity, Uncertainty, UncertaintySource
+from workbench.artefacts.checks import UNSEEN
 from workbench.units import DEG, Float
 
 NOT_INCLUDED = (
-    "Errors of scale and linearity of the profile sensor: see its calibration certificate.",
-    "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration.",
-    "A rotation of the laser plane by up to 20°, and a scale error of the robot's travel: a straight pass in one "
-    "orientation does not reveal them.",
+    *UNSEEN,
     "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
     "A burr in the plane of the root face, or a loss of returns at its end, along the whole edge: no profile reveals "
     "it. An allowance for it can be declared.",

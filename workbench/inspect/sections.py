@@ -74,6 +74,7 @@ def sections(
         budget(edge, measured),
         warnings,
         edge.checks,
+        edge.source,
     )
 
 

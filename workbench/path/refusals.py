@@ -13,6 +13,7 @@ from workbench.units import Bool, Float
 
 LEAST_STRETCH = 0.02  # of the axis' course per length of edge
 LEAST_ROOT_MM = 0.05  # to which good robots repeat
+MOST_KNOWN_MM = 1.0  # no edge is milled that is known to less
 SMALL_ROOT = 3.0  # expanded uncertainties of the lower edge across it
 LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
 
@@ -22,7 +23,7 @@ def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:
     share = float(np.mean(edge.seen))
     if share < least_seen_share:
         raise InputError(
-            "edge",
+            edge.source or "edge",
             f"seen on {100 * share:.0f} % of its length only, expected at least "
             f"{100 * least_seen_share:.0f} % (least_seen_share)",
         )
@@ -52,6 +53,9 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
 def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
     known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))
+    if known_mm > MOST_KNOWN_MM:
+        told = f"the edge is known to {known_mm:.3g} mm only: do its passes disagree, are poses or hand-eye pose wrong?"
+        raise InputError(edge.source or "edge", told)
     if bevel.root_mm < known_mm:
         raise InputError(
             "root_mm",

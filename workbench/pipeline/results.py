@@ -19,6 +19,7 @@ from workbench.artefacts import (
     Section,
     Toolpath,
 )
+from workbench.artefacts.checks import UNSEEN
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
@@ -75,6 +76,7 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
         "refused": list(path.refused),
         "warnings": list(path.warnings),
         "evidence": [dataclasses.asdict(check) for check in path.evidence],
+        "not_included": list(UNSEEN),
         "layers": [_layer(layer) for layer in path.layers],
         "travels": [{"points": _rows(travel, POSE_COLUMNS)} for travel in path.travels],
     }

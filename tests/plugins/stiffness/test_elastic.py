@@ -149,7 +149,7 @@ def test_stage_methods_and_axes(cell: Cell) -> None:
     joints = (0, -3, 5, 45, -45, 225)
     load = np.array([900.0, 500.0, -400.0])
     found = {
-        m: deflection(cell, read(), joints_deg=joints, force_n=tuple(load), method=m)[0]
+        m: deflection(cell, read(cell), joints_deg=joints, force_n=tuple(load), method=m)[0]
         for m in ("balance", "third_order", "second_order", "linear_kc", "linear")
     }
     off = [
@@ -159,7 +159,7 @@ def test_stage_methods_and_axes(cell: Cell) -> None:
     assert off[0] < off[1] / 100 < off[2] / 1000
     assert off[2] < off[3]
     rotation = (forward_kinematics(cell.chain, np.radians(joints)) @ cell.flange_from_cutter)[:3, :3]
-    turned = deflection(cell, read(), joints_deg=joints, force_n=tuple(rotation.T @ load), axes="cutter")[0]
+    turned = deflection(cell, read(cell), joints_deg=joints, force_n=tuple(rotation.T @ load), axes="cutter")[0]
     assert np.allclose(turned.displacement_mm, found["balance"].displacement_mm, rtol=1e-12)
-    dh = deflection(cell, read(), joints_deg=(0, 93, -5, 45, 45, 45), angle_convention="dh", force_n=tuple(load))[0]
+    dh = deflection(cell, read(cell), joints_deg=(0, 93, -5, 45, 45, 45), angle_convention="dh", force_n=tuple(load))[0]
     assert np.allclose(dh.displacement_mm, found["balance"].displacement_mm, rtol=1e-12)

@@ -51,6 +51,7 @@ class Source:
     type: type
     several: bool = False
     required: bool = True
+    nullable: bool = False  # its stage can do without the value
 
 
 @dataclass(frozen=True)
@@ -184,11 +185,12 @@ def stage(name: str) -> Callable[[F], F]:
 
 def _source(name: str, hint: Any, required: bool) -> Source:
     """Read `X`, `X | None`, `tuple[X, ...]` or a sequence of X."""
-    if get_origin(hint) in (Union, types.UnionType):
+    nullable = get_origin(hint) in (Union, types.UnionType)
+    if nullable:
         hint = next(part for part in get_args(hint) if part is not type(None))
     if get_origin(hint) in (tuple, list, Sequence):
         return Source(name, get_args(hint)[0], several=True, required=required)
-    return Source(name, hint, required=required)
+    return Source(name, hint, required=required, nullable=nullable)
 
 
 def _made(hint: Any) -> Iterator[type]:

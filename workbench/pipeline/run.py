@@ -178,9 +178,9 @@ def _artefact(source: Source, step: Step, checked: Plan, results: Results) -> An
         return provenance(checked, results)
     found = [one for i in step.sources[source.name] for one in results.artefacts[i] if isinstance(one, source.type)]
     made = [type(one).__name__ for i in step.sources[source.name] for one in results.artefacts[i]]
-    if source.required and not source.several and made and not found:  # made by one of two ways, and it went the other
-        makers = ", ".join(step.sources[source.name])
-        what = f"needs a {source.type.__name__} for '{source.name}', but {makers} made {', '.join(made)}"
+    if source.required and not source.several and not found and (made or not source.nullable):
+        makers = ", ".join(step.sources[source.name])  # made by one of two ways, and it went the other
+        what = f"needs a {source.type.__name__} for '{source.name}', but {makers} made {', '.join(made) or 'none'}"
         raise InputError(f"{checked.document.name}: {step.id}", what)
     return tuple(found) if source.several else (found[0] if found else None)
 

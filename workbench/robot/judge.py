@@ -30,6 +30,7 @@ ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin
 LEAST_REACH = 1e-5  # rad, and the same share of a whole: what is still open then is told as a violation
 MOST_REACH = 0.25  # rad, of all joints together in a stretch that can be proven at once
 MOST_TOLD = 40
+TIGHT = 0.1 * np.pi / 180  # rad: how near the stated distance from limits is to the true one
 ON_BOUNDARY = 0.02 * np.pi / 180  # rad: what the digits of a program may turn a joint by
 Configuration = Callable[[Float, Cell], tuple[int, ...] | None]
 
@@ -94,6 +95,9 @@ class _Findings:
     condition: list[Float] = field(default_factory=list)
     proven_mm: float = np.inf  # least distance of all, with what the bodies move between places taken off
     proven_pair: int = -1
+    least_margin: float = np.inf  # rad, of joints and turntable from their limits where they were looked at
+    proven_margin: float = np.inf  # rad, with what lies between taken off
+    proven_wrist: float = np.inf  # rad, likewise of axis 6 from axis 4
     faults: list[tuple[int, float, str, str]] = field(default_factory=list)  # segment, share, kind, finding
 
 
@@ -159,29 +163,25 @@ def _stretches(
     tip = forward_kinematics(cell.chain, three[1][:, :6]) @ cell.flange_from_cutter
     wrist, condition, asked = dexterity(cell.chain, three[1][:, :6], tip[:, :3, 3], cell.margins.twist)
     asked[way.kind[middle.segment] == JOINTS] = 0.0
-    margin, which = _limits(cell, three[1], asked)
+    room = _room(cell, three[1], asked)
+    margin, which = room.min(axis=1), room.argmin(axis=1)
+    sure, sure_wrist = (room - reach).min(axis=1), wrist - reach[:, 4]
     found.margin.append(np.where(lost, np.nan, margin))
     found.wrist.append(np.where(lost, np.nan, wrist))
     found.condition.append(np.where(lost, np.nan, condition))
     need = cell.margins.limit
     beyond = margin < need - 1e-9
     fault(beyond, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
-    open_ |= margin - reach.max(axis=1) < need - 1e-9
+    found.least_margin = float(np.nanmin(np.append(margin[~lost], found.least_margin)))
+    open_ |= sure < max(need - 1e-9, found.least_margin - TIGHT)
     in_space = way.kind[middle.segment] != JOINTS
-    fault(
-        in_space & (wrist < cell.margins.wrist),
-        "singular",
-        lambda i: (
-            f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
-            f"{np.degrees(cell.margins.wrist):g} deg"
-        ),
-    )
-    open_ |= in_space & (wrist - reach[:, 4] < cell.margins.wrist)
-    fault(
-        in_space & (condition > cell.margins.condition),
-        "singular",
-        lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most {cell.margins.condition:g}",
-    )
+    fault(in_space & (wrist < cell.margins.wrist), "singular",
+          lambda i: f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
+          f"{np.degrees(cell.margins.wrist):g} deg")  # fmt: skip
+    open_ |= in_space & (sure_wrist < cell.margins.wrist)
+    fault(in_space & (condition > cell.margins.condition), "singular",
+          lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most "
+          f"{cell.margins.condition:g}")  # fmt: skip
     near = _collisions(pairs, middle.at(~lost), reach[~lost], tiny[~lost], found)
     open_[~lost] |= near[0]
     hit, least, pair = np.full(len(middle), -1), np.full(len(middle), np.nan), np.full(len(middle), -1)
@@ -190,18 +190,22 @@ def _stretches(
     found.pair.append(pair)
     fault(hit >= 0, "collision", lambda i: _collision_finding(pairs, int(hit[i]), float(least[i])))
     fault(open_ & tiny, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
-    return np.asarray(open_ & ~closed)
+    open_ &= ~closed
+    done = ~(open_ | lost)
+    found.proven_margin = min(found.proven_margin, float(sure[done].min(initial=np.inf)))
+    found.proven_wrist = min(found.proven_wrist, float(sure_wrist[done & in_space].min(initial=np.inf)))
+    return np.asarray(open_)
 
 
-def _limits(cell: Cell, seven: Float, asked: Float) -> tuple[Float, Int]:
-    """The least margin (n,) of joints and turntable, what errors of tool and part ask for taken off, and of which."""
+def _room(cell: Cell, seven: Float, asked: Float) -> Float:
+    """How far joints and turntable (n, 7) stand from their limits, what errors of tool and part ask for taken off."""
     low, high = cell.chain.limits.T
-    margin = np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked
+    room = np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked
+    table = np.full(len(room), np.inf)
     if cell.turntable is not None:
         table = np.minimum(seven[:, 6] - cell.turntable.limits[0], cell.turntable.limits[1] - seven[:, 6])
-        margin = np.column_stack([margin, table + cell.margins.limit - turntable_margin(cell)])  # as the others count
-    which = margin.argmin(axis=1)
-    return margin[np.arange(len(margin)), which], which
+        table = table + cell.margins.limit - turntable_margin(cell)  # as the others count
+    return np.column_stack([room, table])
 
 
 def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
@@ -322,8 +326,8 @@ def _judgement(
         postures=len(everywhere),
         clearance_mm=min(found.proven_mm, least),
         clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
-        limit_margin=_nanmin(along["limit_margin"]),
-        wrist=_nanmin(along["wrist"]),
+        limit_margin=min(found.proven_margin, _nanmin(along["limit_margin"])),
+        wrist=min(found.proven_wrist, np.pi / 2),
         condition=float(np.nanmax(along["condition"], initial=0.0)),
         speed_share=share,
         deviation_mm=deviation,

@@ -1,0 +1,349 @@
+"""An outsider drives programs in fine steps: its own kinematics, arcs, corners and shapes, by numpy and python-fcl.
+
+Nothing of `workbench.robot` but the cell's description is used. Many programs are driven side by side: at each step one
+Newton iteration holds for all of them.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fcl
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.robot import Cell
+from workbench.robot.shapes import ON_TURNTABLE, Shape
+from workbench.units import Bool, Float, Int
+
+STEP_MM, STEP_DEG = 0.5, 0.2
+JUMP = np.radians(15)
+CLOSE_MM, CLOSE_RAD, ROUNDS = 1e-5, 1e-8, 20  # of Newton
+TOGETHER = 8  # places
+ROUNDING_MM, ROUNDING_RAD = 2e-3, 1e-5  # of a program's digits, for promises
+
+
+@dataclass
+class Target:
+    """Where a random move leads."""
+
+    kind: str
+    pose: Float  # (4, 4) of the tip in the base
+    via: Float | None
+    joints: Float | None
+    table: float  # deg
+    zone: float
+
+
+Pairs = list[tuple[int, int]]
+Program = tuple[Float, float, list[Target]]  # first joint angles, first turntable angle in deg, targets
+
+
+@dataclass
+class Track:
+    """The places of one program."""
+
+    pose: Float  # (n, 4, 4) of the tip; NaN on joint moves
+    joints: Float  # (n, 6) end of joint moves; NaN elsewhere
+    share: Float  # (n,) of a joint move
+    leg: Int  # (n,)
+    table: Float  # (n,) deg
+
+
+class Outsider:
+    """One robot, its tool, and programs to drive."""
+
+    def __init__(self, urdf: Path, cell: Cell) -> None:
+        joints = [one for one in ElementTree.parse(urdf).getroot().iter("joint") if one.get("type") == "revolute"]
+        self.origin = np.array([_origin(one) for one in joints])
+        self.axis = np.array([_numbers(one.find("axis"), "xyz") for one in joints])
+        limits = [one.find("limit") for one in joints]
+        self.low, self.high = (np.array([float(one.get(key)) for one in limits]) for key in ("lower", "upper"))
+        (flange,) = [one for one in ElementTree.parse(urdf).getroot().iter("joint") if _child(one) == "tool0"]
+        self.tip = _origin(flange) @ cell.flange_from_cutter
+        self.at_zero = self.links(np.zeros((1, 6)))[0]
+
+    def links(self, q: Float) -> Float:
+        """Poses (n, 7, 4, 4) of the base and six links."""
+        poses = [np.broadcast_to(np.eye(4), (len(q), 4, 4))]
+        for i in range(6):
+            turn = np.zeros((len(q), 4, 4))
+            turn[:, 3, 3] = 1.0
+            turn[:, :3, :3] = Rotation.from_rotvec(q[:, i, None] * self.axis[i]).as_matrix()
+            poses.append(poses[-1] @ self.origin[i] @ turn)
+        return np.stack(poses, axis=1)
+
+    def drive(self, programs: Sequence[Program]) -> list[tuple[str, Float, Float]]:
+        """What is wrong with each program's joints ('' nothing), joint angles (n, 6), turntable angles (n,) in deg."""
+        firsts = np.array([program[0] for program in programs]).reshape(-1, 6)
+        tips = self.links(firsts)[:, 6] @ self.tip
+        tracks = [track(at, *program[1:]) for at, program in zip(tips, programs, strict=True)]
+        longest = max((len(one.leg) for one in tracks), default=0)
+        wrong, q, leg_start = np.full(len(tracks), "", object), firsts.copy(), firsts.copy()
+        driven = np.full((len(tracks), longest, 6), np.nan)
+        leg = np.zeros(len(tracks), int)
+        for t in range(longest):
+            going = np.array([t < len(one.leg) for one in tracks]) & (wrong == "")
+            rows = np.flatnonzero(going)
+            if not len(rows):
+                break
+            here = np.array([tracks[i].leg[t] for i in rows])
+            fresh = rows[here != leg[rows]]
+            leg_start[fresh], leg[rows] = q[fresh], here
+            end, share = np.array([tracks[i].joints[t] for i in rows]), np.array([tracks[i].share[t] for i in rows])
+            found = leg_start[rows] + share[:, None] * (end - leg_start[rows])
+            space = np.isnan(found[:, 0])
+            pose = np.array([tracks[i].pose[t] for i in rows[space]])
+            found[space] = self._follow(q[rows[space]], pose) if space.any() else found[space]
+            lost = np.isnan(found[:, 0])
+            jumps = np.abs(found - q[rows]).max(axis=1) > JUMP
+            beyond = ((found < self.low) | (found > self.high)).any(axis=1)
+            wrong[rows] = np.where(lost, "unreachable", np.where(jumps, "jump", np.where(beyond, "limit", "")))
+            q[rows[~lost]] = found[~lost]
+            driven[rows, t] = found
+        return [(str(wrong[i]), driven[i, : len(one.leg)], one.table) for i, one in enumerate(tracks)]
+
+    def _follow(self, q: Float, pose: Float) -> Float:
+        """Newton from the postures before (n, 6) to the tip's poses (n, 4, 4); NaN where it finds no way."""
+        q, open_ = q.copy(), np.ones(len(q), bool)
+        for _ in range(ROUNDS):
+            rows = np.flatnonzero(open_)
+            links = self.links(q[rows])
+            now = links[:, 6] @ self.tip
+            away = pose[rows, :3, 3] - now[:, :3, 3]
+            turn = pose[rows, :3, :3] @ np.swapaxes(now[:, :3, :3], 1, 2)
+            turn = (turn - np.swapaxes(turn, 1, 2))[:, [2, 0, 1], [1, 2, 0]] / 2
+            near = (np.abs(away).max(axis=1) < CLOSE_MM) & (np.abs(turn).max(axis=1) < CLOSE_RAD)
+            open_[rows[near]] = False
+            if near.all():
+                break
+            axes = np.einsum("nijk,ik->nij", links[:, 1:, :3, :3], self.axis)
+            arms = now[:, None, :3, 3] - links[:, 1:, :3, 3]
+            j = np.concatenate([np.cross(axes, arms) / 1000, axes], axis=2)  # rows: joints
+            error = np.concatenate([away / 1000, turn], axis=1)
+            square = np.einsum("nia,nja->nij", j, j) + 1e-14 * np.eye(6)
+            step = np.linalg.solve(square, np.einsum("nia,na->ni", j, error)[..., None])[..., 0]
+            q[rows] += np.where(near[:, None], 0.0, np.clip(step, -0.2, 0.2))
+        q[open_] = np.nan
+        return q
+
+    def _bodies(self, cell: Cell, joints: Float, tables: Float, within_mm: float) -> tuple[Float, Pairs, Bool]:
+        """Poses (n, S, 4, 4) of the shapes; pairs that may hit; which (n, P) may be so near to each other."""
+        links, shapes = self.links(joints), cell.shapes
+        poses = np.empty((len(joints), len(shapes), 4, 4))
+        turned = np.tile(np.eye(4), (len(joints), 1, 1))
+        if cell.turntable is not None:
+            turned[:, :3, :3] = Rotation.from_rotvec(np.radians(tables)[:, None] * [0, 0, 1]).as_matrix()
+            turned = cell.turntable.base_from_turntable @ turned
+        for s, shape in enumerate(shapes):
+            link = max(shape.link, 0)
+            own = turned if shape.link == ON_TURNTABLE else links[:, link] @ np.linalg.inv(self.at_zero[link])
+            poses[:, s] = own @ shape.pose
+        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if _may_hit(shapes, a, b)]
+        around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])
+        first = TOGETHER * (np.arange(len(joints)) // TOGETHER)  # bounds hold at one place in eight
+        away = np.linalg.norm(poses[..., :3, 3] - poses[first, :, :3, 3], axis=2)
+        away += around * np.linalg.norm(poses[..., :3, :3] - poses[first, :, :3, :3], axis=(2, 3))
+        farthest = np.maximum.reduceat(away, np.arange(0, len(joints), TOGETHER))
+        slack = farthest[:, np.array(pairs)].sum(axis=2)
+        near = _near(shapes, poses[::TOGETHER], pairs, within_mm + slack)[first // TOGETHER]
+        return poses, pairs, near
+
+    def least(self, cell: Cell, joints: Float, tables: Float, within_mm: float) -> tuple[float, str]:
+        """The least distance of all bodies, if it is less than `within_mm`, and whose; 0: they touch."""
+        poses, pairs, near = self._bodies(cell, joints, tables, within_mm)
+        objects = [fcl.CollisionObject(_solid(shape)) for shape in cell.shapes]
+        best, names = np.inf, ""
+        for n, p in zip(*np.nonzero(near), strict=True):
+            two = _placed(objects, poses[n], pairs[p])
+            hit = fcl.collide(*two, fcl.CollisionRequest(), fcl.CollisionResult())
+            distance = 0.0 if hit else fcl.distance(*two, fcl.DistanceRequest(), fcl.DistanceResult())
+            if distance < best:
+                best, names = distance, " and ".join(cell.shapes[i].body for i in pairs[p])
+            if hit:
+                break
+        return best, names
+
+    def unsafe(self, cell: Cell, joints: Float, tables: Float) -> str:
+        """What is wrong with the bodies and the turntable; '' nothing."""
+        if cell.turntable is not None and (np.abs(tables - _middle(cell)) > _half_range(cell)).any():
+            return "limit of the turntable"
+        distance, names = self.least(cell, joints, tables, 0.0)
+        return names if distance <= 0 else ""
+
+    def broken(self, cell: Cell, joints: Float, tables: Float, clearance_mm: float, limit_margin: float) -> str:
+        """A place where bodies are nearer than the judge said, or a joint nearer to its limit; '' nowhere."""
+        room = np.minimum(joints - self.low, self.high - joints).min()
+        if room < limit_margin - ROUNDING_RAD:
+            return f"{np.degrees(room):.4f} deg from a limit, said {np.degrees(limit_margin):.4f}"
+        distance, names = self.least(cell, joints, tables, clearance_mm)
+        return f"{names}: {distance:.4f} mm, said {clearance_mm:.4f}" if distance < clearance_mm - ROUNDING_MM else ""
+
+
+def _middle(cell: Cell) -> float:
+    return float(np.degrees(cell.turntable.limits).mean()) if cell.turntable else 0.0
+
+
+def _half_range(cell: Cell) -> float:
+    return float(np.ptp(np.degrees(cell.turntable.limits))) / 2 if cell.turntable else 0.0
+
+
+def track(tip: Float, table: float, targets: list[Target]) -> Track:
+    """All places of a program in fine steps, from the tip's first pose on."""
+    starts = [tip, *(target.pose for target in targets[:-1])]
+    angles = [table, *(target.table for target in targets)]
+    lengths = [_length(start, target) for start, target in zip(starts, targets, strict=True)]
+    cuts = [[0.0, 1.0] for _ in targets]
+    for i in range(len(targets) - 1):
+        if targets[i].zone > 0 and "J" not in (targets[i].kind, targets[i + 1].kind):
+            zone = min(targets[i].zone, lengths[i] / 2, lengths[i + 1] / 2)
+            cuts[i][1], cuts[i + 1][0] = 1 - zone / lengths[i], zone / lengths[i + 1]
+    poses, joints, shares, legs, tables = [], [], [], [], []
+
+    def add(pose: Float, joint: Float, share: Float, angle: Float) -> None:
+        legs.append(np.full(len(share), len(legs) + 1))
+        for column, value in zip((poses, joints, shares, tables), (pose, joint, share, angle), strict=True):
+            column.append(value)
+
+    for i, target in enumerate(targets):
+        a, b = angles[i], angles[i + 1]
+        if target.joints is not None:
+            f = np.linspace(0, 1, 120)  # a random joint move turns a joint by some 20 deg
+            add(np.full((len(f), 4, 4), np.nan), np.tile(target.joints, (len(f), 1)), f, a + f * (b - a))
+            continue
+        turn = (Rotation.from_matrix(starts[i][:3, :3]).inv() * Rotation.from_matrix(target.pose[:3, :3])).magnitude()
+        steps = max(lengths[i] / STEP_MM, np.degrees(turn) / STEP_DEG, abs(b - a) / STEP_DEG)
+        f = np.linspace(*cuts[i], int(steps) + 2)
+        nothing = np.full((len(f), 6), np.nan)
+        add(_on(starts[i], target, f), nothing, f, a + f * (b - a))
+        if cuts[i][1] < 1:
+            begin = _on(starts[i], target, np.array(cuts[i][1:]))[0]
+            end = _on(target.pose, targets[i + 1], np.array(cuts[i + 1][:1]))[0]
+            v = np.linspace(0, 1, int(2 * target.zone / STEP_MM) + 3)
+            bent = _bent(a + cuts[i][1] * (b - a), b, b + cuts[i + 1][0] * (angles[i + 2] - b), v)
+            add(_corner(begin, target.pose, end, v), np.full((len(v), 6), np.nan), v, np.asarray(bent))
+    return Track(*(np.concatenate(column) for column in (poses, joints, shares, legs, tables)))
+
+
+def _bent(a: Any, b: Any, c: Any, v: Any) -> Any:
+    return (1 - v) ** 2 * a + 2 * v * (1 - v) * b + v * v * c
+
+
+def _between(a: Rotation, b: Rotation, f: Float) -> Rotation:
+    """From a to b, a share f (n,) of the way."""
+    return a * Rotation.from_rotvec(f[:, None] * (a.inv() * b).as_rotvec())
+
+
+def _corner(a: Float, corner: Float, b: Float, v: Float) -> Float:
+    poses = np.tile(np.eye(4), (len(v), 1, 1))
+    poses[:, :3, 3] = _bent(a[:3, 3], corner[:3, 3], b[:3, 3], v[:, None])
+    turns = [Rotation.from_matrix(one[:3, :3]) for one in (a, corner, b)]
+    poses[:, :3, :3] = _between(_between(*turns[:2], v), _between(*turns[1:], v), v).as_matrix()
+    return poses
+
+
+def _on(start: Float, target: Target, f: Float) -> Float:
+    """Places (n, 4, 4) on a whole move."""
+    poses = np.tile(np.eye(4), (len(f), 1, 1))
+    ends = Rotation.from_matrix(start[:3, :3]), Rotation.from_matrix(target.pose[:3, :3])
+    poses[:, :3, :3] = _between(*ends, np.clip(f, 0, 1)).as_matrix()
+    a, b = start[:3, 3], target.pose[:3, 3]
+    poses[:, :3, 3] = a + f[:, None] * (b - a)
+    if target.via is not None:
+        centre, axis, sweep = _circle(a, target.via[:3, 3], b)
+        poses[:, :3, 3] = centre + Rotation.from_rotvec(f[:, None] * sweep * axis).apply(a - centre)
+    return poses
+
+
+def _circle(a: Float, via: Float, b: Float) -> tuple[Float, Float, float]:
+    """Three planes meet in the centre."""
+    axis = np.cross(via - a, b - a)
+    axis /= np.linalg.norm(axis)
+    planes = np.array([via - a, b - a, axis])
+    centre = np.linalg.solve(planes, [(via - a) @ (via + a) / 2, (b - a) @ (b + a) / 2, axis @ a])
+    u, v = a - centre, b - centre
+    return centre, axis, float(np.arctan2(np.cross(u, v) @ axis, u @ v) % (2 * np.pi))
+
+
+def _length(start: Float, target: Target) -> float:
+    if target.via is None:
+        return float(np.linalg.norm(target.pose[:3, 3] - start[:3, 3]))
+    centre, _, sweep = _circle(start[:3, 3], target.via[:3, 3], target.pose[:3, 3])
+    return float(np.linalg.norm(start[:3, 3] - centre) * sweep)
+
+
+def _may_hit(shapes: Sequence[Shape], a: int, b: int) -> bool:
+    one, other = shapes[a], shapes[b]
+    if one.body == other.body or not any(1 <= shape.link <= 6 for shape in (one, other)):
+        return False
+    return not (0 <= one.link <= 6 and 0 <= other.link <= 6 and abs(one.link - other.link) <= 1)
+
+
+def _near(shapes: Sequence[Shape], poses: Float, pairs: Pairs, within_mm: Float) -> Bool:
+    """Which (n, P) are not kept apart by a line around each shape's longest side, or by a box's own faces."""
+    half = np.array([_half(shape) for shape in shapes])
+    longest = half.argmax(axis=1)
+    radius = np.linalg.norm(np.where(np.arange(3) == longest[:, None], 0.0, half), axis=1)
+    middle = poses[..., :3, 3]
+    arm = np.take_along_axis(poses[..., :3, :3], longest[None, :, None, None], axis=3)[..., 0]
+    arm = arm * half[np.arange(len(shapes)), longest][:, None]
+    first, second = np.array(pairs).T
+    gap = _segments(middle[:, first], arm[:, first], middle[:, second], arm[:, second])
+    apart = gap - radius[first] - radius[second] > within_mm
+    for box, other in ((first, second), (second, first)):
+        flat = np.array([shapes[i].kind == "box" for i in box])
+        turn, at = poses[:, box, :3, :3], middle[:, other] - middle[:, box]
+        ends = [np.einsum("npji,npj->npi", turn, at + sign * arm[:, other]) for sign in (-1, 1)]
+        beyond = np.maximum(np.minimum(*ends), -np.maximum(*ends)) - half[box]
+        apart |= flat & (beyond.max(axis=2) - radius[other] > within_mm)
+    return ~apart
+
+
+def _half(shape: Shape) -> Float:
+    if shape.kind == "box":
+        return np.array(shape.size_mm) / 2
+    radius, length = shape.size_mm[0], (*shape.size_mm, 0.0)[1]
+    return np.array([radius, radius, length / 2 + (radius if shape.kind != "cylinder" else 0.0)])
+
+
+def _segments(p: Float, u: Float, q: Float, v: Float) -> Float:
+    """Least distances of lines p + s u and q + t v, s and t from -1 to 1."""
+    w = p - q
+    a, b, c = (np.einsum("...i,...i->...", x, y) for x, y in ((u, u), (u, v), (v, v)))
+    d, e = (np.einsum("...i,...i->...", x, w) for x in (u, v))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.clip(np.nan_to_num((b * e - c * d) / (a * c - b * b)), -1, 1)
+        t = np.clip(np.nan_to_num((b * s + e) / c), -1, 1)
+        s = np.clip(np.nan_to_num((b * t - d) / a), -1, 1)
+    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
+
+
+def _placed(objects: list[Any], poses: Float, pair: tuple[int, int]) -> list[Any]:
+    for i in pair:
+        objects[i].setTransform(fcl.Transform(poses[i, :3, :3], poses[i, :3, 3]))
+    return [objects[i] for i in pair]
+
+
+def _solid(shape: Shape) -> fcl.CollisionGeometry:
+    makers = {"box": fcl.Box, "sphere": fcl.Sphere, "capsule": fcl.Capsule, "cylinder": fcl.Cylinder}
+    return makers[shape.kind](*shape.size_mm)
+
+
+def _child(joint: ElementTree.Element) -> str:
+    element = joint.find("child")
+    return "" if element is None else element.get("link", "")
+
+
+def _numbers(element: ElementTree.Element | None, key: str) -> Float:
+    return np.array([float(x) for x in ("" if element is None else element.get(key, "")).split() or (0, 0, 0)])
+
+
+def _origin(joint: ElementTree.Element) -> Float:
+    pose, origin = np.eye(4), joint.find("origin")
+    pose[:3, :3] = Rotation.from_euler("xyz", _numbers(origin, "rpy")).as_matrix()
+    pose[:3, 3] = 1e3 * _numbers(origin, "xyz")
+    return pose

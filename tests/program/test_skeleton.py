@@ -22,7 +22,8 @@ from workbench.robot.process import disorders
 
 from .conftest import passed
 from .paths import Shape
-from .postured import CUTTER, cell_of, postured
+from .postured import CUTTER, ROBOTS, cell_of, postured
+from .test_dialects import DIALECTS
 
 OFF = ",tMill\\WObj:=woEdge;\n    SetDO doCoolant,0;"  # behind a move
 HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
@@ -197,8 +198,8 @@ def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:
     assert "NOT CHECKED: that the spindle is at speed" in words
     assert "WaitTime 20;" in words
     assert "layer1:" not in words
-    document, *_ = write(layers, passed(layers.toolpath), cell, controller="kuka")
-    words = " ".join(document.content.decode().replace(";", " ").split())
+    document, *_ = write(layers, passed(layers.toolpath), cell, controller="trajectory")
+    words = " ".join(document.content.decode().replace("#", " ").split())
     assert "spindle and coolant: the program does none of it" in words
 
 
@@ -213,3 +214,145 @@ def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:
 def test_a_process_that_cannot_be_written_is_refused(tmp_path: Path, layers: Moves, change: Any, finding: str) -> None:
     with pytest.raises(InputError, match=finding):
         text(layers, cell_with(tmp_path, {**FULL, **change}))
+
+
+OTHERS = {"kuka": "kr210", "fanuc": "m20ia", "ur": "ur10e"}
+NAMES: dict[str, dict[str, Any]] = {  # signals as each maker names them
+    "kuka": {"coolant_signal": "doCoolant", "spindle": {"on_signal": 5, "at_speed_signal": 6}},
+    "fanuc": {"coolant_signal": 7, "spindle": {"on_signal": 5, "at_speed_signal": 6}},
+    "ur": {"coolant_signal": 3, "spindle": {"on_signal": 5, "at_speed_signal": 6}},
+}
+
+
+def home_of(controller: str) -> list[float]:
+    return np.add(ROBOTS[OTHERS[controller]][1], (8, -6, 5, 0, 4, 3)).tolist()
+
+
+def other_cell(controller: str, folder: Path, **more: Any) -> Cell:
+    robot = OTHERS[controller]
+    process = {
+        **FULL,
+        "mechanical_unit": None,
+        "home": {"joints_deg": home_of(controller)},
+        **NAMES[controller],
+        **more,
+    }
+    cell_of(robot, folder, dialect=controller)
+    file = folder / f"{robot}.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "process": process}))
+    return read_cell(file)
+
+
+def files_of(controller: str, moves: Moves, cell: Cell) -> tuple[Any, dict[str, str]]:
+    dialect = DIALECTS[controller](program_job("BevelPath", moves, cell, 0.3, 0.05), cell)
+    return dialect, dict(program_files(dialect, passed(moves.toolpath)))
+
+
+@pytest.fixture(scope="module", params=sorted(OTHERS))
+def other(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Cell, Moves]:
+    cell = other_cell(request.param, tmp_path_factory.mktemp(request.param))
+    return request.param, cell, postured(cell, OTHERS[request.param], Shape(bend=1 / 300, length_mm=60, layers=2))
+
+
+def test_every_maker_says_it(other: tuple[str, Cell, Moves]) -> None:
+    """The same order of events and moves in each language, turned back and judged."""
+    controller, cell, moves = other
+    dialect, files = files_of(controller, moves, cell)
+    program = dialect.read(files)
+    kinds = [event.kind for event in program.events]
+    restart = ["restart"] if controller != "ur" else []
+    on, off = ["spindle_on", "wait_speed", "coolant_on"], ["coolant_off", "spindle_off"]
+    assert kinds == ["hook", *on, *restart, *on, *off, "stop", *restart, *on, *off, "hook"]
+    assert [event.value.lower() for event in program.events if event.kind == "hook"] == ["checktool", "blowoff"]
+    assert [e.value.lower() for e in program.events if e.kind == "restart"] == (["layer1", "layer2"] if restart else [])
+    home, start, *path, retract, last = program.moves
+    assert [move.kind for move in (home, start, last)] == ["J", "J", "J"]
+    for move in (home, last):
+        assert np.degrees(move.joints) == pytest.approx(home_of(controller), abs=1e-3)
+    assert len(path) == len(moves.layer)
+    assert max(move.feed_mm_s for move in path) <= 8
+    tool = program.tools[path[0].tool].flange_from_tool
+    frame = program.work_objects[path[0].work_object]
+    first = np.linalg.inv(frame) @ forward_kinematics(cell.chain, start.joints) @ tool
+    assert first[:3, 3] == pytest.approx(path[0].pose[:3, 3] - 60 * path[0].pose[:3, 2], abs=0.05)
+    assert retract.pose[:3, 3] == pytest.approx(path[-1].pose[:3, 3] - 40 * path[-1].pose[:3, 2], abs=0.01)
+    for event in program.events:
+        assert event.before == 0 or program.moves[event.before - 1].zone_mm == 0
+    *_, gate, judgement, _ = write(moves, passed(moves.toolpath), cell)
+    assert judgement.passed, judgement.violations
+    assert "the program does none of it" not in " ".join(gate.unchecked)
+
+
+OUT = "set_standard_digital_out(5, {})"
+SPINDLE = {
+    "kuka": ("$OUT[5]=TRUE", "$OUT[5]=FALSE", "WAIT FOR $IN[6]"),
+    "fanuc": ("DO[5]=ON", "DO[5]=OFF", "WAIT DI[6]=ON"),
+    "ur": (OUT.format(True), OUT.format(False), "get_standard_digital_in(6)"),
+}
+MOTION = ("LIN", "CIRC", "FINE", "movel", "movec")
+
+
+def test_what_is_changed_in_any_language_is_refused(other: tuple[str, Cell, Moves]) -> None:
+    controller, cell, moves = other
+    dialect, files = files_of(controller, moves, cell)
+    on, off, speed = SPINDLE[controller]
+    for old, new in (
+        (on, on.replace("5", "9")),
+        (speed, speed.replace("6", "8")),
+        ("CheckTool", "Elsewhere"),
+        ("CHECKTOOL", "ELSEWHERE"),
+    ):
+        wrong = {name: text.replace(old, new) for name, text in files.items()}
+        if wrong != files:
+            with pytest.raises(InputError, match="cell file's process section"):
+                dialect.read(wrong)
+    never = dialect.read({name: text.replace(on, off) for name, text in files.items()})
+    assert "before the spindle is on and at speed" in " ".join(words for _, words in disorders(never, cell.process))
+    assert any(one.kind == "process" for one in judge(cell, never).violations)
+
+
+def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -> None:
+    """The controller would run ahead and switch too early."""
+    controller, cell, moves = other
+    dialect, files = files_of(controller, moves, cell)
+    (name,) = [one for one in files if not one.endswith(".dat")]
+    lines = files[name].splitlines()
+    i = next(n for n, line in enumerate(lines) if any(off in line for off in ("doCoolant=F", "DO[7]=OFF", "out(3, F")))
+    i = next(n for n in range(i, 0, -1) if any(word in lines[n] for word in MOTION)) + 1
+    before = lines[i - 1]
+    lines[i - 1] = {
+        "kuka": f"{before} C_DIS",
+        "fanuc": before.replace("FINE", "CR3"),
+        "ur": before.replace("r=0.000000", "r=0.000100"),
+    }[controller]
+    assert lines[i - 1] != before
+    with pytest.raises(InputError, match="expected a move that reaches its target before this statement"):
+        dialect.read({**files, name: "\n".join([*lines, ""])})
+
+
+@pytest.mark.parametrize(
+    ("controller", "change", "finding"),
+    [
+        ("kuka", {"before": ["halt"]}, "a name that has no meaning to KUKA yet, found 'halt'"),
+        ("kuka", {"mechanical_unit": "STN1"}, "mechanical_unit: expected null for KUKA"),
+        ("fanuc", {"coolant_signal": "doCoolant"}, "coolant_signal: expected one of a signal's numbers for FANUC"),
+        ("ur", {"home": {"joints_deg": HOME, "controller_name": "jHome"}}, "controller_name: expected null for UR"),
+        ("fanuc", {"home": {"joints_deg": HOME, "controller_name": "PR[99]"}}, "a position register PR"),
+    ],
+)
+def test_what_a_maker_has_no_words_for_is_refused(tmp_path: Path, controller: str, change: Any, finding: str) -> None:
+    cell = other_cell(controller, tmp_path, **change)
+    moves = postured(cell, OTHERS[controller], Shape(length_mm=30))
+    with pytest.raises(InputError, match=finding):
+        files_of(controller, moves, cell)
+
+
+@pytest.mark.parametrize(("controller", "name"), [("kuka", "XHOME"), ("fanuc", "PR[3]")])
+def test_home_that_the_controller_has(tmp_path: Path, controller: str, name: str) -> None:
+    home = {"joints_deg": home_of(controller), "controller_name": name}
+    cell = other_cell(controller, tmp_path, home=home)
+    moves = postured(cell, OTHERS[controller], Shape(length_mm=30))
+    dialect, files = files_of(controller, moves, cell)
+    program = dialect.read(files)
+    assert (program.moves[0].joints, program.moves[0].place) == (None, name)
+    assert judge(cell, program).passed

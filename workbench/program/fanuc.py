@@ -20,11 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import ProgramMoves
+from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.program.fanuc_reader import read_fanuc
 from workbench.program.krl import euler_deg
+from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides, level_joint_3
 from workbench.units import DEG, Float
@@ -62,14 +63,53 @@ class Fanuc:
                 "program.write",
                 f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
             )
+        process = self.cell.process
+        if process is None:
+            return
+        check_words(self.cell, process, "FANUC", signals="numbers")
+        home = process.home.controller_name
+        if home is not None and (not re.fullmatch(r"PR\[\d+\]", home) or home == f"PR[{REGISTER}]"):
+            where = f"{self.cell.source}: $.process.home.controller_name"
+            raise InputError(where, f"expected a position register PR[n] but {REGISTER} for FANUC, found {home!r}")
+
+    @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling."""
+        return skeleton_of(self.job, self.cell)
+
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves: DO[n], WAIT DI[n], WAIT (sec), PAUSE, LBL, CALL.
+
+        The termination before is FINE, and WAIT waits without end. Feeds are limited where they are written.
+        """
+        words: dict[EventKind, list[str]] = {
+            "hook": [f"CALL {value.upper()}"],
+            "stop": ["PAUSE"],
+            "feed_limits": [],
+            "wait_speed": [f"WAIT DI[{value}]=ON"],
+        }
+        if kind == "wait_time":
+            return [f"WAIT {float(value):.2f}(sec)"]
+        if kind == "restart":
+            return [f"LBL[{value.removeprefix('layer')}:{value}]", *self._numbers]
+        switched = {"on": "ON", "off": "OFF"}.get(kind.rpartition("_")[2])
+        return [f"DO[{value}]={switched}"] if switched else words[kind]
+
+    def _said(self, events: Iterable[Event]) -> list[str]:
+        return [line for event in events for line in self.event(*event)]
+
+    @property
+    def _numbers(self) -> list[str]:
+        """Of frame and tool: hold until others are said."""
+        return [f"UFRAME_NUM={self.frame[0]}", f"UTOOL_NUM={self.frame[1]}"]
 
     @functools.cached_property
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed and termination."""
         controller = self.cell.controller
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        feeds = np.floor(self.job.moves.feed_mm_s * 10 + 1e-9) / 10
-        ends = [f"CR{region}" if blends and region else "FINE" for blends in self.job.blends]
+        feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, 0.1)
+        ends = [f"CR{region}" if blends and region else "FINE" for blends in blends_of(self.job, self.skeleton)]
         return [f"{feed:.1f}mm/sec {end}" for feed, end in zip(feeds.tolist(), ends, strict=True)]
 
     @functools.cached_property
@@ -87,41 +127,60 @@ class Fanuc:
         """Remarks; frame and tool, as far as the program declares them; their numbers."""
         job, (frame, tool) = self.job, self.frame
         yield from (self.remark(remark) for remark in job.remarks)
+        yield from self._said(self.skeleton.first) if self.skeleton else ()
         if job.work_object_name is None:
             yield from _declared(f"UFRAME[{frame}]", *job.work_object)
         if job.tool_name is None:
             yield from _declared(f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz)
-        yield from (f"UFRAME_NUM={frame}", f"UTOOL_NUM={tool}")
+        yield from self._numbers
 
     def start(self) -> Iterable[str]:
-        """By the joints to the first posture."""
-        return [f"J P[1] {JOINT_PERCENT}% FINE"]
+        """By the joints to the first posture; with a process from home, and straight to the first target."""
+        start = f"J P[1] {JOINT_PERCENT}% FINE"
+        if self.skeleton is None:
+            return [start]
+        first = f"L P[{self.numbers[-1] + 2}] {self.ends[0]}"
+        return [self._home, start, *self._said(self.skeleton.on), first]
+
+    @property
+    def _home(self) -> str:
+        assert self.skeleton is not None
+        place = self.skeleton.process.home.controller_name or f"P[{self.numbers[-1] + 1}]"
+        return f"J {place} {JOINT_PERCENT}% FINE"
+
+    def _layer(self, i: int) -> list[str]:
+        """What stands before move i where a layer begins with it."""
+        return self._said(self.skeleton.layer(i)) if self.skeleton else []
 
     def straight(self, i: int) -> Iterable[str]:
         """L."""
-        return [f"L P[{self.numbers[i]}] {self.ends[i]}"]
+        return [*self._layer(i), f"L P[{self.numbers[i]}] {self.ends[i]}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """C."""
-        return [f"C P[{self.numbers[i] - 1}]", f"P[{self.numbers[i]}] {self.ends[i]}"]
+        return [*self._layer(i), f"C P[{self.numbers[i] - 1}]", f"P[{self.numbers[i]}] {self.ends[i]}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line; FANUC takes 32 characters."""
         return f"!{text}"
 
     def foot(self) -> Iterable[str]:
-        """Nothing."""
-        return []
+        """With a process back, and home."""
+        skeleton = self.skeleton
+        if skeleton is None:
+            return []
+        retract = f"L P[{self.numbers[-1] + 3}] {self.ends[-1]}"
+        return [retract, *self._said(skeleton.off), self._home, *self._said(skeleton.last)]
 
     @functools.cached_property
     def numbers(self) -> list[int]:
-        """Of each target's position; the middle of an arc has the one before."""
+        """Of each target's position; the middle of an arc has the one before. Behind them: home, first, retract."""
         numbers: list[int] = np.cumsum(1 + self.job.moves.circular.astype(int)).tolist()
         return numbers
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_fanuc(files, self.cell.chain, self.level)
+        return read_fanuc(files, self.cell.chain, self.level, self.cell.process)
 
     def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
         """Flip, elbow down, back, and the turns of J1, J4, J6 of a posture (6,), rad."""
@@ -161,14 +220,13 @@ class Fanuc:
         moves, turned = self.job.moves, self.job.turntable_deg
         assert moves.joints_deg is not None
         joints = moves.joints_deg * DEG
-        shown = level_joint_3(self.cell.chain, joints[:1]) if self.level else joints[:1]
         configurations = configuration(self.cell, joints)
         here = place(moves.position_mm, moves.quaternion_wxyz)
         via = place(moves.via_position_mm, moves.via_quaternion_wxyz)
         half = None if turned is None else np.append(turned[:1], (turned[1:] + turned[:-1]) / 2)
-        rows = [f"J{j}= {angle:.3f} deg" for j, angle in enumerate((np.round(shown[0] / DEG, 3) + 0.0).tolist(), 1)]
-        axes = [",\t".join(rows[:3]) + ",", ",\t".join(rows[3:])]
-        yield from self._position(1, "", axes, None if turned is None else turned[0])
+        skeleton, first = self.skeleton, None if turned is None else float(turned[0])
+        start = (moves.joints_deg[0], first) if skeleton is None else skeleton.start_deg
+        yield from self._position(1, "", self._axes(start[0]), start[1])
         for i, number in enumerate(self.numbers[1:], 1):
             if moves.circular[i]:
                 between = None if half is None else half[i]
@@ -176,6 +234,21 @@ class Fanuc:
             yield from self._position(
                 number, configurations[i], spelled(here[i]), None if turned is None else turned[i]
             )
+        if skeleton is None:
+            return
+        if not skeleton.process.home.controller_name:
+            home = skeleton.home_deg
+            yield from self._position(self.numbers[-1] + 1, "", self._axes(home[0]), home[1])
+        yield from self._position(self.numbers[-1] + 2, configurations[0], spelled(here[0]), first)
+        (back,), (said,) = place(*skeleton.retracted), configuration(self.cell, skeleton.retract_joints[None])
+        last = None if turned is None else turned[-1]
+        yield from self._position(self.numbers[-1] + 3, said, spelled(back), last)
+
+    def _axes(self, joints_deg: Float) -> list[str]:
+        """Joint angles (6,) as the controller counts them: two lines of a position."""
+        shown = level_joint_3(self.cell.chain, joints_deg[None])[0] if self.level else joints_deg
+        rows = [f"J{j}= {angle:.3f} deg" for j, angle in enumerate((np.round(shown, 3) + 0.0).tolist(), 1)]
+        return [",\t".join(rows[:3]) + ",", ",\t".join(rows[3:])]
 
     def _position(self, number: int, said: str, values: list[str], turned: float | None) -> Iterator[str]:
         frame, tool = self.frame

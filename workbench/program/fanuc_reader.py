@@ -1,9 +1,11 @@
 """A strict reader for the part of FANUC's TP (`.ls`) that milling programs need.
 
 Sections /PROG, /ATTR, /MN, /POS, /END; in /MN remarks, UFRAME_NUM, UTOOL_NUM, J with P and percent, L and C with P,
-mm/sec and FINE or CR. The first motion is J to joint angles, all others go to positions in space with a configuration
-string. Line numbers and LINE_COUNT must be right; every P must be there, in the program's own frame and tool, with
-the groups that DEFAULT_GROUP names. Everything else is refused with its line.
+mm/sec and FINE or CR, DO[n]=ON and OFF, WAIT DI[n]=ON, WAIT n(sec), PAUSE, LBL[n:name], CALL. The first motion is J; J
+goes to joint angles (or the controller's home, PR[n]), L and C to positions in space with a configuration string.
+Signals and routines are those of the cell file's process; none stands behind CR. Line numbers and LINE_COUNT must be
+right; every P must be there, in the program's own frame and tool, with the groups that DEFAULT_GROUP names. Everything
+else is refused with its line.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
-from workbench.program.reading import NAME, NUMBER, Lines, euler_pose, numbers, one_file
+from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
+from workbench.robot.cell_file import ProcessPart
 from workbench.robot.chain import Chain
 from workbench.robot.sides import free_joint_3
 from workbench.units import DEG, Float
@@ -37,13 +40,22 @@ class Position(NamedTuple):
     numbers: tuple[int, int]  # of frame and tool
 
 
-def read_fanuc(files: Mapping[str, str], chain: Chain, level_joint_3: bool) -> ProgramMoves:
+EVENT = (
+    r"DO\[(\d+)\]=(ON|OFF)|WAIT DI\[(\d+)\]=ON|WAIT (\d+\.\d\d)\(sec\)|(PAUSE)|LBL\[\d+:([A-Za-z0-9_]+)\]|"
+    rf"CALL {NAME}"
+)
+
+
+def read_fanuc(
+    files: Mapping[str, str], chain: Chain, level_joint_3: bool, process: ProcessPart | None = None
+) -> ProgramMoves:
     """Read a TP program from its file, name -> text.
 
     Args:
         files: one that ends in `.ls`.
         chain: the robot, for the coupling of joints 2 and 3.
         level_joint_3: whether joint 3 counts against the ground on the controller.
+        process: whose signals switch what; None: a program that switches any is refused.
 
     Raises:
         InputError: "line 12: expected ..., found ...".
@@ -55,7 +67,7 @@ def read_fanuc(files: Mapping[str, str], chain: Chain, level_joint_3: bool) -> P
     statements = _statements(lines, count)
     positions = _positions(lines, groups)
     lines.end()
-    return _Program(lines, positions, chain, level_joint_3).read(statements)
+    return _Program(lines, positions, chain, level_joint_3, process).read(statements)
 
 
 def _attributes(lines: Lines) -> tuple[int, int]:
@@ -126,13 +138,18 @@ def _position(lines: Lines, groups: int) -> Position:
 class _Program:
     """The statements, one after the other."""
 
-    def __init__(self, lines: Lines, positions: dict[int, Position], chain: Chain, level: bool) -> None:
+    def __init__(
+        self, lines: Lines, positions: dict[int, Position], chain: Chain, level: bool, process: ProcessPart | None
+    ) -> None:
         self.lines, self.positions, self.chain, self.level = lines, positions, chain, level
         self.frame: dict[str, int] = {}
         self.declared: dict[str, Float] = {}
         self.register: dict[str, list[float]] = {}
         self.moves: list[ProgramMove] = []
         self.remarks: list[str] = []
+        self.home = (process.home.controller_name if process else None) or ""
+        self.labels: set[str] = set()
+        self.events = Events(lines, self.moves, process)
 
     def read(self, statements: list[tuple[int, str]]) -> ProgramMoves:
         for line, text in statements:
@@ -143,11 +160,34 @@ class _Program:
                 self.frame[found[1]] = int(found[2])
             elif text.startswith(("PR[", "UFRAME[", "UTOOL[")):
                 self.declare(text)
+            elif event := re.fullmatch(EVENT, text):
+                self.event(event)
             else:
                 self.moves.append(self.move(text))
         tools = {move.tool: ProgramTool(self.declared.get(move.tool)) for move in self.moves}
         objects = {move.work_object: self.declared.get(move.work_object) for move in self.moves}
-        return ProgramMoves("fanuc", self.lines.name, tuple(self.moves), tools, objects, remarks=tuple(self.remarks))
+        return ProgramMoves(
+            "fanuc", self.lines.name, tuple(self.moves), tools, objects, tuple(self.events.found), tuple(self.remarks)
+        )
+
+    def event(self, found: re.Match[str]) -> None:
+        """What happens between moves."""
+        output, value, awaited, seconds, pause, label, routine = found.groups()
+        if output:
+            self.events.use("1" if value == "ON" else "0", output)
+        elif awaited:
+            self.events.use("wait", awaited)
+        elif seconds:
+            self.events.add("wait_time", seconds)
+        elif pause:
+            self.events.add("stop", "")
+        elif label:
+            if label in self.labels:
+                self.lines.refuse("a label that is not taken", label)
+            self.labels.add(label)
+            self.events.add("restart", label)
+        else:
+            self.events.use("call", routine)
 
     def declare(self, text: str) -> None:
         """A frame by way of a position register: LPOS, its six elements in their order, then the frame."""
@@ -164,8 +204,8 @@ class _Program:
 
     def move(self, text: str) -> ProgramMove:
         lines = self.lines
-        if not self.moves:
-            return self.first(text)
+        if not self.moves or text.startswith("J "):
+            return self.by_joints(text)
         found = re.fullmatch(rf"L P\[(\d+)\] {NUMBER}mm/sec {TERMINATION}", text)
         via = None
         if found is None:
@@ -189,8 +229,13 @@ class _Program:
             turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
         )
 
-    def first(self, text: str) -> ProgramMove:
-        """J to the first posture."""
+    def by_joints(self, text: str) -> ProgramMove:
+        """J to a posture."""
+        if self.moves and self.moves[-1].zone_mm > 0:
+            self.lines.refuse("a move that reaches its target before J", text)
+        home = re.fullmatch(r"J (PR\[\d+\]) (\d+)% FINE", text)
+        if home and home[1] == self.home and 0 < int(home[2]) <= 100:
+            return ProgramMove(self.lines.number, "J", *self.names, joint_speed=int(home[2]) / 100, place=self.home)
         found = re.fullmatch(r"J P\[(\d+)\] (\d+)% FINE", text)
         here = self.position(int(found[1]), text) if found else None
         if not found or not here or here.joints_deg is None or not 0 < int(found[2]) <= 100:

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import ProgramMoves
+from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.krl_reader import read_krl
+from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Int
@@ -41,59 +42,107 @@ class Krl:
         for what, name in (("TOOL_DATA", self.job.tool_name), ("BASE_DATA", self.job.work_object_name)):
             if name is not None and not re.fullmatch(rf"{what}\[\d+\]", name):
                 raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for KUKA, found {name!r}")
+        if self.cell.process is not None:
+            check_words(self.cell, self.cell.process, "KUKA", signals="both")
+
+    @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling."""
+        return skeleton_of(self.job, self.cell)
+
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves: $OUT, WAIT FOR $IN, WAIT SEC, HALT, labels, subprograms.
+
+        All of them stop the advance run. WAIT FOR waits without end. Feeds are limited where they are written.
+        """
+        words: dict[EventKind, list[str]] = {
+            "hook": [f"{value} ( )"],
+            "stop": ["HALT"],
+            "wait_time": [f"WAIT SEC {value}"],
+            "feed_limits": [],
+            "wait_speed": [f"WAIT FOR {_signal('$IN', value)}"],
+            "restart": [f"{value.upper()}:", *self._modes()],
+        }
+        switched = {"on": "TRUE", "off": "FALSE"}.get(kind.rpartition("_")[2])
+        return [f"  {line}" for line in ([f"{_signal('$OUT', value)}={switched}"] if switched else words[kind])]
+
+    def _said(self, events: Iterable[Event]) -> list[str]:
+        return [line for event in events for line in self.event(*event)]
 
     @functools.cached_property
     def feeds(self) -> list[float]:
         """Of the moves, mm/s."""
-        rounded: list[float] = rounded_feeds(self.job.moves.feed_mm_s).tolist()
+        rounded: list[float] = rounded_feeds(limited(self.job.moves.feed_mm_s, self.cell)).tolist()
         return rounded
 
     @functools.cached_property
     def blends(self) -> list[bool]:
         """Where the next move may blend in."""
-        return self.job.blends
+        return blends_of(self.job, self.skeleton)
 
     def head(self) -> Iterator[str]:
         """Remarks, tool, load, base and how to move."""
         job = self.job
         yield from ("&ACCESS RVP", f"DEF {job.name} ( )")
         yield from (f"  ; {remark}" for remark in job.remarks)
-        yield "  BAS (#INITMOV,0)"
-        yield f"  BAS (#VEL_PTP,{PTP_PERCENT})"
+        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        yield from (f"  {line}" for line in self._modes())
+
+    def _modes(self) -> Iterator[str]:
+        """All that holds until it is said otherwise; again at every restart point."""
+        job = self.job
+        yield from ("BAS (#INITMOV,0)", f"BAS (#VEL_PTP,{PTP_PERCENT})")
         if job.tool_name is not None:
-            yield f"  $TOOL={job.tool_name}"
-            yield f"  $LOAD={job.tool_name.replace('TOOL', 'LOAD')}"
+            yield f"$TOOL={job.tool_name}"
+            yield f"$LOAD={job.tool_name.replace('TOOL', 'LOAD')}"
         else:
             x, y, z = job.tool.centre_of_gravity_mm
-            yield f"  $TOOL={frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz)}"
+            yield f"$TOOL={frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz)}"
             centre = f"CM {{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 0.0}}"
-            yield f"  $LOAD={{M {job.tool.mass_kg:g},{centre},J {{X 0.0,Y 0.0,Z 0.0}}}}"
-        yield f"  $BASE={job.work_object_name or frame(*job.work_object)}"
-        yield from ("  $IPO_MODE=#BASE", "  $ORI_TYPE=#VAR", "  $CIRC_TYPE=#BASE", f"  $APO.CDIS={job.zone_mm:g}")
+            yield f"$LOAD={{M {job.tool.mass_kg:g},{centre},J {{X 0.0,Y 0.0,Z 0.0}}}}"
+        yield f"$BASE={job.work_object_name or frame(*job.work_object)}"
+        yield from ("$IPO_MODE=#BASE", "$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE", f"$APO.CDIS={job.zone_mm:g}")
 
     def start(self) -> Iterable[str]:
-        """By the axes to the first posture."""
-        return ["  PTP XSTART"]
+        """By the axes to the first posture; with a process from home, and straight to the first target."""
+        if self.skeleton is None:
+            return ["  PTP XSTART"]
+        on = self._said(self.skeleton.on)
+        return [f"  PTP {self._home}", "  PTP XSTART", *on, self._velocity(0), "  LIN XP1"]
+
+    @property
+    def _home(self) -> str:
+        assert self.skeleton is not None
+        return self.skeleton.process.home.controller_name or "XPARK"
+
+    def _begin(self, i: int) -> list[str]:
+        """What stands before a move: where a layer begins, and its feed if it is another than before."""
+        layer = self._said(self.skeleton.layer(i)) if self.skeleton else []
+        changed = i == 1 or bool(layer) or self.feeds[i] != self.feeds[i - 1]
+        return [*layer, *([self._velocity(i)] if changed else [])]
 
     def straight(self, i: int) -> Iterable[str]:
         """LIN."""
-        return [*self._feed(i), f"  LIN XP{i + 1}{self._blend(i)}"]
+        return [*self._begin(i), f"  LIN XP{i + 1}{self._blend(i)}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """CIRC."""
-        return [*self._feed(i), f"  CIRC XV{i + 1},XP{i + 1}{self._blend(i)}"]
+        return [*self._begin(i), f"  CIRC XV{i + 1},XP{i + 1}{self._blend(i)}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
         return f"  ; {text}"
 
     def foot(self) -> Iterable[str]:
-        """The end."""
-        return ["END"]
+        """The end; with a process back, and home."""
+        skeleton = self.skeleton
+        if skeleton is None:
+            return ["END"]
+        return ["  LIN XRETRACT", *self._said(skeleton.off), f"  PTP {self._home}", *self._said(skeleton.last), "END"]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_krl(files)
+        return read_krl(files, self.cell.process)
 
     def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
         """STATUS and TURN of a posture (6,), rad."""
@@ -104,9 +153,8 @@ class Krl:
         name = self.job.name
         return {f"{name}.src": text, f"{name}.dat": "\n".join([*self._data(), ""])}
 
-    def _feed(self, i: int) -> list[str]:
-        changed = i == 1 or self.feeds[i] != self.feeds[i - 1]
-        return [f"  $VEL.CP={self.feeds[i] / 1000:.9g}"] if changed else []
+    def _velocity(self, i: int) -> str:
+        return f"  $VEL.CP={self.feeds[i] / 1000:.9g}"
 
     def _blend(self, i: int) -> str:
         return " C_DIS" if self.blends[i] else ""
@@ -121,16 +169,38 @@ class Krl:
         if turned is not None:
             external = [f",E1 {angle + 0.0:.4f}" for angle in np.round(turned, 4).tolist()]
         yield from ("&ACCESS RVP", f"DEFDAT {self.job.name}")
-        axes = ",".join(f"A{i} {angle:.4f}" for i, angle in enumerate((np.round(joints[0], 4) + 0.0).tolist(), 1))
-        yield f"  DECL E6AXIS XSTART={{{axes}{external[0]}}}"
         targets = frames(moves.position_mm, moves.quaternion_wxyz)
         said = status_and_turn(self.cell, joints * DEG).tolist()
-        for i in range(1, len(targets)):
-            yield f"  DECL E6POS XP{i + 1}={{{targets[i][1:-1]},S {said[i][0]},T {said[i][1]}{external[i]}}}"
+        skeleton = self.skeleton
+        if skeleton is None:
+            yield _axes("XSTART", joints[0], None if turned is None else float(turned[0]))
+        else:
+            if not skeleton.process.home.controller_name:
+                yield _axes("XPARK", *skeleton.home_deg)
+            yield _axes("XSTART", *skeleton.start_deg)
+            there = status_and_turn(self.cell, skeleton.retract_joints[None]).tolist()[0]
+            yield _position("XRETRACT", frames(*skeleton.retracted)[0], there, external[-1])
+        for i in range(0 if skeleton else 1, len(targets)):
+            yield _position(f"XP{i + 1}", targets[i], said[i], external[i])
         arcs = np.flatnonzero(moves.circular).tolist()
         vias = frames(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
         yield from (f"  DECL POS XV{i + 1}={via}" for i, via in zip(arcs, vias, strict=True))
         yield "ENDDAT"
+
+
+def _signal(kind: str, name: str) -> str:
+    """By its number, or by the name that the controller has declared (SIGNAL)."""
+    return f"{kind}[{name}]" if name.isdigit() else name
+
+
+def _axes(name: str, joints_deg: Float, turntable_deg: float | None) -> str:
+    axes = ",".join(f"A{i} {angle:.4f}" for i, angle in enumerate((np.round(joints_deg, 4) + 0.0).tolist(), 1))
+    external = "" if turntable_deg is None else f",E1 {round(turntable_deg, 4) + 0.0:.4f}"
+    return f"  DECL E6AXIS {name}={{{axes}{external}}}"
+
+
+def _position(name: str, frame: str, said: list[int], external: str) -> str:
+    return f"  DECL E6POS {name}={{{frame[1:-1]},S {said[0]},T {said[1]}{external}}}"
 
 
 def status_and_turn(cell: Cell, joints: Float) -> Int:

@@ -4,10 +4,13 @@
     statement = BAS (#INITMOV,0) | BAS (#VEL_PTP,n) | $TOOL = frame | $TOOL = TOOL_DATA[n] | $LOAD = ... | $BASE = frame
               | $BASE = BASE_DATA[n] | $IPO_MODE = #BASE | $ORI_TYPE = #VAR | $CIRC_TYPE = #BASE | $APO.CDIS = n
               | $VEL.CP = n | PTP name | LIN name [C_DIS] | CIRC name,name [C_DIS]
+              | signal = (TRUE | FALSE) | WAIT FOR signal | WAIT SEC n | HALT | name: | name ( )
+    signal    = $OUT[n] | $IN[n] | name
     dat  = {& line} DEFDAT name {DECL (E6AXIS | E6POS | POS) name = aggregate} ENDDAT
 
-Everything else is refused with its line: a name that is not declared or of the wrong type, PTP to what is not E6AXIS,
-a first move that is not PTP, a move before tool, base and feed were said, an external axis other than E1.
+Everything else is refused with its line: a name that is not declared or of the wrong type, PTP to what is not E6AXIS
+(the controller's home aside), a first move that is not PTP, a move before tool, base and feed were said, an external
+axis other than E1, a signal or subprogram that the cell file's process does not name, a statement behind C_DIS.
 """
 
 from __future__ import annotations
@@ -20,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
-from workbench.program.reading import NAME, NUMBER, Lines, euler_pose, numbers, one_file
+from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
+from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG
 
 FRAME = rf"\{{X {NUMBER},Y {NUMBER},Z {NUMBER},A {NUMBER},B {NUMBER},C {NUMBER}\}}"
@@ -31,14 +35,18 @@ LOAD = rf"\{{M {NUMBER},CM \{{X {NUMBER},Y {NUMBER},Z {NUMBER},A 0\.0,B 0\.0,C 0
 FIXED = ("$IPO_MODE=#BASE", "$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE", "BAS (#INITMOV,0)")
 
 
-def read_krl(files: Mapping[str, str]) -> ProgramMoves:
+def read_krl(files: Mapping[str, str], process: ProcessPart | None = None) -> ProgramMoves:
     """Read a KRL program from its two files, name -> text.
+
+    Args:
+        files: one that ends in `.src`, and its `.dat`.
+        process: whose signals switch what; None: a program that switches any is refused.
 
     Raises:
         InputError: "line 12: expected ..., found ...".
     """
     (src_name, src), (dat_name, dat) = one_file(files, ".src"), one_file(files, ".dat")
-    return _Source(Lines(src, src_name, ";"), _data(Lines(dat, dat_name, ";"))).read()
+    return _Source(Lines(src, src_name, ";"), _data(Lines(dat, dat_name, ";")), process).read()
 
 
 def _header(lines: Lines, word: str) -> None:
@@ -76,14 +84,17 @@ def _turntable(angle_deg: float) -> float | None:
 class _Source:
     """The statements, one after the other, with what was said before."""
 
-    def __init__(self, lines: Lines, declared: dict[str, tuple[str, Any]]) -> None:
+    def __init__(self, lines: Lines, declared: dict[str, tuple[str, Any]], process: ProcessPart | None) -> None:
         self.lines, self.declared = lines, declared
+        self.home = (process.home.controller_name if process else None) or ""
         self.said: set[str] = set()
         self.tool, self.base, self.load = "", "", (None, None)
         self.tools: dict[str, ProgramTool] = {}
         self.bases: dict[str, Any] = {}
         self.feed = self.zone = self.percent = 0.0
         self.moves: list[ProgramMove] = []
+        self.labels: set[str] = set()
+        self.events = Events(lines, self.moves, process)
 
     def read(self) -> ProgramMoves:
         lines = self.lines
@@ -94,7 +105,9 @@ class _Source:
         lines.end()
         mass, centre = self.load
         tools = {key: ProgramTool(tool.flange_from_tool, mass, centre) for key, tool in self.tools.items()}
-        return ProgramMoves("kuka", lines.name, tuple(self.moves), tools, self.bases, remarks=tuple(lines.remarks))
+        return ProgramMoves(
+            "kuka", lines.name, tuple(self.moves), tools, self.bases, tuple(self.events.found), tuple(lines.remarks)
+        )
 
     def statement(self, line: str) -> None:
         lines, word = self.lines, re.split(r"[ =]", line)[0]
@@ -114,7 +127,29 @@ class _Source:
         elif word in ("PTP", "LIN", "CIRC"):
             self.move(word)
         else:
-            lines.take("(?!)", "a statement of this part of KRL (see workbench.program.krl_reader)")
+            self.event()
+
+    def event(self) -> None:
+        """What happens between moves."""
+        shapes = rf"(HALT)|WAIT SEC {NUMBER}|WAIT FOR (?:\$IN\[(\d+)\]|{NAME})|{NAME}:|{NAME} \( \)|"
+        shapes += rf"(?:\$OUT\[(\d+)\]|{NAME})=(TRUE|FALSE)"
+        found = self.lines.take(shapes, "a statement of this part of KRL (see workbench.program.krl_reader)")
+        halt, seconds, number_in, name_in, label, routine, number_out, name_out, value = found.groups()
+        if halt:
+            self.events.add("stop", "")
+        elif seconds:
+            self.events.add("wait_time", seconds)
+        elif label:
+            if label in self.labels or label in self.declared:
+                self.lines.refuse("a label that is not taken", label)
+            self.labels.add(label)
+            self.events.add("restart", label)
+        elif routine:
+            self.events.use("call", routine)
+        elif value:
+            self.events.use("1" if value == "TRUE" else "0", number_out or name_out)
+        else:
+            self.events.use("wait", number_in or name_in)
 
     def frame(self, word: str) -> None:
         """Tool or base: written out, or one of the controller's."""
@@ -134,20 +169,24 @@ class _Source:
         found = lines.take(patterns[word], f"'{word}' and names of positions")
         if not (self.tool and self.base and {*FIXED} <= self.said) or (word != "PTP" and self.feed <= 0):
             lines.refuse("tool, base, $IPO_MODE, $ORI_TYPE, $CIRC_TYPE and feed before the first move", found[0])
-        if (word == "PTP") != (not self.moves):
-            lines.refuse("PTP as the first move, and LIN or CIRC after it", found[0])
+        if word != "PTP" and not self.moves:
+            lines.refuse("PTP as the first move", found[0])
         if word == "PTP":
-            values = self.position(found[1], "E6AXIS")
             if not 0 < self.percent <= 100:
                 lines.refuse("BAS (#VEL_PTP,percent) of 1 to 100 before PTP", found[0])
+            if self.moves and self.moves[-1].zone_mm > 0:
+                lines.refuse("a move that reaches its target before PTP", found[0])
+            known = found[1] not in self.declared and found[1] == self.home
+            values = [math.nan] * 7 if known else self.position(found[1], "E6AXIS")
             move = ProgramMove(
                 lines.number,
                 "J",
                 self.tool,
                 self.base,
-                joints=np.array(values[:6]) * DEG,
                 joint_speed=self.percent / 100,
+                joints=None if known else np.array(values[:6]) * DEG,
                 turntable=_turntable(values[6]),
+                place=self.home if known else "",
             )
         else:
             values = self.position(found[(word == "CIRC" and 2) or 1], "E6POS")

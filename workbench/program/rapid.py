@@ -17,15 +17,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import ProgramMoves
+from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
+from workbench.errors import InputError
 from workbench.program.rapid_reader import read_rapid
-from workbench.program.rapid_skeleton import MODES, UNUSED, Skeleton, joint_target
+from workbench.program.rapid_words import free_name
+from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, skeleton_of
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Int
 
 TURN_DEG_S = 50  # where the orientation alone moves
+UNUSED = "9E+09"  # an external axis that is not there
+MODES = ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
+UNLIMITED = "    VelSet 100,5000;"  # as the controller starts with it
 
 
 @dataclass
@@ -38,10 +43,55 @@ class Rapid:
     tool_name: str
     work_object_name: str
 
+    def __post_init__(self) -> None:
+        """Refuse names of the process that mean something in RAPID."""
+        process = self.cell.process
+        if process is None:
+            return
+        spindle = process.spindle
+        names = [
+            process.coolant_signal,
+            process.mechanical_unit,
+            process.home.controller_name,
+            *process.before,
+            *process.after,
+            *((spindle.on_signal, spindle.at_speed_signal) if spindle else ()),
+        ]
+        for name in (str(one) for one in names if one is not None):
+            try:
+                free_name(name)
+            except ValueError as error:
+                raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
+        check_words(self.cell, process, "ABB", signals="names", units=True)
+
     @functools.cached_property
     def skeleton(self) -> Skeleton | None:
         """What the cell's process asks for around the milling."""
-        return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
+        return skeleton_of(self.job, self.cell)
+
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves (ABB, RAPID Instructions: ActUnit, SetDO, Stop, VelSet, WaitDI, WaitTime).
+
+        A WaitDI that waits longer than its MaxTime stops the program.
+        """
+        if kind == "restart":
+            return [f"    {value}:", *MODES]
+        switched = {"on": 1, "off": 0}.get(kind.rpartition("_")[2])
+        if switched is not None:
+            return [f"    SetDO {value},{switched};"]
+        longest = self.cell.process.spindle.wait_s if self.cell.process and self.cell.process.spindle else 0.0
+        words = {
+            "hook": value,
+            "activate_axis": f"ActUnit {value}",
+            "feed_limits": f"VelSet {value}",
+            "stop": "Stop",
+            "wait_speed": f"WaitDI {value},1\\MaxTime:={longest:g}",
+            "wait_time": f"WaitTime {value}",
+        }
+        return [f"    {words[kind]};"]
+
+    def _said(self, events: Iterable[Event]) -> list[str]:
+        return [line for event in events for line in self.event(*event)]
 
     @functools.cached_property
     def feeds(self) -> tuple[Float, Int]:
@@ -53,8 +103,7 @@ class Rapid:
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
-        switched = {i - 1 for i in self.skeleton.layer_starts} if self.skeleton else set()  # statements follow it
-        zones = ["zonePath" if blends and i not in switched else "fine" for i, blends in enumerate(self.job.blends)]
+        zones = ["zonePath" if blends else "fine" for blends in blends_of(self.job, self.skeleton)]
         tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
         tail = f"{tool}\\WObj:={place};"
         return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
@@ -87,38 +136,36 @@ class Rapid:
         )
         arcs = np.flatnonzero(job.moves.circular)
         yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
-        if self.skeleton:
-            yield from self.skeleton.data()
-            place, turn = self.skeleton.retracted
+        skeleton = self.skeleton
+        if skeleton is None:
+            yield from self._start_posture()
+        else:
+            if not skeleton.process.home.controller_name:
+                yield joint_target("jHome", *skeleton.home_deg)
+            yield joint_target("jStart", *skeleton.start_deg)
+            place, turn = skeleton.retracted
             last = None if job.turntable_deg is None else job.turntable_deg[-1:]
             yield from _targets(
-                "retract",
-                np.array([0]),
-                place,
-                turn,
-                last,
-                configurations(self.cell, self.skeleton.retract_joints[None]),
+                "retract", np.array([0]), place, turn, last, configurations(self.cell, skeleton.retract_joints[None])
             )
-        else:
-            yield from self._start_posture()
         yield f"  PROC {self.procedure}()"
-        yield from self.skeleton.first() if self.skeleton else ()
+        yield from self._said(skeleton.first) if skeleton else ()
         yield from MODES
+
+    def _home(self, end: str) -> str:
+        assert self.skeleton is not None
+        return f"    MoveAbsJ {self.skeleton.process.home.controller_name or 'jHome'}\\NoEOffs,{end}"
 
     def start(self) -> Iterable[str]:
         """By the axes to the first posture, and exactly to the first target."""
-        end = self.ends[0]
-        begin = self.skeleton.start(end) if self.skeleton else []
-        return [
-            *begin,
-            f"    MoveAbsJ jStart\\NoEOffs,{end}",
-            *(self.skeleton.on() if self.skeleton else []),
-            f"    MoveL p1,{end}",
-        ]
+        end, skeleton = self.ends[0], self.skeleton
+        before = [*self._said(skeleton.settings), self._home(end)] if skeleton else []
+        behind = self._said(skeleton.on) if skeleton else []
+        return [*before, f"    MoveAbsJ jStart\\NoEOffs,{end}", *behind, f"    MoveL p1,{end}"]
 
     def _layer(self, i: int) -> list[str]:
         """What stands before move i where a layer begins with it."""
-        return self.skeleton.layer(i) if self.skeleton else []
+        return self._said(self.skeleton.layer(i)) if self.skeleton else []
 
     def _start_posture(self) -> Iterator[str]:
         """Joint angles of the first target."""
@@ -140,8 +187,19 @@ class Rapid:
 
     def foot(self) -> Iterable[str]:
         """Settings as the controller starts with them."""
-        end = self.skeleton.end(self.ends[-1]) if self.skeleton else []
-        return [*end, "    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+        skeleton, end = self.skeleton, self.ends[-1]
+        back = (
+            []
+            if skeleton is None
+            else [
+                f"    MoveL retract1,{end}",
+                *self._said(skeleton.off),
+                self._home(end),
+                *self._said(skeleton.last),
+                *([UNLIMITED] if skeleton.process.feed else []),
+            ]
+        )
+        return [*back, "    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
@@ -166,6 +224,13 @@ def configurations(cell: Cell, joints: Float) -> Int:
     quarters = np.floor(np.round(joints[:, [0, 3, 5]] / DEG, 3) / 90.0).astype(int)
     sides = arm_sides(cell.chain, joints)
     return np.column_stack([quarters, sides @ np.array([4, 2, 1])])
+
+
+def joint_target(name: str, joints_deg: Float, turntable_deg: float | None) -> str:
+    """A declaration."""
+    axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints_deg, 4) + 0.0).tolist())
+    first = UNUSED if turntable_deg is None else f"{round(turntable_deg, 4) + 0.0:.4f}"
+    return f"  CONST jointtarget {name}:=[[{axes}],[{first},{','.join([UNUSED] * 5)}]];"
 
 
 def _halfway(job: ProgramJob) -> Float | None:

@@ -12,6 +12,7 @@ from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import Event, JointTarget, Move, OnController, Pose, RobTarget
 from workbench.program.rapid_values import TOOL0, WOBJ0
+from workbench.program.skeleton import known_events
 from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float
 
@@ -87,23 +88,12 @@ def _limits(events: tuple[Event, ...], i: int) -> tuple[float, float]:
 
 def _events(events: tuple[Event, ...], process: ProcessPart | None, name: str) -> Iterator[ProgramEvent]:
     """What each statement between moves does, by the cell file's names."""
-    spindle = None if process is None else process.spindle
-    known: dict[tuple[str, str, str], EventKind] = {}
-    if process is not None and process.coolant_signal:
-        key = process.coolant_signal.lower()
-        known |= {("setdo", key, "1"): "coolant_on", ("setdo", key, "0"): "coolant_off"}
-    if spindle is not None:
-        key = spindle.on_signal.lower()
-        known |= {("setdo", key, "1"): "spindle_on", ("setdo", key, "0"): "spindle_off"}
-        known[("waitdi", (spindle.at_speed_signal or "").lower(), "1")] = "wait_speed"
-    if process is not None and process.mechanical_unit:
-        known[("actunit", process.mechanical_unit.lower(), "")] = "activate_axis"
-    if process is not None:
-        known |= {("call", hook.lower(), ""): "hook" for hook in (*process.before, *process.after)}
+    known = known_events(process)
     plain: dict[str, EventKind] = {"waittime": "wait_time", "velset": "feed_limits", "stop": "stop", "label": "restart"}
     for event in events:
-        first, second = (*(str(one).lower() for one in event.arguments[:2]), "", "")[:2]
-        kind = plain.get(event.instruction) or known.get((event.instruction, first, second))
+        name_of, switched = (*(str(one).lower() for one in event.arguments[:2]), "", "")[:2]
+        use = {"setdo": switched, "waitdi": "wait", "actunit": "unit", "call": "call"}.get(event.instruction, "")
+        kind = plain.get(event.instruction) or known.get((use, name_of))
         if kind is None:
             raise InputError(
                 name,

@@ -8,8 +8,11 @@ from typing import NoReturn
 
 import numpy as np
 
+from workbench.artefacts import EventKind, ProgramEvent, ProgramMove
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
+from workbench.program.skeleton import known_events
+from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float
 
 NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
@@ -62,6 +65,28 @@ class Lines:
         """Raise InputError for the line that was taken last."""
         shown = repr(found[:SHOWN]) if found else "the end of the file"
         raise InputError(self.name, f"line {self.number}: expected {expected}, found {shown}")
+
+
+class Events:
+    """What a program does between its moves, as its reader comes to it."""
+
+    def __init__(self, lines: Lines, moves: list[ProgramMove], process: ProcessPart | None) -> None:
+        """`moves` grows as the program is read; names are those of the cell's `process`."""
+        self.lines, self.moves, self.known = lines, moves, known_events(process)
+        self.found: list[ProgramEvent] = []
+
+    def add(self, kind: EventKind, value: str) -> None:
+        """One that says itself what it is. Controllers run ahead of a move that blends: there it comes too early."""
+        if self.moves and self.moves[-1].zone_mm > 0:
+            self.lines.refuse("a move that reaches its target before this statement", value or kind)
+        self.found.append(ProgramEvent(self.lines.number, len(self.moves), kind, value))
+
+    def use(self, use: str, name: str) -> None:
+        """One that is known by the name that it uses (`workbench.program.skeleton.known_events`)."""
+        kind = self.known.get((use, name.lower()))
+        if kind is None:
+            self.lines.refuse("a name and a use of the cell file's process section", name)
+        self.add(kind, name)
 
 
 def one_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:

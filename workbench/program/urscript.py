@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import ProgramMoves
+from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, vector_from_rotation
+from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.program.urscript_reader import read_urscript
 from workbench.robot.cell import Cell
 from workbench.units import DEG, Float
@@ -47,6 +48,46 @@ class UrScript:
                 f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and controllers of "
                 "Universal Robots drive no external axis (stiffness.posture: turntable_moves false)",
             )
+        process = self.cell.process
+        if process is None:
+            return
+        check_words(self.cell, process, "UR", signals="numbers")
+        if process.home.controller_name is not None:
+            where = f"{self.cell.source}: $.process.home.controller_name"
+            raise InputError(
+                where, f"expected null for UR: programs say home themselves, found {process.home.controller_name!r}"
+            )
+        if turned is not None and abs(process.home.turntable_deg - turned[0]) > STANDS_DEG:
+            raise InputError(
+                f"{self.cell.source}: $.process.home.turntable_deg",
+                f"expected the angle at which the turntable stands along the path, {turned[0]:.4f}",
+            )
+
+    @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling."""
+        return skeleton_of(self.job, self.cell)
+
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves: digital outputs and inputs, sleep, popup, functions of the installation.
+
+        Waits without end for a speed. There are no labels: a program begins at its begin.
+        """
+        switched = {"on": "True", "off": "False"}.get(kind.rpartition("_")[2])
+        if switched:
+            return [f"  set_standard_digital_out({value}, {switched})"]
+        words: dict[EventKind, list[str]] = {
+            "hook": [f"  {value}()"],
+            "feed_limits": [],
+            "restart": [],
+            "wait_time": [f"  sleep({value})"],
+            "stop": ['  popup("Go on with the next layer?", title="Stop", blocking=True)'],
+            "wait_speed": [f"  while not get_standard_digital_in({value}):", "    sync()", "  end"],
+        }
+        return words[kind]
+
+    def _said(self, events: Iterable[Event]) -> list[str]:
+        return [line for event in events for line in self.event(*event)]
 
     @functools.cached_property
     def targets(self) -> list[str]:
@@ -64,10 +105,9 @@ class UrScript:
         moves = self.job.moves
         chord = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
         room = SHARE * np.minimum(np.append(0.0, chord), np.append(chord, 0.0))
-        blend = np.where(self.job.blends, np.minimum(self.job.zone_mm, room), 0.0)
-        rows = zip(
-            (rounded_feeds(moves.feed_mm_s) / 1000).tolist(), (np.floor(blend * 1000) / 1e6).tolist(), strict=True
-        )
+        blend = np.where(blends_of(self.job, self.skeleton), np.minimum(self.job.zone_mm, room), 0.0)
+        feed = rounded_feeds(limited(moves.feed_mm_s, self.cell)) / 1000
+        rows = zip(feed.tolist(), (np.floor(blend * 1000) / 1e6).tolist(), strict=True)
         return [f"a={ACCELERATION_M_S2:g}, v={feed:.9g}, r={r:.6f}" for feed, r in rows]
 
     def head(self) -> Iterator[str]:
@@ -75,6 +115,7 @@ class UrScript:
         job, tool = self.job, self.job.tool
         yield f"def {job.name}():"
         yield from (self.remark(one) for one in job.remarks)
+        yield from self._said(self.skeleton.first) if self.skeleton else ()
         turn = rotation_from_quaternion(tool.quaternion_wxyz)
         yield f"  set_tcp({poses(job.tool_centre_point_mm[None], turn[None])[0]})"
         x, y, z = tool.centre_of_gravity_mm / 1000
@@ -83,30 +124,41 @@ class UrScript:
             yield f'  popup("Turntable at {job.turntable_deg[0] + 0.0:.4f} deg?", title="Turntable", blocking=True)'
 
     def start(self) -> Iterable[str]:
-        """By the joints to the first posture."""
+        """By the joints to the first posture; with a process from home, and straight to the first target."""
         assert self.job.moves.joints_deg is not None
-        angles = ", ".join(f"{angle:.9f}" for angle in (np.round(self.job.moves.joints_deg[0] * DEG, 9) + 0.0).tolist())
-        return [f"  movej([{angles}], a={JOINT_ACCELERATION:g}, v={JOINT_SPEED:g})"]
+        skeleton = self.skeleton
+        if skeleton is None:
+            return [by_joints(self.job.moves.joints_deg[0])]
+        first = f"  movel({self.targets[0]}, {self.ends[0]})"
+        return [by_joints(skeleton.home_deg[0]), by_joints(skeleton.start_deg[0]), *self._said(skeleton.on), first]
+
+    def _layer(self, i: int) -> list[str]:
+        """What stands before move i where a layer begins with it."""
+        return self._said(self.skeleton.layer(i)) if self.skeleton else []
 
     def straight(self, i: int) -> Iterable[str]:
         """Movel."""
-        return [f"  movel({self.targets[i]}, {self.ends[i]})"]
+        return [*self._layer(i), f"  movel({self.targets[i]}, {self.ends[i]})"]
 
     def circular(self, i: int) -> Iterable[str]:
         """Movec."""
-        return [f"  movec({self.vias[i]}, {self.targets[i]}, {self.ends[i]}, mode=0)"]
+        return [*self._layer(i), f"  movec({self.vias[i]}, {self.targets[i]}, {self.ends[i]}, mode=0)"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
         return f"  # {text}"
 
     def foot(self) -> Iterable[str]:
-        """The end of the function, and its call."""
-        return ["end", f"{self.job.name}()"]
+        """With a process back, and home; the end of the function, and its call."""
+        end, skeleton = ["end", f"{self.job.name}()"], self.skeleton
+        if skeleton is None:
+            return end
+        retract = f"  movel({poses(*self._in_base(*skeleton.retracted))[0]}, {self.ends[-1]})"
+        return [retract, *self._said(skeleton.off), by_joints(skeleton.home_deg[0]), *self._said(skeleton.last), *end]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_urscript(files, self.cell.chain.speeds)
+        return read_urscript(files, self.cell.chain.speeds, self.cell.process)
 
     def configuration(self, joints: Float, cell: Cell) -> None:
         """URScript says none: the robot keeps that of the first posture."""
@@ -123,6 +175,12 @@ class UrScript:
             position_mm @ base_from_object[:3, :3].T + place,
             base_from_object[:3, :3] @ rotation_from_quaternion(quaternion_wxyz),
         )
+
+
+def by_joints(joints_deg: Float) -> str:
+    """Movej to joint angles (6,)."""
+    angles = ", ".join(f"{angle:.9f}" for angle in (np.round(joints_deg * DEG, 9) + 0.0).tolist())
+    return f"  movej([{angles}], a={JOINT_ACCELERATION:g}, v={JOINT_SPEED:g})"
 
 
 def poses(position_mm: Float, rotation: Float) -> list[str]:

@@ -100,9 +100,9 @@ def write(
         said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
         gate = dataclasses.replace(gate, unchecked=(*gate.unchecked, said))
     if cell.process is not None:
-        ours = chosen == "abb"
-        open_ = not_seen(cell.process) if ours else (f"{NO_PROCESS} ($.process is written for abb)",)
-        cell = dataclasses.replace(cell, process=cell.process if ours else None, unseen=(*cell.unseen, *open_))
+        told = chosen != "trajectory"
+        open_ = not_seen(cell.process, chosen) if told else (f"{NO_PROCESS} (a trajectory has no words for it)",)
+        cell = dataclasses.replace(cell, process=cell.process if told else None, unseen=(*cell.unseen, *open_))
     job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
     dialect = (
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)

@@ -222,6 +222,8 @@ class ControllerPart(_Part):
 
 
 Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]  # a name that a controller knows
+Place = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$")]  # likewise; PR[1] of FANUC
+Signal = Word | Annotated[int, Field(ge=0, le=9999)]  # by name (ABB, KUKA) or number (KUKA, FANUC, UR)
 Clear = Annotated[float, Field(gt=0, le=2000)]
 
 
@@ -230,7 +232,7 @@ class HomePart(_Part):
 
     joints_deg: tuple[Length, Length, Length, Length, Length, Length] = Field(description="of the robot, at home")
     turntable_deg: Length = Field(default=0.0, description="likewise, where the cell has one")
-    controller_name: Word | None = Field(
+    controller_name: Place | None = Field(
         default=None, description="of the joint target on the controller; null: the program declares it"
     )
 
@@ -238,11 +240,13 @@ class HomePart(_Part):
 class SpindlePart(_Part):
     """The spindle's signals."""
 
-    on_signal: Word = Field(description="digital output: 1 turns it")
-    at_speed_signal: Word | None = Field(
+    on_signal: Signal = Field(description="digital output, by name or number: 1 turns it")
+    at_speed_signal: Signal | None = Field(
         default=None, description="digital input: 1 at speed; null: the program waits `wait_s`, and says NOT CHECKED"
     )
-    wait_s: float = Field(default=20.0, gt=0, le=600, description="longest wait for speed; beyond it the robot stops")
+    wait_s: float = Field(
+        default=20.0, gt=0, le=600, description="ABB: longest wait for speed, beyond it the robot stops; others wait on"
+    )
 
 
 class FeedPart(_Part):
@@ -253,14 +257,16 @@ class FeedPart(_Part):
 
 
 class ProcessPart(_Part):
-    """What a program does around the milling. Written for ABB; other programs say NOT CHECKED."""
+    """What a program does around the milling, in the words of the cell's controller; a trajectory does none of it."""
 
     home: HomePart
     approach_mm: Clear = Field(default=50.0, description="along the cutter's axis, straight to the first target")
     retract_mm: Clear = Field(default=50.0, description="likewise, from the last target")
     spindle: SpindlePart | None = Field(default=None, description="null: not switched, and programs say so")
-    coolant_signal: Word | None = Field(default=None, description="digital output; null: none")
-    mechanical_unit: Word | None = Field(default=None, description="turntable that is activated (ActUnit); null: none")
+    coolant_signal: Signal | None = Field(default=None, description="digital output; null: none")
+    mechanical_unit: Word | None = Field(
+        default=None, description="ABB: turntable that is activated (ActUnit); null: none"
+    )
     before: list[Word] = Field(default=[], description="routines on the controller that are called first")
     after: list[Word] = Field(default=[], description="likewise, at home in the end")
     restart: bool = Field(default=True, description="a label at the start of every layer, with all that milling needs")

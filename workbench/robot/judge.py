@@ -175,13 +175,20 @@ def _stretches(
     found.least_margin = float(np.nanmin(np.append(margin[~lost], found.least_margin)))
     open_ |= sure < max(need - 1e-9, found.least_margin - TIGHT)
     in_space = way.kind[middle.segment] != JOINTS
-    fault(in_space & (wrist < cell.margins.wrist), "singular",
-          lambda i: f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
-          f"{np.degrees(cell.margins.wrist):g} deg")  # fmt: skip
+    fault(
+        in_space & (wrist < cell.margins.wrist),
+        "singular",
+        lambda i: (
+            f"axis 6 stands {np.degrees(wrist[i]):.2f} deg from axis 4, expected at least "
+            f"{np.degrees(cell.margins.wrist):g} deg"
+        ),
+    )
     open_ |= in_space & (sure_wrist < cell.margins.wrist)
-    fault(in_space & (condition > cell.margins.condition), "singular",
-          lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most "
-          f"{cell.margins.condition:g}")  # fmt: skip
+    fault(
+        in_space & (condition > cell.margins.condition),
+        "singular",
+        lambda i: f"the Jacobian's condition number is {condition[i]:.0f}, expected at most {cell.margins.condition:g}",
+    )
     near = _collisions(pairs, middle.at(~lost), reach[~lost], tiny[~lost], found)
     open_[~lost] |= near[0]
     hit, least, pair = np.full(len(middle), -1), np.full(len(middle), np.nan), np.full(len(middle), -1)

@@ -15,7 +15,7 @@ NO_PROCESS = "the way to the first posture and back home, spindle and coolant: t
 SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a program may turn them by
 
 
-def not_seen(process: ProcessPart) -> Iterator[str]:
+def not_seen(process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
     yield "the way from where the robot stands to home"
     yield "the cutter against the plate between the path's ends and the points of approach and retract"
@@ -27,7 +27,9 @@ def not_seen(process: ProcessPart) -> Iterator[str]:
         yield "that the spindle is at speed: no signal says so, the program waits for some time"
     if hooks := (*process.before, *process.after):
         yield f"what these routines do: {', '.join(hooks)}"
-    if process.restart:
+    if process.restart and dialect == "ur":
+        yield "restart points: URScript has none, a program begins at its begin"
+    elif process.restart:
         yield "the way to a restart point: lead the robot by hand to the target before its label"
 
 

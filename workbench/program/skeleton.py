@@ -1,0 +1,214 @@
+"""Around the milling, in any dialect: home, approach and retract, spindle, coolant, routines, restart points, stops.
+
+    routines; by the axes home, and to the approach; spindle, wait for its speed, coolant; the path, each layer with a
+    stop and a restart point where the process asks for them; straight back; coolant and spindle off; home; routines
+
+What happens between moves are events (`workbench.artefacts.EventKind`), which each dialect writes in its own words.
+Every restart point has all that milling needs behind it, so that a program that is started there turns its spindle.
+Events follow moves that reach their target only: controllers run ahead of moves that blend.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import EventKind
+from workbench.dialect import ProgramJob
+from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.program.names import NUMBERED, RESERVED
+from workbench.robot.cell import Cell
+from workbench.robot.cell_file import ProcessPart, Signal
+from workbench.robot.inverse import inverse_kinematics
+from workbench.robot.kinematics import forward_kinematics
+from workbench.units import DEG, Float
+
+Event = tuple[EventKind, str]  # what happens, and the name that it is about
+
+
+@dataclass
+class Skeleton:
+    """What a process asks for, in the order of the program."""
+
+    job: ProgramJob
+    cell: Cell
+    process: ProcessPart
+
+    def __post_init__(self) -> None:
+        """Refuse one signal for two things."""
+        process, spindle = self.process, self.process.spindle
+        coolant = process.coolant_signal
+        if coolant is not None and spindle and str(coolant).lower() == str(spindle.on_signal).lower():
+            raise InputError(f"{self.cell.source}: $.process", "expected different signals of spindle and coolant")
+
+    @functools.cached_property
+    def layer_starts(self) -> dict[int, int]:
+        """Index of the move that begins a layer -> the layer."""
+        if not (self.process.restart or self.process.stop_between_layers):
+            return {}
+        starts: dict[int, int] = {}
+        for i, layer in enumerate(self.job.moves.layer.tolist()):
+            if layer and layer not in starts.values():
+                starts[max(i, 1)] = layer
+        return starts
+
+    @property
+    def stops(self) -> set[int]:
+        """Indices of the moves that must reach their target: something is switched behind them."""
+        return {i - 1 for i in self.layer_starts}
+
+    @functools.cached_property
+    def home_deg(self) -> tuple[Float, float | None]:
+        """Joint angles (6,) and the turntable's."""
+        home = self.process.home
+        return np.array(home.joints_deg), None if self.job.turntable_deg is None else home.turntable_deg
+
+    @functools.cached_property
+    def start_deg(self) -> tuple[Float, float | None]:
+        """The posture from which the tool goes straight to the first target, and the turntable there."""
+        table = self.job.turntable_deg
+        found = self._off(0, self.process.approach_mm, "approach_mm") / DEG
+        return found, None if table is None else float(table[0])
+
+    @functools.cached_property
+    def retract_joints(self) -> Float:
+        """The posture (6,) to which the tool goes straight from the last target, rad."""
+        return self._off(-1, self.process.retract_mm, "retract_mm")
+
+    @property
+    def retracted(self) -> tuple[Float, Float]:
+        """Position (1, 3) and quaternion (1, 4) of the tool there, in the work object."""
+        moves = self.job.moves
+        axis = rotation_from_quaternion(moves.quaternion_wxyz[-1:])[:, :, 2]
+        return moves.position_mm[-1:] - self.process.retract_mm * axis, moves.quaternion_wxyz[-1:]
+
+    def _off(self, i: int, distance_mm: float, which: str) -> Float:
+        """The posture with the cutter drawn back along its axis from target i: of all, the nearest to the target's."""
+        assert self.job.moves.joints_deg is not None
+        there = self.job.moves.joints_deg[i] * DEG
+        flange = forward_kinematics(self.cell.chain, there)
+        flange[:3, 3] -= distance_mm * (flange @ self.cell.flange_from_cutter)[:3, 2]
+        branches = inverse_kinematics(self.cell.chain, flange[None])[0]
+        near = branches + 2 * np.pi * np.round((there - branches) / (2 * np.pi))
+        away = np.abs(near - there).max(axis=1)
+        if not np.isfinite(away).any():
+            raise InputError(
+                f"{self.cell.source}: $.process.{which}",
+                f"expected a point that the robot reaches, {distance_mm:g} mm along the cutter's axis is none",
+            )
+        return np.asarray(near[np.nanargmin(away)])
+
+    @property
+    def first(self) -> list[Event]:
+        """Before anything moves."""
+        return [("hook", hook) for hook in self.process.before]
+
+    @property
+    def settings(self) -> list[Event]:
+        """Of the controller, at the begin and again at every restart point."""
+        process, feed = self.process, self.process.feed
+        unit: list[Event] = [("activate_axis", process.mechanical_unit)] if process.mechanical_unit else []
+        return unit + ([("feed_limits", f"{feed.override_percent:g},{feed.most_mm_s:g}")] if feed else [])
+
+    @property
+    def on(self) -> list[Event]:
+        """Spindle at speed, then coolant."""
+        spindle, coolant = self.process.spindle, self.process.coolant_signal
+        said: list[Event] = []
+        if spindle:
+            speed = spindle.at_speed_signal
+            said = [("spindle_on", str(spindle.on_signal))]
+            said += [("wait_time", f"{spindle.wait_s:g}")] if speed is None else [("wait_speed", str(speed))]
+        return said + ([] if coolant is None else [("coolant_on", str(coolant))])
+
+    @property
+    def off(self) -> list[Event]:
+        """Coolant, then spindle."""
+        spindle, coolant = self.process.spindle, self.process.coolant_signal
+        said: list[Event] = [] if coolant is None else [("coolant_off", str(coolant))]
+        return said + ([("spindle_off", str(spindle.on_signal))] if spindle else [])
+
+    def layer(self, i: int) -> list[Event]:
+        """Where a layer begins with move i: a stop between layers, and a restart point."""
+        if i not in self.layer_starts:
+            return []
+        layer = self.layer_starts[i]
+        stop: list[Event] = (
+            [*self.off, ("stop", "")] if self.process.stop_between_layers and i != min(self.layer_starts) else []
+        )
+        again: list[Event] = [("restart", f"layer{layer}"), *self.settings] if self.process.restart else []
+        return [*stop, *again, *(self.on if stop or again else [])]
+
+    @property
+    def last(self) -> list[Event]:
+        """At home again."""
+        return [("hook", hook) for hook in self.process.after]
+
+
+def skeleton_of(job: ProgramJob, cell: Cell) -> Skeleton | None:
+    """What the cell's process asks for around the milling; None: its file has none."""
+    return None if cell.process is None else Skeleton(job, cell, cell.process)
+
+
+def limited(feed_mm_s: Float, cell: Cell) -> Float:
+    """Feeds (k,) within the process' limits, for languages in which a program cannot limit them otherwise."""
+    feed = None if cell.process is None else cell.process.feed
+    return feed_mm_s if feed is None else np.minimum(feed_mm_s * feed.override_percent / 100, feed.most_mm_s)
+
+
+def blends_of(job: ProgramJob, skeleton: Skeleton | None) -> list[bool]:
+    """Whether the next move may blend in before each target (k,): not where something is switched behind it."""
+    stops = skeleton.stops if skeleton else set()
+    return [blends and i not in stops for i, blends in enumerate(job.blends)]
+
+
+def check_words(cell: Cell, process: ProcessPart, what: str, *, signals: str, units: bool = False) -> None:
+    """Refuse what a maker's programs cannot name.
+
+    Args:
+        cell: whose file it is.
+        process: of it.
+        what: the controller, for messages.
+        signals: 'names', 'numbers', or 'both'.
+        units: whether programs activate mechanical units.
+    """
+    spindle = process.spindle
+    where = f"{cell.source}: $.process"
+    named = {"coolant_signal": process.coolant_signal}
+    if spindle:
+        named |= {"spindle.on_signal": spindle.on_signal, "spindle.at_speed_signal": spindle.at_speed_signal}
+    for key, signal in named.items():
+        if signal is None or signals == "both" or isinstance(signal, int) == (signals == "numbers"):
+            continue
+        raise InputError(f"{where}.{key}", f"expected one of a signal's {signals} for {what}, found {signal!r}")
+    for name in (*process.before, *process.after, *(one for one in named.values() if isinstance(one, str))):
+        if name.lower() in RESERVED or NUMBERED.fullmatch(name):
+            raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
+    if process.mechanical_unit and not units:
+        raise InputError(f"{where}.mechanical_unit", f"expected null for {what}: its programs activate no unit")
+
+
+def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:
+    """What each use of a name means, by the cell's file: (use, name in lower case) -> kind.
+
+    Uses: '1' and '0' of an output, 'wait' for an input, 'call' of a routine, 'unit' that is activated.
+    """
+    if process is None:
+        return {}
+    spindle = process.spindle
+    names: list[tuple[str, Signal | None, EventKind]] = [
+        *(("call", hook, "hook") for hook in (*process.before, *process.after)),
+        ("1", process.coolant_signal, "coolant_on"),
+        ("0", process.coolant_signal, "coolant_off"),
+        ("unit", process.mechanical_unit, "activate_axis"),
+    ]
+    if spindle:
+        names += [
+            ("1", spindle.on_signal, "spindle_on"),
+            ("0", spindle.on_signal, "spindle_off"),
+            ("wait", spindle.at_speed_signal, "wait_speed"),
+        ]
+    return {(use, str(name).lower()): kind for use, name, kind in names if name is not None}

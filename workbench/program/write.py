@@ -110,7 +110,7 @@ def write(
     written = write_program(dialect, gate, cell)
     if written.judgement is None:
         return (written.gate,)
-    return (*written.documents, written.gate, written.judgement, program_chapter(written.judgement, written.gate))
+    return (*written.documents, written.gate, written.judgement, program_chapter(written.judgement, written.gate, cell))
 
 
 def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:

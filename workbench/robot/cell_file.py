@@ -163,7 +163,7 @@ class UncertaintyPart(_Part):
     tool_u_mm: Uncertainty = Field(default=0.0, description="of the tool on the flange")
     tool_u_deg: Uncertainty = Field(default=0.0, description="of its orientation")
     base_u_mm: Uncertainty = Field(
-        default=0.0, description="of the part in the base, as scanned: the hand-eye's volume_u_mm"
+        default=0.0, description="of the part in the base, beside what the hand-eye of its scan leaves open"
     )
     base_u_deg: Uncertainty = Field(default=0.0, description="of its orientation")
     turntable_u_mm: Uncertainty = Field(default=0.0, description="of the turntable's axis in the base")

@@ -18,6 +18,11 @@ from workbench.robot.workpiece import scanned
 from workbench.stage import stage
 from workbench.units import DEG
 
+SAMPLED = 500  # points at which the uncertainty of a scan is looked at
+NO_HAND_EYE_U = (
+    "robustness against the hand-eye's uncertainty: neither the calibration states it (covariance) nor the cell file "
+    "($.uncertainty.base_u_mm)"
+)
 CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 
 
@@ -37,7 +42,8 @@ def plate(
     lies in a box, so the body is larger than what was seen by up to a cube of the grid, which is made coarser where the
     part is large; what the scan has not seen is not there.
     The cutter (the tool's shapes with `"body": "cutter"`) may touch it, since it mills: how deep is what `path.check`
-    asks; the spindle may not. It takes the place of a workpiece that the cell file names.
+    asks; the spindle may not. It takes the place of a workpiece that the cell file names. What the hand-eye's
+    covariance leaves open of where the points lie counts with the cell's own uncertainty of the part.
 
     Args:
         cell: the robot cell; without one there is nothing to do.
@@ -58,4 +64,30 @@ def plate(
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
-    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen)
+    known = scan_uncertainty(cloud)
+    silent = known is None and not cell.margins.part_mm
+    unchecked = (*cell.unchecked, *([NO_HAND_EYE_U] if silent else []))
+    mm, rad = known or (0.0, 0.0)
+    margins = dataclasses.replace(cell.margins, part_mm=float(np.hypot(cell.margins.part_mm, mm)),
+                                  part_rad=float(np.hypot(cell.margins.part_rad, rad)))  # fmt: skip
+    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen, margins=margins,
+                               unchecked=unchecked)  # fmt: skip
+
+
+def scan_uncertainty(cloud: Cloud) -> tuple[float, float] | None:
+    """What the hand-eye leaves open of a scan in the base: standard uncertainties, mm and rad, of the worst direction.
+
+    At the point of the scan where it is largest; None where the calibration states no covariance.
+    """
+    covariance, pose = cloud.hand_eye_covariance, cloud.flange_from_profiler
+    if covariance is None or pose is None:
+        return None
+    frame, column = (places[:: max(len(places) // SAMPLED, 1)] for places in np.nonzero(cloud.keep))
+    seen = np.column_stack([cloud.x_mm[frame, column], np.zeros(len(frame)), cloud.z_mm[frame, column]])
+    arm = seen.astype(float) @ pose[:3, :3].T  # turned by the rotation's error, in the flange
+    by_turn = np.cross(np.eye(3)[:, None], arm).transpose(1, 2, 0)  # (n, 3, 3): w -> w x arm
+    jacobian = np.concatenate([np.broadcast_to(np.eye(3), by_turn.shape), by_turn], axis=2)
+    of_points = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return float(np.sqrt(np.linalg.eigvalsh(of_points).max())), float(
+        np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]).max())
+    )

@@ -28,8 +28,8 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
         + pieces.figure_html(map_picture(found), "Map of the mean displacement, with the chosen postures")
         + pieces.heading("The robot at the middle of the path")
         + _robots(cell, found)
-        + pieces.heading("Displacement along the path")
-        + pieces.figure_html(along_picture(found), "Displacement and angles along the path")
+        + pieces.heading("Displacement and margins along the path")
+        + pieces.figure_html(along_picture(cell, found), "Displacement, margins and angles along the path")
     )
     return Chapter("Postures", text, summary=summary, warnings=made.warnings)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, pieces
+from workbench.api import DEG, AnyArray, Cell, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
 from workbench.plugins.stiffness.standing import Found
 
@@ -65,28 +65,42 @@ def _mark(axes: Any, found: Found) -> None:
             axes.plot(case.rotation / DEG, at, mark, mfc="white", mec="black", ms=9, label=name)
 
 
-def along_picture(found: Found) -> bytes:
-    """Displacement of the loaded points, and the law, in the order of motion (SVG)."""
+def along_picture(cell: Cell, found: Found) -> bytes:
+    """Displacement of the loaded points, clearance, distance from limits and the law, in the order of motion (SVG)."""
     from matplotlib.figure import Figure
 
+    made, loaded = found.postures, found.points.loaded
+    low, high = cell.chain.limits.T
+    room = np.minimum(made.joints - low, high - made.joints).min(axis=1)[loaded] / DEG
+    kept = [
+        ("clearance,\nmm", made.clearance_mm[loaded], cell.margin_mm),
+        ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
+    ]
+    kept = [row for row in kept if np.isfinite(row[1]).any()]
     with pieces.styled():
-        figure = Figure(figsize=(10, 4.6), layout="constrained")
-        top, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        figure = Figure(figsize=(10, 4.6 + 1.2 * len(kept)), layout="constrained")
+        top, below, *others = figure.subplots(2 + len(kept), 1, sharex=True, height_ratios=(2, 1, *[1] * len(kept)))
         for name, case in found.cases.items():
             if case is not None and not (name == "best" and found.mode == "constant"):
                 top.plot(case.displacement_mm, lw=1, label=name)
-        top.plot(found.displacement_mm, "k", lw=1.4, label="as chosen")
-        top.plot(found.bound_at, found.bound_mm, "k:", lw=1, label="best of each single point")
-        top.set_ylabel("displacement, mm")
-        top.set_ylim(0, 1.15 * top.get_ylim()[1])  # room for the legend
-        top.legend(ncols=5, loc="upper left")
-        made, loaded = found.postures, found.points.loaded
+        top.plot(found.displacement_mm, color=pieces.INK, lw=1.4, label="as chosen")
+        top.plot(found.bound_at, found.bound_mm, color=pieces.INK, ls=":", lw=1, label="best of each single point")
+        top.set_ylabel("displacement,\nmm")
+        top.set_ylim(0, top.get_ylim()[1])
+        top.legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         for angle, name in ((made.cutter_rotation, "cutter rotation"), (made.turntable, "turntable")):
             below.plot(_from_start(angle[loaded]), lw=1, label=name)
-        below.set_ylabel("from its start, °")
+        below.set_ylabel("from its\nstart, °")
         below.set_ylim(min(-1.0, below.get_ylim()[0]), max(1.0, below.get_ylim()[1]))  # a constant angle is a line
-        below.set_xlabel("points that cut, in the order of motion")
-        below.legend(ncols=2, loc="center left", bbox_to_anchor=(0.0, 1.08))
+        below.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        for axes, (name, values, limit) in zip(others, kept, strict=True):
+            axes.plot(values, lw=1.1)
+            axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="asked for")
+            axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))
+            axes.set_ylabel(name)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        (others or [below])[-1].set_xlabel("points that cut, in the order of motion")
+        figure.align_ylabels()
         return pieces.svg(figure)
 
 

@@ -1,0 +1,66 @@
+"""The scan as a body, and what its hand-eye leaves open of where it stands."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Cloud
+from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.robot import Cell
+from workbench.robot.pairs import Pairs
+from workbench.robot.plate import plate, scan_uncertainty
+
+
+def cloud_of(covariance: np.ndarray | None) -> Cloud:
+    """A flat plate, 200 mm long, seen from 300 mm."""
+    frames, columns = 40, 50
+    pose = np.tile(np.eye(4), (frames, 1, 1))
+    pose[:, 0, 3], pose[:, 1, 3], pose[:, 2, 3] = 1700.0, np.linspace(-100, 100, frames), 900.0
+    pose[:, :3, :3] = np.diag([1.0, -1.0, -1.0])
+    hand = pose_from(rotation_from_vector(np.array([0.3, -0.4, 0.2])), np.array([50.0, 0, 120]))
+    x = np.tile(np.linspace(-40, 40, columns), (frames, 1)).astype(np.float32)
+    return Cloud(x, np.full_like(x, 300.0), np.ones(x.shape, bool), pose, np.arange(frames, dtype=float),
+                 np.zeros(frames, int), covariance, hand)  # fmt: skip
+
+
+def test_the_hand_eyes_uncertainty_is_that_of_its_points() -> None:
+    """Against random hand-eyes drawn from the covariance: the worst point's worst direction."""
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(6, 6)) * np.array([0.05] * 3 + [2e-4] * 3)[:, None]
+    covariance = root @ root.T
+    cloud = cloud_of(covariance)
+    found = scan_uncertainty(cloud)
+    assert found is not None
+    drawn = rng.multivariate_normal(np.zeros(6), covariance, 40_000)
+    worst = 0.0
+    for x in np.linspace(-40, 40, 9):
+        arm = cloud.flange_from_profiler[:3, :3] @ np.array([x, 0, 300.0])
+        off = drawn[:, :3] + np.cross(drawn[:, 3:], arm)
+        worst = max(worst, float(np.sqrt(np.linalg.eigvalsh(np.cov(off.T)).max())))
+    assert found[0] == pytest.approx(worst, rel=0.02)
+    assert found[1] == pytest.approx(np.sqrt(np.linalg.eigvalsh(np.cov(drawn[:, 3:].T)).max()), rel=0.02)
+
+
+def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:
+    sure, unsure = (plate(cell, cloud_of(np.diag([u, u, u, 1e-8, 1e-8, 1e-8]))) for u in (1e-12, 0.25))
+    assert sure is not None
+    assert unsure is not None
+    near = [np.array(Pairs(one).least_mm) for one in (sure, unsure)]
+    part = [i for i, (a, b) in enumerate(Pairs(sure).model.pairs)
+            if "workpiece" in (sure.shapes[a].body, sure.shapes[b].body)]  # fmt: skip
+    assert part
+    assert (near[1][part] > near[0][part] + 0.5).all()  # coverage 2 of 0.5 mm, with what else is uncertain
+
+
+def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
+    blind = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.0))
+    told = plate(blind, cloud_of(None))
+    assert told is not None
+    assert any("hand-eye" in text for text in told.unchecked)
+    stated = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.1))
+    told = plate(stated, cloud_of(None))
+    assert told is not None
+    assert told.unchecked == cell.unchecked

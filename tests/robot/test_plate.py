@@ -22,8 +22,16 @@ def cloud_of(covariance: np.ndarray | None) -> Cloud:
     pose[:, :3, :3] = np.diag([1.0, -1.0, -1.0])
     hand = pose_from(rotation_from_vector(np.array([0.3, -0.4, 0.2])), np.array([50.0, 0, 120]))
     x = np.tile(np.linspace(-40, 40, columns), (frames, 1)).astype(np.float32)
-    return Cloud(x, np.full_like(x, 300.0), np.ones(x.shape, bool), pose, np.arange(frames, dtype=float),
-                 np.zeros(frames, int), covariance, hand)  # fmt: skip
+    return Cloud(
+        x,
+        np.full_like(x, 300.0),
+        np.ones(x.shape, bool),
+        pose,
+        np.arange(frames, dtype=float),
+        np.zeros(frames, int),
+        covariance,
+        hand,
+    )
 
 
 def test_the_hand_eyes_uncertainty_is_that_of_its_points() -> None:
@@ -49,8 +57,11 @@ def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:
     assert sure is not None
     assert unsure is not None
     near = [np.array(Pairs(one).least_mm) for one in (sure, unsure)]
-    part = [i for i, (a, b) in enumerate(Pairs(sure).model.pairs)
-            if "workpiece" in (sure.shapes[a].body, sure.shapes[b].body)]  # fmt: skip
+    part = [
+        i
+        for i, (a, b) in enumerate(Pairs(sure).model.pairs)
+        if "workpiece" in (sure.shapes[a].body, sure.shapes[b].body)
+    ]
     assert part
     assert (near[1][part] > near[0][part] + 0.5).all()  # coverage 2 of 0.5 mm, with what else is uncertain
 

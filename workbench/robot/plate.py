@@ -68,10 +68,14 @@ def plate(
     silent = known is None and not cell.margins.part_mm
     unchecked = (*cell.unchecked, *([NO_HAND_EYE_U] if silent else []))
     mm, rad = known or (0.0, 0.0)
-    margins = dataclasses.replace(cell.margins, part_mm=float(np.hypot(cell.margins.part_mm, mm)),
-                                  part_rad=float(np.hypot(cell.margins.part_rad, rad)))  # fmt: skip
-    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen, margins=margins,
-                               unchecked=unchecked)  # fmt: skip
+    margins = dataclasses.replace(
+        cell.margins,
+        part_mm=float(np.hypot(cell.margins.part_mm, mm)),
+        part_rad=float(np.hypot(cell.margins.part_rad, rad)),
+    )
+    return dataclasses.replace(
+        cell, shapes=(*others, *body), may_touch=touch, unseen=unseen, margins=margins, unchecked=unchecked
+    )
 
 
 def scan_uncertainty(cloud: Cloud) -> tuple[float, float] | None:

@@ -155,6 +155,25 @@ def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(step_mm:
     assert ("view_width_mm" in failed(narrow)) == (step_mm == 0.3)
 
 
+def test_a_rough_surface_is_no_filter() -> None:
+    """Texture correlates from column to column as a mean over a few makes it; the sensor's noise does not."""
+    r = good("raw_straight", 43)
+    rng = np.random.default_rng(12)
+    frames, columns = r.z_mm.shape
+    wave = np.fft.rfftfreq(columns, float(np.nanmedian(np.abs(np.diff(r.x_mm, axis=1)))))
+    for shortest, sd in ((0.15, 0.08), (0.3, 0.1), (0.2, 0.03)):
+        some = ((wave > 0.2) & (wave < 1 / shortest)) * np.exp(2j * np.pi * rng.random((frames, wave.size)))
+        texture = np.fft.irfft(some, columns, axis=1)
+        rough = spoilt(r, z_mm=(r.z_mm + texture * sd / texture.std()).astype("f4"))
+        assert "mean_columns" not in failed(rough)
+
+
+@pytest.mark.parametrize("columns", [2, 3, 9, 15])
+@pytest.mark.parametrize("condition", ["straight", "raw_rough", "correlated"])
+def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
+    assert "mean_columns" in failed(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
+
+
 def test_passes_that_disagree() -> None:
     r = good("raw_two_pass")
     moved = r.robot_position_mm + np.where(r.robot_pass == r.robot_pass[-1], 1.0, 0.0)[:, None] * (3.0, 3.0, 3.0)

@@ -13,6 +13,8 @@ LAGS = 24
 SAMPLE = 60  # frames
 LEAST_PIECES = 40
 MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
+BLIND = 0.01  # times the columns' square: of the power beside, what the ends of a piece leave (0.2 to 0.6 of it)
+MOST_BLIND = 9.0  # columns of a mean that a piece's spectrum resolves
 LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
 LEAST_SHARE = 0.6  # of a piece's columns that returned
@@ -65,7 +67,29 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
         apart = noise * np.sqrt(2.0 * max(1.0 - correlation[1], 0.05))
         chance = min(digit / (np.sqrt(2.0 * np.pi) * apart), 1.0)
         equal = max(float((np.diff(pieces_z[flat], axis=1) == 0)[both].mean()) - chance, 0.0)
-    return SensorTraces(noise, correlation, moving_mean(z), equal, step_z, step_x, pitch)
+    mean = moving_mean(z)
+    if mean and not _blind(off[plain & used.all(axis=1)], mean):
+        mean = 0.0
+    return SensorTraces(noise, correlation, mean, equal, step_z, step_x, pitch)
+
+
+def _blind(off: Float, columns: float) -> bool:
+    """Whether rows (n, PIECE) hold nothing at the periods of a mean over so many columns, which it wipes out.
+
+    A rough surface is smooth from column to column too, but the sensor's own noise is there at every period. The power
+    is compared with that between these periods. Unknown where there are too few rows, or too short ones: then True.
+    """
+    if len(off) < LEAST_PIECES or columns > MOST_BLIND:
+        return True
+    null = np.arange(1.0, columns / 2.0 + 0.1) / columns
+    power = _power(off, null), _power(off, null + 0.5 / columns if columns > 2 else null - 0.125)
+    return bool(power[0] < BLIND * columns**2 * power[1])
+
+
+def _power(rows: Float, frequency: Float) -> float:
+    """Median over rows (n, PIECE) of their power at frequencies (k,) per column, all together."""
+    wave = np.exp(-2j * np.pi * np.arange(PIECE)[:, None] * np.minimum(frequency, 1.0 - frequency))
+    return float(np.median((np.abs((rows * np.hanning(PIECE)) @ wave) ** 2).sum(axis=1)))
 
 
 def _pieces(grid: Float) -> Float:

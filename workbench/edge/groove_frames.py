@@ -6,22 +6,23 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from workbench.artefacts import Cloud
-from workbench.checks.limits import most
-from workbench.edge.groove_profile import Kind, Side, read_profile, upwards
+from workbench.edge.groove_profile import TRIM_MM, Kind, Side, read_profile, upwards
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
-from workbench.units import Float, Int
+from workbench.units import Bool, Float, Int
 
 SAMPLE = 24  # profiles that show which way is up
-LEAST_RETURNS = 50  # of a profile
+NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
 STRAY_SIGMAS = 3.5
+MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
 
 
@@ -53,9 +54,11 @@ class Lines:
     corner_variance: Float  # (n, 2)
     last: Float  # (n, 2) innermost return of the plate
     step: Float  # (n,) from there to the next column
+    edge_step: Float  # (n,) from the upper surface's last return to the next column
     sigma: float  # noise of a return across the face, mm
     radius: Float  # (n,) of the fillet; NaN where there is none
     radius_variance: Float
+    radius_lever: Float  # (n,) of the fillet's radius, a mm of its form: large where a short arc is seen
     bottom: Float  # (n,) level of the fillet's lowest place
     bottom_variance: Float
     lowest: Float  # (n, 2) lowest return of the root face; NaN
@@ -83,6 +86,9 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     left, agree_left = _kind([one[0] for one in both])
     right, agree_right = _kind([one[1] for one in both])
     good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
+    steady = _steady(np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
+                     cloud.pass_index[[frames[k] for k in good]])  # fmt: skip
+    good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
     numbers = np.array([frames[k] for k in good], np.int64)
     return ReadFrames(
@@ -133,6 +139,19 @@ def _profiles(cloud: Cloud, of: Int) -> tuple[list[int], list[tuple[Float, Float
         frames.append(int(i))
         profiles.append((x[order], cloud.z_mm[i, column].astype(np.float64)[order], column[order]))
     return frames, profiles, flips
+
+
+def _steady(corners: Float, group: Int) -> Bool:
+    """Profiles (n,) whose corners (n, 4) lie where those of their neighbours do: lost returns make false ends."""
+    out = np.ones(len(corners), bool)
+    for p in np.unique(group):
+        mine = np.flatnonzero(group == p)
+        for _ in range(2):
+            near = mine[out[mine]]
+            off = np.abs(corners[near] - median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))
+            wide = np.maximum(STEADY_SIGMAS * np.median(off, axis=0) / 0.6745, STEADY_MM)
+            out[near] = (off < wide).all(axis=1)
+    return out
 
 
 def _flips(cloud: Cloud) -> Float:
@@ -263,40 +282,26 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     """The left (0) or right (1) plate of every profile."""
     n, mirror = s.size, (1.0, -1.0)[which]
     kind = read.kinds[which]
-    names = (
-        "plate",
-        "plate_v",
-        "face",
-        "face_v",
-        "step",
-        "radius",
-        "radius_v",
-        "bottom",
-        "bottom_v",
-        "root_a",
-        "face_s",
-        "spacing",
-        "rms_p",
-        "rms_f",
-        "share",
-    )
+    names = ("plate", "plate_v", "face", "face_v", "step", "radius", "radius_v", "bottom", "bottom_v", "root_a",
+             "face_s", "spacing", "rms_p", "rms_f", "share", "edge_step", "lever")  # fmt: skip
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
-    last, lowest = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
+    last, lowest, ends = (np.full((n, 2), np.nan) for _ in range(3))
     held = []
     added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
     for k, side in enumerate(read.sides[which]):
         if not np.isfinite(s[k]):
             continue
         ray = _ray(cloud, read, curve, s, turn, k, mirror)
-        take = [side.upper, side.face, side.arc, np.array([side.last]), side.below]
+        take = [side.upper, side.face, side.arc, np.array([side.end, side.last]), side.below]
         points, at = section_points(cloud, read, curve, s, turn, k, np.concatenate(take), mirror)
         cuts = np.cumsum([part.size for part in take])[:-1]
         upper, face, arc, end, below = np.split(points, cuts)
         if face.size:
             value["face_s"][k] = float(np.split(at, cuts)[1].mean())
         held.append((k, upper, face, arc, ray))
-        last[k], value["step"][k] = end[0], side.step_mm
+        ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm
+        value["edge_step"][k] = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
         if below.shape[0] >= 2:
             lowest[k] = below[np.argmin(below[:, 1])]
             value["root_a"][k] = float(np.median(below[:, 0]))
@@ -319,7 +324,16 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["plate"][k], value["plate_v"][k] = angle, angle_v * noise_p**2
         plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
         if kind == "edge":
-            corner[k], corner_v[k] = _end_corner(plate, last[k], value["step"][k])
+            corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
+            continue
+        if kind == "hidden":
+            corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
+            circle = _circle(arc, ray, noise_p)
+            if circle is not None:
+                value["radius"][k], value["radius_v"][k], value["bottom"][k], value["bottom_v"][k] = circle
+                chord = float(np.linalg.norm(arc[-1] - arc[0]))
+                half = math.asin(min(1.0, 0.5 * chord / circle[0]))
+                value["lever"][k] = 1.0 / (1.0 - math.cos(half))
             continue
         middle, _, way, way_v, face_off_v, share = _line(face, ray)
         way = _downwards(way)
@@ -342,27 +356,11 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"][k], value["face_v"][k] = way, way_v
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
-    return Lines(
-        kind,
-        value["plate"],
-        value["plate_v"],
-        value["face"],
-        value["face_v"],
-        value["face_s"],
-        corner,
-        corner_v,
-        last,
-        value["step"],
-        max(noise_f * across, LEAST_SIGMA_MM),
-        value["radius"],
-        value["radius_v"],
-        value["bottom"],
-        value["bottom_v"],
-        lowest,
-        value["root_a"],
-        value["spacing"],
-        _pattern(added, count, squares),
-    )
+    return Lines(kind, value["plate"], value["plate_v"], value["face"], value["face_v"], value["face_s"], corner,
+                 corner_v, last,
+                 value["step"], value["edge_step"], max(noise_f * across, LEAST_SIGMA_MM), value["radius"], value["radius_v"], value["lever"],
+                 value["bottom"], value["bottom_v"], lowest, value["root_a"], value["spacing"],
+                 _pattern(added, count, squares))  # fmt: skip
 
 
 def _pattern(added: Float, count: Float, squares: float) -> float:
@@ -377,6 +375,35 @@ def _pattern(added: Float, count: Float, squares: float) -> float:
 
 def _downwards(way: float) -> float:
     return way if math.sin(way) < 0 else way + (math.pi if way < 0 else -math.pi)
+
+
+def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, float, float] | None:
+    """Circle through a fillet's returns: radius, its variance, lowest level, its variance; None: not fixed by them."""
+    ends = np.minimum(*(np.hypot(*(points - points[k]).T) for k in (0, -1)))
+    points = points[ends > TRIM_MM]  # beside a shadow and a corner
+    if len(points) < MIN_ARC:
+        return None
+    middle = points.mean(axis=0)
+    off = points - middle
+    unknown = np.linalg.lstsq(np.column_stack([2 * off, np.ones(len(off))]), (off**2).sum(axis=1), rcond=None)[0]
+    start = np.array([unknown[0], unknown[1], math.sqrt(max(float(unknown[2] + unknown[:2] @ unknown[:2]), 1e-6))])
+
+    outward = (off - start[:2]) / np.hypot(*(off - start[:2]).T)[:, None]
+    share = np.maximum(np.abs(outward @ ray), LEAST_SHARE)  # of the range axis' noise, across the circle
+
+    def away(at: Float) -> Float:
+        return np.asarray((np.hypot(*(off - at[:2]).T) - at[2]) / share)
+
+    found = least_squares(away, start, loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
+    if not 0.3 < found.x[2] < 40.0:
+        return None
+    rms = 1.4826 * float(np.median(np.abs(found.fun))) + 1e-4
+    try:
+        covariance = np.linalg.inv(found.jac.T @ found.jac) * max(rms, sigma) ** 2
+    except np.linalg.LinAlgError:
+        return None
+    lowest = covariance[1, 1] + covariance[2, 2] - 2.0 * covariance[1, 2]
+    return (float(found.x[2]), float(covariance[2, 2]), float(middle[1] + found.x[1] - found.x[2]), float(lowest))
 
 
 Line = tuple[Float, float, float, float]  # a place on it, its direction, variances of direction and of place across

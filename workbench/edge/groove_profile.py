@@ -16,18 +16,22 @@ import numpy as np
 from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
 from workbench.units import DEG, Bool, Float, Int
 
-Kind = Literal["edge", "square", "bevel", "round"]  # edge: nothing is seen below the upper surface
+# edge: nothing is seen below the upper surface; hidden: a fillet, but not the flank above it
+Kind = Literal["edge", "square", "bevel", "round", "hidden"]
 
 LEAST_PLATE_MM, LEAST_PLATE_POINTS = 1.5, 12
 PARALLEL = 8.0 * DEG  # plates that meet at more are no butt joint
 ON_MM = 0.12  # a return this near to a surface may belong to it
 DROP_MM, DROP_POINTS = 0.3, 3  # so many returns in a row so far below a plate: it has ended
 JUMP_MM = 0.7  # without returns: likewise
+GOES_ON = 8  # returns in a row behind a jump, for the surface to go on there
 LEAST_FALL = 15.0 * DEG  # of a bevel below its plate
 SQUARE = 85.5 * DEG  # falls of more than this are square faces
 LEAST_WHOLE = 60  # returns of a line that is one face in spite of a gap
 NEAR_MM = 2.0  # of a face from the corner at which it starts, with the edge's rounding
 ROUND_TURN, ROUND_END = 6.0 * DEG, 45.0 * DEG  # a fillet turns by more, and comes to fall by less than
+FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less where they are the fillet's
+ASIDE_OF_EDGE_MM = 4.0  # at most, of the first return of such a fillet from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
@@ -43,6 +47,7 @@ class Side:
     upper: Int  # returns of the upper surface, less its end
     face: Int  # of bevel, flank or square face
     arc: Int  # of the fillet, from its flank to the root
+    end: int  # of the upper surface: its innermost return
     last: int  # innermost return of upper surface, face or fillet
     step_mm: float  # from there to the next column, along the face
     below: Int  # returns of the root face
@@ -59,14 +64,19 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
     turn = math.atan(long[0][SLOPE]) - math.atan(long[-1][SLOPE])
     if abs(turn) > PARALLEL:
         return None
-    left = _side(x, y, lines, long[0])
+    # What lost returns cut in two is one surface; plates in line over a gap without returns are not: tried next.
+    return _both_sides(x, y, lines, long, True) or _both_sides(x, y, lines, long, False)
+
+
+def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tuple[Side, Side] | None:
+    left = _side(x, y, lines, long[0], over)
     mirrored = lines[::-1].copy()
     n = x.size - 1
     mirrored[:, [X0, X1]] = -lines[::-1][:, [X1, X0]]
     mirrored[:, [FIRST, LAST]] = n - lines[::-1][:, [LAST, FIRST]]
     mirrored[:, SLOPE] *= -1.0
     plate = mirrored[np.flatnonzero(mirrored[:, FIRST] == n - long[-1][LAST])[0]]
-    right = _side(-x[::-1], y[::-1], mirrored, plate)
+    right = _side(-x[::-1], y[::-1], mirrored, plate, over)
     if left is None or right is None:
         return None
     right = _mirrored(right, n)
@@ -94,25 +104,16 @@ def _unbridged(x: Float, y: Float, lines: Float) -> Float:
 
 
 def _mirrored(side: Side, n: int) -> Side:
-    return Side(
-        side.kind,
-        side.fall,
-        side.corner * [-1.0, 1.0],
-        n - side.upper[::-1],
-        n - side.face[::-1],
-        n - side.arc[::-1],
-        n - side.last,
-        side.step_mm,
-        n - side.below[::-1],
-    )
+    return Side(side.kind, side.fall, side.corner * [-1.0, 1.0], n - side.upper[::-1], n - side.face[::-1],
+                n - side.arc[::-1], n - side.end, n - side.last, side.step_mm, n - side.below[::-1])  # fmt: skip
 
 
-def _side(x: Float, y: Float, lines: Float, plate: Float) -> Side | None:
-    """The plate whose upper surface is `plate`; the groove lies towards rising x."""
+def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | None:
+    """The plate whose upper surface is `plate`; the groove lies towards rising x. over: lost returns do not end it."""
     level = math.atan(plate[SLOPE])
     above = (y - plate[SLOPE] * x - plate[OFFSET]) * math.cos(level)
     start = int(plate[FIRST])
-    drop, end = _ends_of(x, above, start)
+    drop, end = _ends_of(x, above, start, over)
     if end is None:
         return None
     on = np.flatnonzero(np.abs(above[: drop + 1]) < ON_MM)
@@ -148,7 +149,7 @@ def _side(x: Float, y: Float, lines: Float, plate: Float) -> Side | None:
         innermost = int(arc[-1]) if arc.size else last
         step = _step(x, y, face if not arc.size else arc)
         below = nothing if kind == "square" else _root_face(x, y, level, innermost)
-        return Side(kind, fall, corner, upper, face, arc, innermost, step, below)
+        return Side(kind, fall, corner, upper, face, arc, end, innermost, step, below)
     upper = on[x[on] < x[end] - TRIM_MM]
     if upper.size < LEAST_PLATE_POINTS:
         return None
@@ -156,18 +157,24 @@ def _side(x: Float, y: Float, lines: Float, plate: Float) -> Side | None:
     while end + 1 < x.size and x[end + 1] - x[end] < 2.5 * step and above[end + 1] > -ROUNDED_MM:
         end += 1  # round the edge, down to where it turns away
     corner = np.array([x[end], plate[SLOPE] * x[end] + plate[OFFSET]])
-    return Side("edge", math.nan, corner, upper, nothing, nothing, end, step, nothing)
+    arc = _hidden_fillet(x, y, above, lines, level, end)
+    if arc.size:
+        return Side("hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), nothing)
+    return Side("edge", math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
 
 
-def _ends_of(x: Float, above: Float, start: int) -> tuple[int, int | None]:
+def _ends_of(x: Float, above: Float, start: int, over: bool) -> tuple[int, int | None]:
     """The last return before those of the surface that begins at `start` fall off, and before they fall off or jump.
 
-    None: neither happens.
+    None: neither happens. over: a jump that the surface goes on behind is none.
     """
     low = above < -DROP_MM
     run = np.convolve(low, np.ones(DROP_POINTS), "valid") == DROP_POINTS
     falls = np.flatnonzero(run[start:]) + start
     jumps = np.flatnonzero(np.diff(x[start:]) > JUMP_MM) + start + 1
+    if over:
+        goes_on = [bool((np.abs(above[j : j + GOES_ON]) < ON_MM).all()) for j in jumps]
+        jumps = jumps[~np.array(goes_on, bool)]
     stops = np.concatenate([falls, jumps])
     if not stops.size:
         return x.size - 1, None
@@ -200,6 +207,24 @@ def _fillet(x: Float, y: Float, lines: Float, number: int, level: float, fall: f
             break
         before, at, least = f, int(line[LAST]), f
     return np.arange(begin, at + 1) if least < ROUND_END and at - begin >= 6 else np.empty(0, np.int64)
+
+
+def _hidden_fillet(x: Float, y: Float, above: Float, lines: Float, level: float, end: int) -> Int:
+    """Returns of a fillet whose flank is not seen: the first ones below an upper surface that ends at `end`."""
+    for number, line in enumerate(lines):
+        first = int(line[FIRST])
+        if first <= end:
+            continue
+        fall = level - math.atan(line[SLOPE])
+        if above[first] > -DROP_MM or abs(x[first] - x[end]) > ASIDE_OF_EDGE_MM or fall < ROUND_END:
+            break
+        arc = _fillet(x, y, lines, number, level, fall, int(line[LAST]))
+        if not arc.size or above[arc[-1]] > -DROP_MM:
+            break
+        falls = np.array([level - math.atan(one[SLOPE]) for one in lines[number:]])
+        begin = lines[number + int(np.argmax((falls > -20.0 * DEG) & (falls < FLANK_FALL)))]
+        return np.arange(int(begin[FIRST]), int(arc[-1]) + 1)
+    return np.empty(0, np.int64)
 
 
 def _step(x: Float, y: Float, on: Int) -> float:

@@ -35,6 +35,7 @@ GROOVE_KINDS: dict[str, Literal["A", "B"]] = {FACES: "A", PATTERN: "A", RETURNS:
 STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
 WIDER_MM, WIDER_ANGLE = (
     1.3,
     2.5,
@@ -44,6 +45,8 @@ TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are l
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
+UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
+PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 
 
@@ -151,14 +154,15 @@ def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool
     root_face: one is seen; no_root_face: one would be seen if there were one.
     """
     square = [kind in ("square", "edge") for kind in kinds]
-    if all(square):
-        return ("I",)
+    fillet = "round" in kinds or "hidden" in kinds
+    if all(square):  # a steep flank may hide as a square face does, and its fillet with it
+        return ("I",) if "edge" not in kinds else ("I", "J") if "square" in kinds else ("I", "J", "U")
     if any(square):
-        if "round" in kinds:
-            return ("J",) if "square" in kinds else ("J", "U")  # a steep flank may hide as a square face does
+        if fillet:
+            return ("J",) if "square" in kinds else ("J", "U")
         return ("HY", "K") if root_face else ("HV",) if no_root_face else ("HV", "HY", "K")
-    if "round" in kinds:
-        return ("U",) if kinds == ("round", "round") else ()
+    if fillet:
+        return ("U",) if "bevel" not in kinds else ()
     return ("Y", "X") if root_face else ("V",) if no_root_face else ("V", "Y", "X")
 
 
@@ -166,7 +170,8 @@ def _type(
     cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given
 ) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:
     possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
-    words = {"edge": "a square edge", "square": "a square face", "bevel": "a bevel", "round": "a flank with a fillet"}
+    words = {"edge": "a square edge", "square": "a square face", "bevel": "a bevel", "round": "a flank with a fillet",
+             "hidden": "a fillet below a flank that is not seen"}
     shown = f"the left plate shows {words[kinds[0]]}, the right one {words[kinds[1]]}"
     if not possible:
         raise InputError(cloud.source, f"{shown}: no groove of ISO 9692-1")
@@ -227,7 +232,7 @@ class _Measured:
     def measure(self) -> None:
         """Fill `sizes` and `corners`."""
         left, right = self.lines
-        ends = [float(np.nanmedian(one.step)) if one.kind == "edge" else 0.0 for one in self.lines]
+        ends = [float(np.nanmedian(one.edge_step)) if one.kind in UNSEEN else 0.0 for one in self.lines]
         edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
         hidden = np.zeros(self.at.size)
         for one, end in zip(self.lines, ends, strict=True):
@@ -259,7 +264,7 @@ class _Measured:
         elif both:
             self._deg("included_deg", math.pi / 2 - both[0][0], both[0][1], self._bevel_shared)
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
-        depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in ("bevel", "round")]
+        depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
         if depths:
             n = len(depths)
             self._mm(
@@ -271,24 +276,18 @@ class _Measured:
             )
         square = [float(np.nanmedian(one.corner[:, 1] - one.last[:, 1])) for one in self.lines if one.kind == "square"]
         self.depth = max(square + [float(np.nanmedian(d.depth)) for d in depths], default=LEAST_DEPTH_MM)
-        self._mm(
-            "gap_mm",
-            width.value + hidden - sum(r.run for r in roots),
-            np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
-            math.hypot(*(r.run_end for r in roots), edge_u),
-            shared,
-        )
-        round_ = [one for one in self.lines if one.kind == "round"]
+        self._mm("gap_mm", width.value + hidden - sum(r.run for r in roots),
+                 np.sqrt(width.u ** 2 + sum(r.run_u**2 for r in roots)),
+                 math.hypot(*(r.run_end for r in roots), edge_u), shared)  # fmt: skip
+        round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]
             n = len(radius)
-            self._mm(
-                "root_radius_mm",
-                np.asarray(sum(r.value for r in radius)) / n,
-                np.sqrt(sum(r.u**2 for r in radius)) / n,
-                0.0,
-                self._shared(*(one.radius_variance for one in round_)) / n,
-            )
+            self._mm("root_radius_mm", np.asarray(sum(r.value for r in radius)) / n,
+                     np.sqrt(sum(r.u ** 2 for r in radius)) / n, 0.0,
+                     self._shared(*(one.radius_variance for one in round_)) / n,
+                     FORM_U_MM * max(float(np.nanmedian(one.radius_lever)) if one.kind == "hidden" else 0.0
+                                     for one in round_))  # fmt: skip
         self._corners(roots)
         self._root_faces(roots)
 
@@ -330,16 +329,11 @@ class _Measured:
         pattern = max(one.pattern for one in self.lines)
         return math.sqrt(pattern * sum(float(np.nanmedian(v)) for v in variances))
 
-    def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float) -> None:
-        self.sizes[name] = Quantity(
-            value,
-            {
-                FACES: np.hypot(WIDER_MM * faces, LEAST_U_MM),
-                PATTERN: np.full(value.size, pattern),
-                RETURNS: np.full(value.size, returns),
-                DIRECTION: np.abs(value) * self.scale_u,
-            },
-        )
+    def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
+        self.sizes[name] = Quantity(value, {
+            FACES: np.hypot(WIDER_MM * faces, math.hypot(LEAST_U_MM, form)), PATTERN: np.full(value.size, pattern),
+            RETURNS: np.full(value.size, returns),
+            DIRECTION: np.abs(value) * self.scale_u})  # fmt: skip
 
     def _deg(self, name: str, value: Float, u: Float, pattern: float, turns: float = 1.0) -> None:
         self.sizes[name] = Quantity(
@@ -363,14 +357,16 @@ class _Measured:
     def _root(self, one: Lines, fall: tuple[Float, Float] | None) -> _Root:
         """The root's upper edge, from the upper corner: how far below and how far inwards."""
         zero = np.zeros(self.at.size)
-        if fall is None:
+        if one.kind not in PREPARED:
             return _Root(zero, zero, 0.0, zero, zero, 0.0)
         off = one.last - one.corner
-        if one.kind == "round":
+        if one.kind != "bevel":
             low = one.corner[:, 1] - one.bottom
             depth = self._course(low, one.corner_variance[:, 1] + one.bottom_variance)
             run, run_u, step = self._end(off[:, 0], one)
             return _Root(depth.value, depth.u, 0.0, run, run_u, STEP_SHARE * step)
+        if fall is None:
+            raise AssertionError("a bevel has an angle")
         way = np.stack([np.cos(one.face), np.sin(one.face)], axis=1)
         low = (off * way).sum(axis=1)
         shown = np.isfinite(one.root_a)
@@ -449,10 +445,10 @@ class _Measured:
         for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
             a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
             place = np.stack([a.value, b.value], axis=1)
-            end = math.hypot(END_SHARE * float(np.nanmedian(one.step)), ROUNDED_U_MM) if one.kind == "edge" else 0.0
-            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
+            end = math.hypot(END_SHARE * float(np.nanmedian(one.edge_step)), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
+            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)  # fmt: skip
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
-            if one.kind in ("bevel", "round"):
+            if one.kind in PREPARED:
                 low = place + np.stack([root.run, -root.depth], axis=1)
                 low_u = np.stack(
                     [

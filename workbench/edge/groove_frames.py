@@ -10,6 +10,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from workbench.artefacts import Cloud
+from workbench.checks.limits import most
 from workbench.edge.groove_profile import TRIM_MM, Kind, Side, read_profile, upwards
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
@@ -18,6 +19,7 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.units import Bool, Float, Int
 
 SAMPLE = 24  # profiles that show which way is up
+LEAST_RETURNS = 50  # of a profile
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
@@ -86,8 +88,10 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     left, agree_left = _kind([one[0] for one in both])
     right, agree_right = _kind([one[1] for one in both])
     good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
-    steady = _steady(np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
-                     cloud.pass_index[[frames[k] for k in good]])  # fmt: skip
+    steady = _steady(
+        np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
+        cloud.pass_index[[frames[k] for k in good]],
+    )
     good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
     numbers = np.array([frames[k] for k in good], np.int64)
@@ -282,8 +286,25 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     """The left (0) or right (1) plate of every profile."""
     n, mirror = s.size, (1.0, -1.0)[which]
     kind = read.kinds[which]
-    names = ("plate", "plate_v", "face", "face_v", "step", "radius", "radius_v", "bottom", "bottom_v", "root_a",
-             "face_s", "spacing", "rms_p", "rms_f", "share", "edge_step", "lever")  # fmt: skip
+    names = (
+        "plate",
+        "plate_v",
+        "face",
+        "face_v",
+        "step",
+        "radius",
+        "radius_v",
+        "bottom",
+        "bottom_v",
+        "root_a",
+        "face_s",
+        "spacing",
+        "rms_p",
+        "rms_f",
+        "share",
+        "edge_step",
+        "lever",
+    )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     last, lowest, ends = (np.full((n, 2), np.nan) for _ in range(3))
@@ -356,11 +377,29 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"][k], value["face_v"][k] = way, way_v
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
-    return Lines(kind, value["plate"], value["plate_v"], value["face"], value["face_v"], value["face_s"], corner,
-                 corner_v, last,
-                 value["step"], value["edge_step"], max(noise_f * across, LEAST_SIGMA_MM), value["radius"], value["radius_v"], value["lever"],
-                 value["bottom"], value["bottom_v"], lowest, value["root_a"], value["spacing"],
-                 _pattern(added, count, squares))  # fmt: skip
+    return Lines(
+        kind,
+        value["plate"],
+        value["plate_v"],
+        value["face"],
+        value["face_v"],
+        value["face_s"],
+        corner,
+        corner_v,
+        last,
+        value["step"],
+        value["edge_step"],
+        max(noise_f * across, LEAST_SIGMA_MM),
+        value["radius"],
+        value["radius_v"],
+        value["lever"],
+        value["bottom"],
+        value["bottom_v"],
+        lowest,
+        value["root_a"],
+        value["spacing"],
+        _pattern(added, count, squares),
+    )
 
 
 def _pattern(added: Float, count: Float, squares: float) -> float:

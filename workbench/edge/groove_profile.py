@@ -104,8 +104,18 @@ def _unbridged(x: Float, y: Float, lines: Float) -> Float:
 
 
 def _mirrored(side: Side, n: int) -> Side:
-    return Side(side.kind, side.fall, side.corner * [-1.0, 1.0], n - side.upper[::-1], n - side.face[::-1],
-                n - side.arc[::-1], n - side.end, n - side.last, side.step_mm, n - side.below[::-1])  # fmt: skip
+    return Side(
+        side.kind,
+        side.fall,
+        side.corner * [-1.0, 1.0],
+        n - side.upper[::-1],
+        n - side.face[::-1],
+        n - side.arc[::-1],
+        n - side.end,
+        n - side.last,
+        side.step_mm,
+        n - side.below[::-1],
+    )
 
 
 def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | None:

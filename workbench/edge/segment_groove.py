@@ -170,8 +170,13 @@ def _type(
     cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given
 ) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:
     possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
-    words = {"edge": "a square edge", "square": "a square face", "bevel": "a bevel", "round": "a flank with a fillet",
-             "hidden": "a fillet below a flank that is not seen"}
+    words = {
+        "edge": "a square edge",
+        "square": "a square face",
+        "bevel": "a bevel",
+        "round": "a flank with a fillet",
+        "hidden": "a fillet below a flank that is not seen",
+    }
     shown = f"the left plate shows {words[kinds[0]]}, the right one {words[kinds[1]]}"
     if not possible:
         raise InputError(cloud.source, f"{shown}: no groove of ISO 9692-1")
@@ -276,18 +281,26 @@ class _Measured:
             )
         square = [float(np.nanmedian(one.corner[:, 1] - one.last[:, 1])) for one in self.lines if one.kind == "square"]
         self.depth = max(square + [float(np.nanmedian(d.depth)) for d in depths], default=LEAST_DEPTH_MM)
-        self._mm("gap_mm", width.value + hidden - sum(r.run for r in roots),
-                 np.sqrt(width.u ** 2 + sum(r.run_u**2 for r in roots)),
-                 math.hypot(*(r.run_end for r in roots), edge_u), shared)  # fmt: skip
+        self._mm(
+            "gap_mm",
+            width.value + hidden - sum(r.run for r in roots),
+            np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
+            math.hypot(*(r.run_end for r in roots), edge_u),
+            shared,
+        )
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]
             n = len(radius)
-            self._mm("root_radius_mm", np.asarray(sum(r.value for r in radius)) / n,
-                     np.sqrt(sum(r.u ** 2 for r in radius)) / n, 0.0,
-                     self._shared(*(one.radius_variance for one in round_)) / n,
-                     FORM_U_MM * max(float(np.nanmedian(one.radius_lever)) if one.kind == "hidden" else 0.0
-                                     for one in round_))  # fmt: skip
+            self._mm(
+                "root_radius_mm",
+                np.asarray(sum(r.value for r in radius)) / n,
+                np.sqrt(sum(r.u**2 for r in radius)) / n,
+                0.0,
+                self._shared(*(one.radius_variance for one in round_)) / n,
+                FORM_U_MM
+                * max(float(np.nanmedian(one.radius_lever)) if one.kind == "hidden" else 0.0 for one in round_),
+            )
         self._corners(roots)
         self._root_faces(roots)
 
@@ -330,10 +343,15 @@ class _Measured:
         return math.sqrt(pattern * sum(float(np.nanmedian(v)) for v in variances))
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
-        self.sizes[name] = Quantity(value, {
-            FACES: np.hypot(WIDER_MM * faces, math.hypot(LEAST_U_MM, form)), PATTERN: np.full(value.size, pattern),
-            RETURNS: np.full(value.size, returns),
-            DIRECTION: np.abs(value) * self.scale_u})  # fmt: skip
+        self.sizes[name] = Quantity(
+            value,
+            {
+                FACES: np.hypot(WIDER_MM * faces, math.hypot(LEAST_U_MM, form)),
+                PATTERN: np.full(value.size, pattern),
+                RETURNS: np.full(value.size, returns),
+                DIRECTION: np.abs(value) * self.scale_u,
+            },
+        )
 
     def _deg(self, name: str, value: Float, u: Float, pattern: float, turns: float = 1.0) -> None:
         self.sizes[name] = Quantity(
@@ -445,8 +463,10 @@ class _Measured:
         for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
             a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
             place = np.stack([a.value, b.value], axis=1)
-            end = math.hypot(END_SHARE * float(np.nanmedian(one.edge_step)), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
-            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)  # fmt: skip
+            end = (
+                math.hypot(END_SHARE * float(np.nanmedian(one.edge_step)), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
+            )
+            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in PREPARED:
                 low = place + np.stack([root.run, -root.depth], axis=1)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.chains import COUNT, FIRST, LAST, straight_faces
+from workbench.geometry.chains import COUNT, FIRST, LAST, noise_sigma, straight_faces
 from workbench.units import DEG, Float
 
 NOTE = (
@@ -19,6 +19,7 @@ REACH_PITCHES = 20.0  # a corner lies at most so many columns beyond the last po
 LEAST_TURN = 2.0 * DEG  # less is one line, slightly bent
 LEAST_POINTS = 12
 SURE = 4.0  # standard uncertainties by which two lines must differ
+ROUGHER = 5.0  # times the noise between neighbours: a line that leaves more is not straight
 KEPT = 0.95  # share of the points that a line through both must explain
 MOST_CORRELATION = 0.98  # of neighbours: beyond it the residuals are a shape, not noise
 
@@ -81,7 +82,7 @@ def measured(x_mm: Float, z_mm: Float) -> Profile:
 
 def _merged(x: Float, z: Float, spans: list[tuple[int, int]]) -> tuple[Line, ...]:
     """The lines of the spans, those as one that the noise alone tells apart: the partition takes it as independent."""
-    k = 0
+    k, most_mm = 0, ROUGHER * noise_sigma(z)
     while k + 1 < len(spans):
         a, b = _line(x, z, *spans[k]), _line(x, z, *spans[k + 1])
         both = _line(x, z, spans[k][0], spans[k + 1][1])
@@ -90,7 +91,7 @@ def _merged(x: Float, z: Float, spans: list[tuple[int, int]]) -> tuple[Line, ...
         spread = (a if a.points >= b.points else b).spread  # of a short piece the rms says little
         turn_u = math.sqrt(spread * (1.0 / a.sxx + 1.0 / b.sxx))
         step_u = math.sqrt(a._replace(spread=spread).variance(middle) + b._replace(spread=spread).variance(middle))
-        kept = both.points >= KEPT * (a.points + b.points)
+        kept = both.points >= KEPT * (a.points + b.points) and both.rms_mm < max(most_mm, a.rms_mm, b.rms_mm)
         if kept and abs(a.slope - b.slope) < SURE * turn_u and abs(step) < SURE * step_u:
             spans[k : k + 2] = [(spans[k][0], spans[k + 1][1])]
             k = max(0, k - 1)

@@ -47,7 +47,7 @@ from workbench.artefacts.inspections import (
 )
 from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
-from workbench.artefacts.parts import NO_NAMES, UNKNOWN_PART, Part, PartNames
+from workbench.artefacts.parts import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
 from workbench.artefacts.programs import (
     EventKind,
@@ -70,6 +70,7 @@ __all__ = [
     "FACE_NAMES",
     "FORM",
     "KINDS",
+    "LINEAR_AXIS",
     "LOWER_SURFACE",
     "NO_NAMES",
     "PASSES",

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 DATES = ("recorded_at", "sensor_calibrated_at")  # ISO 8601
 MOST_CHARACTERS = 200
+LINEAR_AXIS = "linear axis"  # a `robot` that is none: its positions are its travel, from any zero
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from workbench.artefacts import Check, Recording
+from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.clock import clock_offset
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, least, most
@@ -186,12 +186,13 @@ def _columns_a_frame(recording: Recording) -> float:
 def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:
     position = recording.robot_position_mm
     reach = float(np.linalg.norm(position, axis=1).max())
-    yield check(
-        "reach_mm",
-        reach,
-        f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}",
-        given=given,
-    )
+    if recording.part.robot != LINEAR_AXIS:
+        yield check(
+            "reach_mm",
+            reach,
+            f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}",
+            given=given,
+        )
     if calibration:
         return
     ways, speeds, steps, standing = [], [], [], []

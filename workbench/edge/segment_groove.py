@@ -266,7 +266,7 @@ class _Measured:
                 0.5 * (left.face_s + right.face_s),
             )
             self._deg("included_deg", value.value, value.u, self._shared(left.face_variance, right.face_variance), 2.0)
-        elif both:
+        elif both and "hidden" not in (left.kind, right.kind):
             self._deg("included_deg", math.pi / 2 - both[0][0], both[0][1], self._bevel_shared)
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]

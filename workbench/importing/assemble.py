@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Part, PartNames, Recording
+from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
 from workbench.errors import InputError
 from workbench.importing.mapping import LinearAxisPart, Mapping
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
@@ -38,7 +38,7 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     kept = [within(one, mapping, frames.source) for one in passes.values()]
     lost = sum(int((~inside).sum()) for inside in kept)
     flange_from_profiler, origin = _hand_eye(sources, mapping)
-    recording = _recording(frames, passes, kept, flange_from_profiler, mapping)
+    recording = _recording(frames, passes, kept, flange_from_profiler, mapping, axis=not streams)
     if any(source.poses is not None for source in sources) and mapping.sphere_diameter_mm is None:
         check_motion(recording, all(one.has_clock for one in passes.values()), mapping)
     notes = [f"times: {'; '.join(dict.fromkeys(one.note for one in passes.values()))}", f"hand-eye: {origin}"]
@@ -105,12 +105,13 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
     return None, "none: a pipeline must name one (input hand_eye)"
 
 
-def _part(frames: ProfileFrames, mapping: Mapping) -> Part:
+def _part(frames: ProfileFrames, mapping: Mapping, axis: bool) -> Part:
     """What the mapping says of the part; the sensor as the profiles name it where the mapping does not."""
     try:
         said = Part(**{field.name: getattr(mapping, field.name) for field in fields(PartNames)})
     except ValueError as error:
         raise InputError("mapping", str(error)) from None
+    said = replace(said, robot=LINEAR_AXIS) if axis and said.robot is None else said
     return said if said.sensor is not None else replace(said, sensor=frames.sensor)
 
 
@@ -120,6 +121,7 @@ def _recording(
     kept: list[Bool],
     flange_from_profiler: Float | None,
     mapping: Mapping,
+    axis: bool,
 ) -> Recording:
     """The recording, checked as scan.read checks it."""
     assert frames.pass_index is not None
@@ -145,6 +147,6 @@ def _recording(
         z_mm=frames.z_mm[pick],
         intensity=None if frames.intensity is None else frames.intensity[pick],
         sphere_diameter_mm=mapping.sphere_diameter_mm,
-        part=_part(frames, mapping),
+        part=_part(frames, mapping, axis),
         **fields,
     )

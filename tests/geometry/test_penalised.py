@@ -12,13 +12,15 @@ from workbench.units import Float
 STRENGTHS = np.array([[1e-2, 1e-3], [0.2, 1e-2], [40.0, 20.0]])  # over the step's powers
 
 
-def problem(step: float, components: int, orders: tuple[int, int]) -> tuple[Penalised, Float, Float, Float, Float]:
+def problem(
+    step: float, components: int, orders: tuple[int, int], free: bool = False
+) -> tuple[Penalised, Float, Float, Float, Float]:
     rng = np.random.default_rng(17)
     knots = step * np.arange(-3, 13.0)
     s, weight = np.sort(rng.uniform(knots[3], knots[-4], 40)), rng.uniform(1.0, 9.0, 40)
     s[-1] = knots[-4]
     y = np.sin(s / step / 3.0)[:, None] + rng.normal(0.0, 0.1, (40, components))
-    return penalised(s, y, weight, knots, orders), s, y, weight, knots
+    return penalised(s, y, weight, knots, orders, free), s, y, weight, knots
 
 
 def dense(knots: Float, orders: tuple[int, int], strengths: Float, basis: Float, weight: Float) -> Float:
@@ -57,6 +59,32 @@ def test_as_dense_algebra(orders: tuple[int, int], step: float, components: int)
     coefficients, variance, slope_variance = made.average(all_strengths, share, at)
     np.testing.assert_allclose(coefficients, mean, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(np.concatenate([variance, slope_variance]), within + between, rtol=1e-8)
+
+
+@pytest.mark.parametrize("orders", [(0, 3), (1, 3)])
+@pytest.mark.parametrize("weak", [1e-4, 1.0, 1e6])
+def test_a_free_polynomial_is_one_of_a_wide_prior(orders: tuple[int, int], weak: float) -> None:
+    """A column beside the splines whose coefficient has all but no prior: dense algebra with one unknown more."""
+    made, s, y, weight, knots = problem(4.0, 2, orders, free=True)
+    basis = BSpline.design_matrix(s, knots, 3).toarray()
+    at = np.linspace(knots[3], knots[-4], 57)
+    value = BSpline.design_matrix(at, knots, 3).toarray()
+    strengths = weak * STRENGTHS[1] / 4.0 ** (2.0 * np.array(orders) - 1.0)
+    size = basis.shape[1]
+    wide = np.hstack([np.eye(size), made.free[0][:, None]])
+    held = dense(knots, orders, strengths, np.zeros((1, size)), np.zeros(1))
+    matrix = wide.T @ (basis.T @ (weight[:, None] * basis)) @ wide
+    matrix[:size, :size] += held
+    right = wide.T @ basis.T @ (weight[:, None] * y)
+    rows = value @ wide
+    mean, variance, _ = made.average(strengths[None, :], np.ones(1), at)
+    np.testing.assert_allclose(value @ mean, rows @ np.linalg.solve(matrix, right), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(variance, np.einsum("ij,ji->i", rows, np.linalg.solve(matrix, rows.T)), rtol=1e-6)
+    misfit = float((weight[:, None] * y**2).sum() - (right * np.linalg.solve(matrix, right)).sum())
+    prior = np.log(made.waves[0] / strengths[0] + made.waves[1] / strengths[1]).sum()
+    along = np.log(made.free[0] @ held @ made.free[0])
+    score = -0.5 * misfit - 2 * 0.5 * (np.linalg.slogdet(matrix)[1] - prior - along)
+    assert made.evidence(strengths[None, :])[0] == pytest.approx(score, rel=1e-7)
 
 
 def test_many_factors_do_not_overflow() -> None:

@@ -21,12 +21,12 @@ STRETCH_MM = 40.0  # of edge, whose frames are pooled
 PLACES = 9  # on a face, from its upper to its lower end
 LEAST_FRAMES = 20  # in a stretch
 # A misfit of rms e counts as three independent errors e on the face: their line turns by 2.1 e over the face's width
-# and its ends move by 1.5 e (straight line through three points).
-TURN, OFFSET = 2.1, 1.5
+# and its ends move by 1.2 e (straight line through three points).
+TURN, OFFSET = 2.1, 1.2
 # A rounded end: the last returns of the root face, how sure their depth must be, and what is taken for possible.
 LAST, OUTSIDE_MM = 6, 0.9
 PROOF, DEPTH_U_MM = 3.0, 0.0005
-MOST_RADIUS_MM = 0.8
+LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 60
 INCIDENCES = np.radians(np.arange(66.0, 90.0, 2.0))  # greatest angle of incidence at which a sensor still returns
 STEP_MM = 0.15  # between columns of one surface
 SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
@@ -140,7 +140,9 @@ def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
 
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
     angle of incidence that the sensor still returns: at u = R sin(incidence - inclination) along the line, R - u before
-    the virtual edge with a surface square to the face. Both are averaged over what the depths allow.
+    the virtual edge with a surface square to the face. Both are averaged over what the depths allow: before, the edge
+    is as likely sharp as rounded, and radii of all orders of size are alike likely. Where the rays graze the face, a
+    rounding leaves the view before it leaves the line, and only its u tells of it.
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
@@ -154,11 +156,11 @@ def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
     cut = len(depth) // 20
     mean = level[cut : len(depth) - cut].mean(axis=0)
     u = np.sqrt(np.var(depth, axis=0) / len(depth)) + DEPTH_U_MM
-    if mean[0] < PROOF * u[0]:
-        return NO_ROUNDING
     slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
     step = float(np.median(rim.step_mm[frames]))
     radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(slope))
+    if mean[0] < PROOF * u[0]:  # none is proven; one that would not show is in u
+        return Rounding(u_mm=math.hypot(missing, missing_u))
     further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
     rounded = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, slope)
     return Rounding(radius, further + missing, missing_u, rounded)
@@ -190,19 +192,18 @@ def _quarter_circle(depth: Float, u: Float, step_mm: float, inclination: float) 
     """Radius; how far the virtual edge lies beyond the last return's step; standard uncertainty of that: mm."""
     w = (np.arange(LAST)[:, None] + (np.arange(20) + 0.5) / 20.0) * step_mm
     spread = np.hypot(u, SHAPE * np.abs(depth))
-    shares, values, radii = [], [], []
-    for radius in np.linspace(0.01, MOST_RADIUS_MM, 80):
-        for incidence in INCIDENCES:
-            if incidence <= inclination:
-                continue
+    incidences = INCIDENCES[INCIDENCES > inclination]
+    rounded = np.geomspace(LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII)
+    shares = [-0.5 * float(((depth / spread) ** 2).sum()) + math.log(max(rounded.size * incidences.size, 1))]  # sharp
+    values, radii = [0.0], [0.0]
+    for radius in rounded:
+        for incidence in incidences:
             end = radius * math.sin(min(incidence - inclination, math.pi / 2.0))
             on = np.clip(end - w, 0.0, radius)
             fall = (radius - np.sqrt(radius**2 - on**2)).mean(axis=1)
             shares.append(-0.5 * float((((depth - fall) / spread) ** 2).sum()))
             values.append(radius - end)
             radii.append(radius)
-    if not shares:
-        return 0.0, 0.0, 0.0
     share = np.exp(np.array(shares) - max(shares))
     share /= share.sum()
     missing = float(share @ np.array(values))

@@ -77,7 +77,7 @@ def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:
     alone = faces.root_course.value(s) - faces.bevel_course.value(s)
     mean = (1.0 - faces.follows) * alone + faces.follows * apart
     angle = (1.0 - faces.follows) * (faces.root_course.u(s) ** 2 + bevel_u**2 + (alone - mean) ** 2)
-    angle += faces.follows * (faces.opening_course.u(s) ** 2 + (apart - mean) ** 2)
+    angle += faces.follows * (faces.opening_course.u(s) ** 2 + bevel_u**2 + (apart - mean) ** 2)
     tilt = (1.0 - faces.follows) * faces.root_course.u(s) ** 2 + faces.follows * faces.opening_course.u(s) ** 2
     return np.sqrt(tilt), bevel_u, np.sqrt(angle)
 

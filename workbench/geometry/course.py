@@ -1,8 +1,9 @@
 """The one estimator of everything that runs smoothly along an edge: directions, sizes, the edge's own course.
 
-A course f(s) is a cubic spline with the prior of two random walks at once, of its derivatives of two orders
-(docs/method.md, eq. (1)): the data say by their marginal likelihood how stiff it is (eq. (3)), and the answer is
-averaged over what they leave open (eq. (4)). Noise is that of neighbouring bins, not of a count of frames (eq. (2)).
+A course f(s) is a cubic spline with one of two priors: random walks of its derivatives of two orders, or waves of all
+lengths down to a shortest one, alike high (docs/method.md, eq. (1)). The data say by their marginal likelihood which,
+and how strong (eq. (3)), and the answer is averaged over what they leave open (eq. (4)). Noise is that of neighbouring
+bins, not of a count of frames (eq. (2)).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.penalised import penalised
+from workbench.geometry.penalised import Penalised, penalised
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
@@ -28,8 +29,16 @@ LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by i
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
 STIFFEST_MM = 150.0  # no course is taken for straighter than over this length
+DIGITS = 1e-9  # of a value: what rounding may leave of values without noise
 LEAST_SHARE = 2e-3  # of the posterior, for a stiffness to count
-HIDDEN, HIDDEN_MM = 0.3, 20.0  # a walk is assumed that this much edge cannot tell from noise, whatever the data say
+HIDDEN, HIDDEN_MM = 0.3, 20.0  # waves are assumed that this much edge cannot tell from noise, whatever the data say
+SHORTEST_BINS, CUTS = 6.0, 5  # the shortest waves that are assumed to be as high as long ones
+LEAST_WAVE_BINS = 6  # fewer know nothing of waves
+SHARPEST = 3  # order of the derivative that holds shorter waves back
+TIE = 0.1234  # which of gaps that are alike wide is taken: the first after this share of a stretch
+RISK = 0.05  # that noise alone is taken for a regular wave
+MOST_WAVES = 400
+POOLED = (1, 2, 4, 8)  # bins, by whose residuals the course is tested
 PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise that is found
 
 
@@ -44,9 +53,9 @@ class Course:
     kept: Bool  # (n,) False: outliers, and what was not finite
     frame_factor: float  # variance of single values over the stated one
     noise_factor: float  # the same of bins of values: larger where neighbouring values share noise
-    misfit: float  # mean square of the bins' residuals over their variance; 1: as the noise says
+    misfit: float  # mean square of the pooled residuals over their variance, the largest; 1: as the noise says
     log_evidence: float
-    stiffness: Float  # (j, 3) strengths of both random walks and their posterior share
+    stiffness: Float  # (j, 4) priors: the order of the lower derivative held back, both strengths, posterior share
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Constant beyond the ends of what was seen."""
@@ -90,7 +99,7 @@ def fit_course(
     group: Int | None = None,
     orders: tuple[int, int] = (1, 2),
     stiffness: Float | None = None,
-    least_walk: float = 0.0,
+    unseen: tuple[float, float] = (0.0, 1.0),
     together_mm: float | None = None,
 ) -> Course:
     """The smooth course of values y (n,) or (n, d) at arc lengths s (n,) mm, in any order; NaN is left out.
@@ -101,7 +110,7 @@ def fit_course(
         variance: (n,) stated variance of each value; None: unknown and equal. What the bins scatter more is added.
         group: (n,) pass of each value: noise is taken from neighbours in one pass.
         orders: derivatives that walk randomly; (1, 2): constant but for waves; (2, 3): straight but for these.
-        least_walk: variance that the first walk has over a millimetre at least: what may go unseen between the values.
+        unseen: by how much the course may move, over how many mm, without the values showing it.
         together_mm: length over which values share their scatter: bins are at least this long, waves four times.
         stiffness: that of an earlier course through the same values, which saves the search.
 
@@ -113,13 +122,13 @@ def fit_course(
     """
     bin_mm, stated = together_mm or BIN_MM, variance is not None
     bins = binned(s, y, variance, group, bin_mm)
-    course = _fit(s, bins, stated, orders, stiffness, least_walk, bin_mm)
+    course = _fit(s, bins, stated, orders, stiffness, unseen, bin_mm)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
         kept = _near(course, s, y, variance, group)
         if (kept == course.kept).all():
             break
         bins = binned(s, y, variance, group, bin_mm, kept)
-        course = _fit(s, bins, stated, orders, course.stiffness, least_walk, bin_mm)
+        course = _fit(s, bins, stated, orders, course.stiffness, unseen, bin_mm)
     return course
 
 
@@ -129,7 +138,7 @@ def _fit(
     stated: bool,
     orders: tuple[int, int],
     stiffness: Float | None,
-    least_walk: float,
+    unseen: tuple[float, float],
     bin_mm: float,
 ) -> Course:
     bins, between = _aligned(bins)
@@ -137,30 +146,33 @@ def _fit(
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     weight = 1.0 / (bins.variance * noise_factor)
     knots = _knots(np.asarray(s)[bins.seen], 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
-    trend = _trend(bins, weight, min(orders))  # what no walk holds back; taken off, since sums of squares lose digits
-    problem = penalised(np.clip(bins.s, knots[3], knots[-4]), bins.y - trend(bins.s), weight, knots, orders)
-    grid = _grid(bins, weight, orders, least_walk) if stiffness is None else stiffness[:, :2]
-    scores = problem.evidence(grid)
+    trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
+    inside = np.clip(bins.s, knots[3], knots[-4])
+    problems = _problems(inside, bins.y - trend(bins.s), weight, knots, orders)
+    grid = _grid(bins, weight, orders, unseen) if stiffness is None else stiffness[:, :3]
+    scores = np.zeros(len(grid))
+    for low, problem in problems.items():
+        scores[grid[:, 0] == low] = problem.evidence(grid[grid[:, 0] == low, 1:])
     share = np.exp(scores - scores.max())
+    evidence = float(scores.max() + math.log(share.sum()))
     share /= share.sum()
     counts = share > LEAST_SHARE
-    share = share[counts] / share[counts].sum()
+    found = np.column_stack([grid[counts], share[counts] / share[counts].sum()])
     stations = np.linspace(knots[3], knots[-4], min(4 * (knots.size - 7), knots.size + 200))
-    coefficients, value, slope = problem.average(grid[counts], share, stations)
+    coefficients, value, slope = _average(problems, found, stations, knots)
     y = bins.y
-    if min(orders) > 1:  # the mean of a bend lies off the bend
-        bend = BSpline(knots, coefficients, 3).derivative(2)(np.clip(bins.s, knots[3], knots[-4]))
-        y = y - 0.5 * bins.spread[:, None] ** 2 * bend
-        problem = penalised(np.clip(bins.s, knots[3], knots[-4]), y - trend(bins.s), weight, knots, orders)
-        coefficients, value, slope = problem.average(grid[counts], share, stations)
+    if orders[0] > 1:  # the mean of a bin lies off the bend
+        y = y - 0.5 * bins.spread[:, None] ** 2 * BSpline(knots, coefficients, 3).derivative(2)(inside)
+        problems = _problems(inside, y - trend(bins.s), weight, knots, orders)
+        coefficients, value, slope = _average(problems, found, stations, knots)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
-    mean = coefficients if bins.vector else coefficients[:, 0]
-    spline = BSpline(knots, mean, 3)
-    left = y - spline(np.clip(bins.s, knots[3], knots[-4])).reshape(y.shape)
+    spline = BSpline(knots, coefficients if bins.vector else coefficients[:, 0], 3)
+    left = y - spline(inside).reshape(y.shape)
     spent = float((weight * np.interp(bins.s, stations, value)).sum())
-    misfit = float((weight[:, None] * left**2).sum()) / (left.shape[1] * max(weight.size - spent, 1.0))
+    misfit = _misfit(left, weight, bins.group, spent)
+    if unseen[0] == 0.0:  # steps between columns make regular waves of what frames know of an end
+        between += _regular_wave(bins.s, left, weight)
     raised, value = max(1.0, misfit), value + between / max(1.0, misfit)
-    found = np.column_stack([grid[counts], share])
     return Course(
         spline,
         stations,
@@ -170,9 +182,77 @@ def _fit(
         bins.frame_factor,
         noise_factor,
         misfit,
-        float(scores.max() + math.log(np.exp(scores - scores.max()).mean())),
+        evidence,
         found,
     )
+
+
+def _problems(s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int]) -> dict[int, Penalised]:
+    """The normal equations under each kind of prior, by the order of the lower derivative that it holds back.
+
+    A place along the edge (orders above 1) is straight but for bends: it has no prior of waves.
+    """
+    walks = {orders[0]: penalised(s, y, weight, knots, orders)}
+    return walks if orders[0] > 1 else {**walks, 0: penalised(s, y, weight, knots, (0, SHARPEST), True)}
+
+
+def _average(problems: dict[int, Penalised], priors: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
+    """Mean coefficients, and variances of value and slope at `at`, over priors (j, 4) by their shares (eq. (4))."""
+    parts = []
+    for low, problem in problems.items():
+        mine = priors[priors[:, 0] == low]
+        if len(mine):
+            share = float(mine[:, 3].sum())
+            parts.append((share, *problem.average(mine[:, 1:3], mine[:, 3] / share, at)))
+    mean = np.asarray(sum(share * found for share, found, _, _ in parts))
+    value, slope = np.zeros(at.size), np.zeros(at.size)
+    for share, found, value_variance, slope_variance in parts:
+        off = BSpline(knots, found - mean, 3)
+        value += share * (value_variance + (off(at) ** 2).mean(axis=1))
+        slope += share * (slope_variance + (off(at, 1) ** 2).mean(axis=1))
+    return mean, value, slope
+
+
+def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
+    """Mean square of the bins' residuals, pooled over several lengths, over their variance: the largest (eq. (4)).
+
+    A few pooled values know no variance: PRIOR_FREEDOM more are taken that are as they should be.
+    """
+    out = []
+    for bins in POOLED:
+        first = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
+        place = np.arange(group.size) - first[np.searchsorted(first, np.arange(group.size), side="right") - 1]
+        _, number = np.unique(np.column_stack([group, place // bins]), axis=0, return_inverse=True)
+        number = number.ravel()
+        total = np.bincount(number, weight)
+        mean = np.stack([np.bincount(number, weight * left[:, k]) for k in range(left.shape[1])], axis=1)
+        square, free = float((mean**2 / total[:, None]).sum()) / left.shape[1], total.size - spent
+        if bins == 1:
+            out.append(square / max(free, 1.0))
+        elif free > PRIOR_FREEDOM:
+            out.append((square + PRIOR_FREEDOM) / (free + PRIOR_FREEDOM))
+    return max(out)
+
+
+def _regular_wave(s: Float, left: Float, weight: Float) -> float:
+    """Variance of the strongest wave of one length in what the course leaves; 0 where noise would show as much.
+
+    Feeds and guides make regular waves. One that is as high as the bins' noise costs a prior of waves of all lengths
+    more than it brings, and stays in the residuals.
+    """
+    length = float(np.ptp(s))
+    count = int(length / (4.0 * max(BIN_MM, length / max(s.size, 1))))
+    if count < 3:
+        return 0.0
+    count = min(count, MOST_WAVES)
+    phase = 2.0 * math.pi * np.outer(s, np.arange(2, 2 * count + 1) / (2.0 * length))
+    power, height = 0.0, 0.0
+    for values in left.T:
+        found = weight * values @ np.exp(1j * phase)
+        power += float(np.max(np.abs(found)) ** 2) * 2.0 / float(weight.sum())
+        height += float(np.max(np.abs(found)) ** 2) * 2.0 / float(weight.sum()) ** 2
+    components = left.shape[1]
+    return height / components if power > 2.0 * components * math.log(2 * count / RISK) else 0.0
 
 
 def binned(
@@ -221,7 +301,8 @@ def _near(course: Course, s: Float, y: Float, variance: Float | None, group: Int
         mine = passes[on] == p
         if mine.sum() >= LEAST_VALUES:
             typical[mine] = np.median(size[mine])
-    limit = np.hypot(np.maximum(typical / 0.6745, 1e-12), course.u(s[on]) / np.sqrt(stated[on]))
+    digits = DIGITS * float(np.abs(values[on]).max()) / math.sqrt(float(stated[on].min()))
+    limit = np.hypot(np.maximum(typical / 0.6745, digits), course.u(s[on]) / np.sqrt(stated[on]))
     out[on] = size <= OUTLIER_SIGMAS * limit
     return out
 
@@ -263,9 +344,25 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
     return replace(bins, y=bins.y - off[number]), between
 
 
+def stretches(s: Float, width_mm: float) -> Int:
+    """Number (n,) of the stretch of edge, each `width_mm` long, that values at s (n,) mm lie in; from 0.
+
+    The stretches meet where the fewest values are near: in the middle of the widest gap that they all leave. So a
+    value's stretch depends on no digits of s, as it would if stretches met at values of a regular pitch.
+    """
+    about = s - float(np.mean(s))
+    phase = np.sort(about / width_mm % 1.0)
+    gap = np.diff(phase, append=phase[0] + 1.0)
+    middle = (phase + 0.5 * gap) % 1.0
+    widest = middle[gap > gap.max() - 1e-6]
+    meet = widest[np.argmin((widest - TIE) % 1.0)]
+    along = np.floor(about / width_mm - meet).astype(np.int64)
+    return np.asarray(along - along.min())
+
+
 def _number(s: Float, passes: Int, width: float) -> Int:
     """Number of each value's bin; bins of a pass follow each other."""
-    along = np.floor((s - s.min()) / width).astype(np.int64)
+    along = stretches(s, width)
     _, which = np.unique(passes, return_inverse=True)
     _, number = np.unique(which * (along.max() + 2) + along, return_inverse=True)
     return np.asarray(number)
@@ -282,14 +379,14 @@ def _inliers(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width
         if here.size < LEAST_VALUES:
             continue
         here = here[np.argsort(s[here], kind="stable")]
-        number = np.floor((s[here] - s[here[0]]) / width)
-        first = np.flatnonzero(np.diff(number, prepend=-1.0))
+        first = np.flatnonzero(np.diff(stretches(s[here], width), prepend=-1))
         place = _medians(s[here], first)
         middle = np.stack([_medians(part, first) for part in y[here].T], axis=1)
         nearest = np.abs(np.searchsorted(0.5 * (place[1:] + place[:-1]), s[here]))
         off = y[here] - _parabolas(place, middle, nearest, s[here])
         size = np.sqrt((off**2).sum(axis=1) / variance[here])
-        out[here] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, 1e-12)
+        digits = DIGITS * float(np.abs(y[here]).max()) / math.sqrt(float(variance[here].min()))
+        out[here] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, digits)
     return out
 
 
@@ -414,21 +511,33 @@ def _trend(bins: Bins, weight: Float, order: int) -> Callable[[Float], Float]:
     return lambda s: np.asarray(mean + (s - middle)[:, None] * slope)
 
 
-def _grid(bins: Bins, weight: Float, orders: tuple[int, int], least_walk: float) -> Float:
-    """Strengths (j, 2) of both random walks to choose from.
+def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[float, float]) -> Float:
+    """Priors (j, 3) to choose from: the lower derivative's order, and the strengths of what is held back.
 
     A walk of order d with strength q takes a course about q^(1/2) length^(d - 1/2) away over a length: from a tenth of
-    what all bins together resolve to ten times their spread.
+    what all bins together resolve to ten times their spread. Waves that are alike high down to a length have the
+    density q k^(2d) at its wave number k, from what is hidden to ten times their spread.
     """
+    low, high = orders
+    density = max(float(np.ptp(bins.s)), 1e-3) / float(weight.sum())  # of the noise: variance times length
     least = 0.1 / math.sqrt(float(weight.sum()))
     most = 10.0 * max(float(np.max(np.std(bins.y, axis=0))), least)
-    whole = max(float(np.ptp(bins.s)), 1e-3)
-    length = min(whole, STIFFEST_MM)
-    away = np.geomspace(least, max(most, 10.0 * least), STIFFNESSES)
-    hidden = HIDDEN / math.sqrt(HIDDEN_MM * float(weight.sum()) / whole)  # what HIDDEN_MM of edge cannot tell
-    least_one = max(hidden**2 / min(HIDDEN_MM, length) ** (2 * orders[0] - 1), least_walk)
-    one = np.geomspace(least_one, max(away[-1] ** 2 / length ** (2 * orders[0] - 1), 10.0 * least_one), STIFFNESSES)
-    least_two = hidden**2 / (2.0 * min(HIDDEN_MM, length)) ** (2 * orders[1] - 1)
-    most_two = away[-1] ** 2 / (2.0 * BIN_MM) ** (2 * orders[1] - 1)
+    length = min(max(float(np.ptp(bins.s)), 1e-3), STIFFEST_MM)
+    hidden = HIDDEN**2 * density / HIDDEN_MM  # what HIDDEN_MM of edge cannot tell
+    mm = min(HIDDEN_MM, length)
+    if unseen[0] ** 2 > hidden:
+        hidden, mm = unseen[0] ** 2, min(unseen[1], length)
+    least_one = hidden / mm ** (2 * low - 1)
+    one = np.geomspace(least_one, max(most**2 / length ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
+    least_two = least_one / mm ** (2 * (high - low))
+    most_two = most**2 / (2.0 * BIN_MM) ** (2 * high - 1)
     two = np.geomspace(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
-    return np.array([(a, b) for a in one for b in two])
+    grid = [(low, a, b) for a in one for b in two]
+    if low > 1 or bins.s.size < LEAST_WAVE_BINS:
+        return np.array(grid)
+    shortest = SHORTEST_BINS * BIN_MM
+    for wave in np.geomspace(shortest, max(length, 2.0 * shortest), CUTS):
+        k, least_flat = 2.0 * math.pi / wave, 0.5 * hidden * mm
+        for q in np.geomspace(least_flat, max(most**2 * wave, 30.0 * least_flat), STIFFNESSES):
+            grid.append((low - 1, q * k ** (2 * low - 2), q * k ** (2 * SHARPEST)))
+    return np.array(grid)

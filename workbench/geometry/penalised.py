@@ -1,4 +1,4 @@
-"""A cubic spline on equal steps with two random walks as its prior, compiled: what `geometry.course` asks of it.
+"""A cubic spline on equal steps that two of its derivatives hold back, compiled: what `geometry.course` asks of it.
 
 All matrices are symmetric and banded: row i of one holds its entries with i, i - 1, i - 2 and i - 3. So everything is
 linear in the length of the edge, the variances too: they need the inverse within a few columns of its diagonal alone,
@@ -32,6 +32,7 @@ class Penalised:
     right: Float  # (K, d) B' W y
     roughness: Float  # (2, K, BAND) Q1, Q2
     waves: Float  # (2, K - lower order) their eigenvalues, but for the ends
+    free: Float  # (3, K) coefficients p of a polynomial that is free though Q1 holds it, Q1 p and B' W B p; or (3, 0)
 
     def evidence(self, strengths: Float) -> Float:
         """Logarithm of the restricted marginal likelihood (j,) of strengths (j, 2), but for a constant (eq. (3)).
@@ -39,7 +40,9 @@ class Penalised:
         Raises LinAlgError: a matrix is not positive definite.
         """
         scores = np.empty(len(strengths))
-        _evidence(self.normal, self.right, self.roughness, self.waves, self.squares, as_input(strengths), scores)
+        _evidence(
+            self.normal, self.right, self.roughness, self.waves, self.free, self.squares, as_input(strengths), scores
+        )
         return _finite(scores)
 
     def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
@@ -64,6 +67,7 @@ class Penalised:
             self.normal,
             self.right,
             self.roughness,
+            self.free,
             as_input(strengths),
             as_input(share),
             as_input(firsts),
@@ -80,20 +84,37 @@ class Penalised:
         return first, values
 
 
-def penalised(s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int]) -> Penalised:
+def penalised(
+    s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int], free: bool = False
+) -> Penalised:
     """Normal equations of values y (n, d) with weights (n,) at arc lengths s (n,), on knots at equal steps.
 
-    orders: of the derivatives that walk randomly, each 1 to 3.
+    orders: of the derivatives that are held back, each 0 to 3, the lower one first. free: polynomials of the degree of
+    the lower order are not held back all the same.
     """
     size, step = knots.size - BAND, float(knots[4] - knots[3])
     normal, right = np.zeros((size, BAND)), np.zeros((size, y.shape[1]))
     _add_up(as_input(s), as_input(y), as_input(weight), float(knots[3]), step, normal, right)
     scale = [step ** (2 * order - 1) for order in orders]
     roughness = np.stack([_differences(size, order) / by for order, by in zip(orders, scale, strict=True)])
-    wave = 2.0 - 2.0 * np.cos(np.pi * np.arange(min(orders), size) / size)  # eigenvalues of D1' D1
+    wave = 2.0 - 2.0 * np.cos(np.pi * np.arange(orders[0] + free, size) / size)  # eigenvalues of D1' D1
     waves = np.stack([wave**order / by for order, by in zip(orders, scale, strict=True)])
     squares = float((weight[:, None] * y**2).sum())
-    return Penalised(float(knots[3]), step, squares, normal, right, roughness, waves)
+    line = np.zeros((3, size if free else 0))
+    if free:
+        line[0] = np.linspace(-1.0, 1.0, size) ** orders[0]
+        line[0] /= np.linalg.norm(line[0])
+        line[1], line[2] = _times(roughness[0], line[0]), _times(normal, line[0])
+    return Penalised(float(knots[3]), step, squares, normal, right, roughness, waves, line)
+
+
+def _times(matrix: Float, x: Float) -> Float:
+    """Product of a matrix (K, BAND) with x (K,)."""
+    out = matrix[:, 0] * x
+    for k in range(1, BAND):
+        out[k:] += matrix[k:, k] * x[:-k]
+        out[:-k] += matrix[k:, k] * x[k:]
+    return np.asarray(out)
 
 
 def _finite(values: Float) -> Float:
@@ -179,19 +200,52 @@ def _forward(low: Float, right: Float, d: int, out: Float) -> None:
         out[i] = w * low[i, 0]
 
 
+@kernel
+def _backward(low: Float, solved: Float) -> None:
+    """Replace `solved` (K,) by the solution of L' x = solved."""
+    size = solved.size
+    for i in range(size - 1, -1, -1):
+        w = solved[i]
+        for k in range(1, min(size - 1 - i, 3) + 1):
+            w -= low[i + k, k] * solved[i + k]
+        solved[i] = w * low[i, 0]
+
+
 @kernel(error_model="numpy")
 def _evidence(
-    normal: Float, right: Float, roughness: Float, waves: Float, squares: float, strengths: Float, scores: Float
+    normal: Float,
+    right: Float,
+    roughness: Float,
+    waves: Float,
+    free: Float,
+    squares: float,
+    strengths: Float,
+    scores: Float,
 ) -> None:
     size, components = right.shape
-    low, solved = np.empty((size, 4)), np.empty(size)
+    low, solved, bent, border = np.empty((size, 4)), np.empty(size), np.empty(size), np.empty(size)
+    is_free = free.shape[1] > 0
+    held = 0.0
+    for i in range(free.shape[1]):
+        held += free[0, i] * free[1, i]
     for j in range(strengths.shape[0]):
         logs = _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
-        misfit = squares
+        misfit, inner = squares, 0.0
+        if is_free:
+            _forward(low, free[1:2].T, 0, bent)
+            _forward(low, free[2:3].T, 0, border)
+            for i in range(size):
+                inner += bent[i] * border[i]
+            logs += 0.5 * math.log(inner / held)  # both over the strength
         for d in range(components):
             _forward(low, right, d, solved)
+            left = 0.0
             for i in range(size):
                 misfit -= solved[i] * solved[i]
+                if is_free:
+                    left += solved[i] * bent[i]
+            if is_free:
+                misfit -= left * left / strengths[j, 0] / inner
         product = 1.0
         for k in range(waves.shape[1]):
             product *= waves[0, k] / strengths[j, 0] + waves[1, k] / strengths[j, 1]
@@ -219,6 +273,7 @@ def _average(
     normal: Float,
     right: Float,
     roughness: Float,
+    free: Float,
     strengths: Float,
     share: Float,
     first: Int,
@@ -230,20 +285,29 @@ def _average(
     size, components = right.shape
     width = rows.shape[1]
     low, inverse, solved = np.empty((size, 4)), np.empty((size, width)), np.empty(size)
+    bent, is_free, inner = np.zeros(size), free.shape[1] > 0, 0.0
     found = np.empty((strengths.shape[0], size, components))
     mean[:] = 0.0
     variance[:] = 0.0
     for j in range(strengths.shape[0]):
         _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
+        if is_free:
+            _forward(low, free[1:2].T, 0, bent)
+            _backward(low, bent)
+            inner = 0.0
+            for i in range(size):
+                bent[i] /= strengths[j, 0]
+                inner += bent[i] * free[2, i]
         for d in range(components):
             _forward(low, right, d, solved)
-            for i in range(size - 1, -1, -1):
-                w = solved[i]
-                for k in range(1, min(size - 1 - i, 3) + 1):
-                    w -= low[i + k, k] * solved[i + k]
-                solved[i] = w * low[i, 0]
-                found[j, i, d] = solved[i]
-                mean[i, d] += share[j] * solved[i]
+            _backward(low, solved)
+            added = 0.0
+            if is_free:
+                for i in range(size):
+                    added += free[1, i] / strengths[j, 0] * solved[i] / inner
+            for i in range(size):
+                found[j, i, d] = solved[i] + added * bent[i]
+                mean[i, d] += share[j] * found[j, i, d]
         _inverse(low, inverse)
         for r in range(first.size):
             total = 0.0
@@ -252,6 +316,11 @@ def _average(
                 for q in range(p):
                     part += rows[r, q] * inverse[first[r] + q, p - q]
                 total += 2.0 * rows[r, p] * part
+            if is_free:
+                off = 0.0
+                for p in range(min(width, size - first[r])):
+                    off += rows[r, p] * bent[first[r] + p]
+                total += off * off / inner
             variance[r] += share[j] * total
     for j in range(strengths.shape[0]):
         for r in range(first.size):

@@ -25,7 +25,7 @@ CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
 ROUNDS = 4
-UNSEEN_STEPS, UNSEEN_MM = 0.1, 20.0  # of a column step, over which the end may wave unseen
+UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
 FAR_SIGMAS = 7.0
@@ -68,7 +68,7 @@ def find_end(
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
-    least_walk = (UNSEEN_STEPS * step) ** 2 / UNSEEN_MM ** (2 * orders[0] - 1)
+    unseen = (UNSEEN_STEPS * step, UNSEEN_MM)
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     for _ in range(ROUNDS):
         about = course.value(place)
@@ -88,7 +88,7 @@ def find_end(
         )
         mean, variance = _sites(logs, grid, prior)
         said = variance * _said_again(logs, grid)
-        course = fit_course(place, about + mean, said, orders=orders, least_walk=least_walk, together_mm=together_mm)
+        course = fit_course(place, about + mean, said, orders=orders, unseen=unseen, together_mm=together_mm)
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     off = np.bincount(cell, _off_course(ends, course.value(ends.s))) / count
     return EndCourse(course, place, off > CONTRADICTED)

@@ -27,7 +27,7 @@ TURN, OFFSET = 2.1, 1.2
 LAST, OUTSIDE_MM = 6, 0.9
 PROOF, DEPTH_U_MM = 3.0, 0.0005
 LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 60
-INCIDENCES = np.radians(np.arange(66.0, 90.0, 2.0))  # greatest angle of incidence at which a sensor still returns
+INCIDENCES = np.radians(np.arange(76.0, 90.0, 2.0))  # greatest angle of incidence at which a sensor still returns
 STEP_MM = 0.15  # between columns of one surface
 SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
 

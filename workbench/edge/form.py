@@ -192,7 +192,7 @@ def _quarter_circle(depth: Float, u: Float, step_mm: float, inclination: float) 
     """Radius; how far the virtual edge lies beyond the last return's step; standard uncertainty of that: mm."""
     w = (np.arange(LAST)[:, None] + (np.arange(20) + 0.5) / 20.0) * step_mm
     spread = np.hypot(u, SHAPE * np.abs(depth))
-    incidences = INCIDENCES[INCIDENCES > inclination]
+    incidences = INCIDENCES[inclination < INCIDENCES]
     rounded = np.geomspace(LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII)
     shares = [-0.5 * float(((depth / spread) ** 2).sum()) + math.log(max(rounded.size * incidences.size, 1))]  # sharp
     values, radii = [0.0], [0.0]

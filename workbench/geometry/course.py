@@ -231,7 +231,7 @@ def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
             out.append(square / max(free, 1.0))
         elif free > PRIOR_FREEDOM:
             out.append((square + PRIOR_FREEDOM) / (free + PRIOR_FREEDOM))
-    return max(out)
+    return float(max(out))
 
 
 def _regular_wave(s: Float, left: Float, weight: Float) -> float:

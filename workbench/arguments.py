@@ -38,6 +38,8 @@ OPTIONS = (
     "plugin",
     "draft",
     "no_report",
+    "follow",
+    "stall_s",
     "posture",
     "turntable_deg",
     "port",
@@ -101,6 +103,10 @@ def build_parser() -> Parser:
     batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
     run.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    run.add_argument("--follow", metavar="FILE.h5", help="the recording, which may still be growing: wait for its end")
+    run.add_argument(
+        "--stall-s", type=_seconds, default=10.0, metavar="S", help="with --follow: longest pause (default: 10)"
+    )
     run.add_argument("--cache", metavar="DIR", help="keep here what stages made; the next run computes what changed")
     stages = command("stages", "list the stages, plug-ins included, or describe one with its parameters and units")
     stages.add_argument("name", nargs="?", metavar="NAME")

@@ -31,11 +31,15 @@ def run(options: argparse.Namespace) -> int:
                 unprintable.append(error)
 
     lines = Told(sys.stderr)
+    inputs, settings = assignments(options.input, "--input"), assignments(options.set, "--set")
     try:
-        results = Pipeline.load(options.pipeline).run(
+        pipeline = Pipeline.load(options.pipeline)
+        if options.follow:
+            followed(options, pipeline, inputs, settings)
+        results = pipeline.run(
             options.out,
-            inputs=assignments(options.input, "--input"),
-            settings=assignments(options.set, "--set"),
+            inputs=inputs,
+            settings=settings,
             reporter=lines,
             report=not options.no_report,
             cache=options.cache,
@@ -47,6 +51,18 @@ def run(options: argparse.Namespace) -> int:
         raise error
     printed(print_files, results)
     return 0 if results.passed else 1
+
+
+def followed(options: argparse.Namespace, pipeline: Any, inputs: dict[str, Any], settings: dict[str, Any]) -> None:
+    """Wait for the recording of `--follow`, which becomes the pipeline's input."""
+    from pathlib import Path
+
+    from workbench.pipeline.follow import RECORDING, follow
+
+    if RECORDING in inputs:
+        raise ArgumentError("--follow", f"names the recording; leave out --input {RECORDING}=")
+    follow(pipeline, Path(options.follow), options.stall_s, lambda text: print(text, file=sys.stderr), inputs, settings)
+    inputs[RECORDING] = options.follow
 
 
 def load_plugins(options: argparse.Namespace) -> None:

@@ -7,10 +7,10 @@ draws must not be the one that does the work.
 from __future__ import annotations
 
 import ctypes
-import os
 import subprocess
 import sys
-from pathlib import Path
+
+from workbench.children import environment
 
 TIME_LIMIT_S = 120.0
 LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1"}  # what VTK loads -> its package in Debian
@@ -18,12 +18,10 @@ LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1"}  # what VTK loads
 
 def start_drawing(module: str, arguments: list[str], folder: str) -> subprocess.Popen[bytes]:
     """`python -m module arguments` at work in `folder`, with this project's own copy, from whatever directory."""
-    home = str(Path(__file__).resolve().parents[1])
-    path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
     return subprocess.Popen(
         [sys.executable, "-m", module, *arguments],
         cwd=folder,
-        env=dict(os.environ, PYTHONPATH=path),
+        env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

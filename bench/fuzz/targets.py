@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+
+from bench.fuzz.mutate import mutated
+from bench.fuzz.recordings import mutated_recording
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = Path(__file__).with_name("corpus")
@@ -18,6 +23,7 @@ class Target:
     read: Callable[[Path], object]
     seeds: tuple[str, ...]  # globs below the project's folder
     share: float = 1.0  # of the executions, against a reader of short texts
+    mutate: Callable[[bytes, str, random.Random], bytes] = mutated
     beside: tuple[str, ...] = ()  # what the files refer to: paths relative to their own folder, as in the project
 
     def files(self) -> list[Path]:
@@ -38,6 +44,19 @@ def _pipeline(path: Path) -> object:
     from workbench.pipeline import Pipeline
 
     return Pipeline.load(path).plan()
+
+
+def _run(pipeline: str, path: Path) -> object:
+    """The whole pipeline on a recording; what fails inside a stage is raised as it was."""
+    from workbench.errors import PipelineError
+    from workbench.pipeline import Pipeline
+
+    try:
+        return Pipeline.load(ROOT / "pipelines" / pipeline).run(inputs={"recording": str(path)}, report=False)
+    except PipelineError as error:
+        if error.__cause__ is not None:
+            raise error.__cause__ from None
+        raise
 
 
 def _recipe(path: Path) -> object:
@@ -165,6 +184,8 @@ TARGETS = (
     Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
     Target("deflections", _deflections, ()),
     Target("recording", _recording, (), 0.02),
+    Target("inspecting", partial(_run, "inspect_bevel.json"), (), 0.02, mutated_recording),
+    Target("planning", partial(_run, "plan_bevel.json"), (), 0.02, mutated_recording),
     Target("mapping", _mapping, ()),
     Target("profiles", _source, ()),
     Target("poses", _source, ()),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -14,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, frozen
+from workbench.children import environment
 from workbench.cloud import readers
 from workbench.cloud.readers import READERS
 from workbench.errors import InputError
@@ -28,7 +28,6 @@ LEAST_POINTS = 100
 LEAST_MM, MOST_MM = 3.0, 30_000.0  # longest side of a part's cloud
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
 OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
-HOME = Path(__file__).resolve().parents[2]  # of this copy of the package: its readers, from whatever directory
 FORMATS = "PLY, PCD, XYZ (or txt, asc, csv), STL, OBJ, LAS, LAZ, E57"
 
 
@@ -78,14 +77,13 @@ def in_process(file: Path) -> Float:
     with tempfile.TemporaryDirectory(prefix="workbench-cloud-") as folder:
         out = Path(folder) / "points.npy"
         command = [sys.executable, "-P", readers.__file__, str(file.absolute()), str(out)]
-        home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
         child = subprocess.run(
             command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             check=False,
             cwd=folder,
-            env=dict(os.environ, PYTHONPATH=home),
+            env=environment(),
         )
         said = child.stdout.decode(errors="replace")
         complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]

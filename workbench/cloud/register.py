@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Document, PointSet, frozen
+from workbench.children import in_one_thread
 from workbench.cloud.read import MM, OF_FORMAT, Unit, in_process
 from workbench.errors import InputError
 from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration
@@ -62,8 +63,8 @@ def register(
     target = target[np.isfinite(target).all(axis=1)]
     if min(len(target), len(points.points_mm)) < LEAST_POINTS:
         raise InputError(str(reference), f"expected at least {LEAST_POINTS} points in both clouds")
-    start = coarse_registration(points.points_mm, target, voxel_mm, seed)[0]
-    pose, overlap, rms = _fine(points.points_mm, target, start.target_from_source, reach_mm)
+    start = in_one_thread(coarse_registration, points.points_mm, target, voxel_mm, seed)[0]
+    pose, overlap, rms = in_one_thread(_fine, points.points_mm, target, start.target_from_source, reach_mm)
     if overlap < least_overlap:
         raise InputError(
             points.source or "cloud.register",

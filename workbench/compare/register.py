@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Document
+from workbench.children import in_one_thread
 from workbench.compare.covariance import covariance_of
 from workbench.compare.icp import OPEN, Equations, coarse, equations_at, refine
 from workbench.compare.open_directions import in_words
@@ -121,7 +122,9 @@ def register(
 
 def _by_features(scan: Surface, target: Surfels, voxel_mm: float) -> list[Float]:
     """Candidates for the start, from nothing."""
-    return [one.target_from_source for one in coarse_registration(scan.points_mm, target.centre_mm, voxel_mm)]
+    return [
+        one.target_from_source for one in in_one_thread(coarse_registration, scan.points_mm, target.centre_mm, voxel_mm)
+    ]
 
 
 def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels:

@@ -1,0 +1,151 @@
+"""A recording that grows: measured on the way, and in the end as if it had always been there."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from workbench.pipeline.follow import copy_complete_frames, state_of
+from workbench.scan import read
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "bench/fuzz/corpus/inspecting/small.h5"
+PIPELINE = ROOT / "pipelines/inspect_bevel.json"
+WRITER = """
+import sys, time, h5py
+source, target, swmr = sys.argv[1:4]
+last, pause_s = int(sys.argv[4]), float(sys.argv[5])
+with h5py.File(source) as old, h5py.File(target, "w", libver="latest") as new:
+    new.attrs.update(old.attrs)
+    old.copy("hand_eye", new)
+    made = {}
+    for group in ("robot", "profiles"):
+        new.create_group(group).attrs.update(old[group].attrs)
+        for name, values in old[group].items():
+            shape = (0, *values.shape[1:])
+            made[group, name] = new.create_dataset(f"{group}/{name}", shape, values.dtype, maxshape=(None, *shape[1:]))
+    if swmr:
+        new.swmr_mode = True
+    frames = len(old["profiles/time"])
+    for (group, name), values in made.items():
+        if group == "robot":
+            values.resize(len(old[group][name]), 0)
+            values[:] = old[group][name][()]
+            values.flush()
+    for first in range(0, frames, 12):
+        for (group, name), values in made.items():
+            if group == "profiles":
+                values.resize(min(first + 12, frames), 0)
+                values[first : first + 12] = old[group][name][first : first + 12]
+                values.flush()
+        print(first, flush=True)
+        if first + 12 >= last:
+            time.sleep(60)
+        time.sleep(pause_s)
+"""
+
+
+@contextmanager
+def writing(target: Path, swmr: bool = True, last: int = 10**6, pause_s: float = 0.05) -> Iterator[Any]:
+    command = [sys.executable, "-c", WRITER, SOURCE, target, "swmr" if swmr else "", last, pause_s]
+    with subprocess.Popen([str(each) for each in command], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()  # a frame is there
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_the_results_are_those_of_the_complete_file(command: Callable[..., Any], tmp_path: Path) -> None:
+    grown = tmp_path / "grown.h5"
+    with writing(grown, pause_s=0.5):
+        assert state_of(grown) == "growing"
+        done = command("run", PIPELINE, "--follow", grown, "--no-report", "--out", tmp_path / "a", "--stall-s", "120")
+    assert done.status == 0, done.err
+    assert "frames so far: pass" in done.err
+    again = command("run", PIPELINE, "--input", f"recording={grown}", "--no-report", "--out", tmp_path / "b")
+    assert again.status == 0
+    for name in ("inspection.json", "inspection.qif"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    inputs = [json.loads((tmp_path / each / "run.json").read_text())["inputs"] for each in "ab"]
+    assert inputs[0] == inputs[1]
+
+
+def test_a_complete_recording_is_run_at_once(command: Callable[..., Any], tmp_path: Path) -> None:
+    done = command("run", PIPELINE, "--follow", SOURCE, "--no-report", "--out", tmp_path / "a")
+    assert done.status == 0
+    assert "so far" not in done.err
+
+
+@pytest.mark.parametrize("kill", [True, False])
+def test_a_writer_that_stalls_or_was_killed(command: Callable[..., Any], tmp_path: Path, kill: bool) -> None:
+    grown = tmp_path / "grown.h5"
+    with writing(grown, last=24) as process:
+        process.stdout.readline()
+        if kill:
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait()
+        done = command("run", PIPELINE, "--follow", grown, "--stall-s", "1", "--out", tmp_path / "a")
+    assert done.status == 2
+    errors = [line for line in done.err.splitlines() if line.startswith("error:")]
+    assert errors == [
+        f"error: {grown}: has not grown for 1 s (--stall-s) and was not closed: its writer stalls or was killed; "
+        "after `h5clear -s` it can be run as it is, without --follow"
+    ]
+    assert not (tmp_path / "a").exists()
+
+
+def test_without_swmr_its_end_is_waited_for(command: Callable[..., Any], tmp_path: Path) -> None:
+    grown = tmp_path / "grown.h5"
+    with writing(grown, swmr=False):
+        assert state_of(grown) == "locked"
+        done = command("run", PIPELINE, "--follow", grown, "--no-report", "--out", tmp_path / "a", "--stall-s", "60")
+    assert done.status == 0
+    with writing(tmp_path / "killed.h5", swmr=False) as process:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        done = command("run", PIPELINE, "--follow", tmp_path / "killed.h5", "--out", tmp_path / "b")
+    assert done.status == 2
+    assert "its writer was killed" in done.err or "expected a complete HDF5 file" in done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--follow", "none.h5", "--stall-s", "0.1"], "error: none.h5: no such file for 0.1 s (--stall-s)"),
+        (["--follow", "a.h5", "--input", "recording=b.h5"], "error: --follow: names the recording; leave out"),
+        (["--stall-s", "-1", "--follow", "a.h5"], "expected a time in s above 0, got '-1'"),
+    ],
+)
+def test_what_cannot_be_followed(command: Callable[..., Any], arguments: list[str], message: str) -> None:
+    done = command("run", PIPELINE, *arguments, "--out", "out")
+    assert done.status == 2
+    assert message in done.err
+
+
+def test_only_whole_frames_are_copied(tmp_path: Path) -> None:
+    """Data sets grow one after another; a frame counts when all of them have it, and a pose behind it."""
+    grown, copy = tmp_path / "grown.h5", tmp_path / "copy.h5"
+    with writing(grown, last=24) as process:
+        process.stdout.readline()
+        deadline = time.monotonic() + 20.0
+        while copy_complete_frames(grown, copy, 24) != 24:
+            assert time.monotonic() < deadline
+        assert copy_complete_frames(grown, copy, 25) == 0
+    whole, some = read(recording=SOURCE), read(recording=copy)
+    np.testing.assert_array_equal(some.z_mm, whole.z_mm[:24])
+    with h5py.File(copy) as file:
+        assert file.attrs["format"] == "profile-recording"

@@ -1,0 +1,63 @@
+"""Work that is done in a process of its own, by this copy of the package, from whatever directory."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from workbench.errors import InputError, one_line
+
+T = TypeVar("T")
+HOME = Path(__file__).resolve().parents[1]
+
+
+def environment(**more: str) -> dict[str, str]:
+    """That of this process, with the package where a child finds it."""
+    home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
+    return {**os.environ, "PYTHONPATH": home, **more}
+
+
+def in_one_thread(function: Callable[..., T], *arguments: Any) -> T:
+    """What a function of a module returns, from a process that keeps to one core: the same bytes every time.
+
+    Open3D adds up in the order in which its threads come; how many there are, OpenMP's and TBB's, it asks once.
+
+    Raises:
+        InputError: the process ended early, with its last words.
+    """
+    call = pickle.dumps((function.__module__, function.__qualname__, arguments))
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "workbench.children"],
+        input=call,
+        capture_output=True,
+        check=False,
+        env=environment(OMP_NUM_THREADS="1"),
+    )
+    if done.returncode != 0:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        why = one_line(lines[-1]) if lines else f"its process ended with status {done.returncode}"
+        raise InputError(function.__qualname__.strip("_"), f"cannot be worked out: {why}")
+    made: T = pickle.loads(done.stdout)
+    return made
+
+
+def main() -> None:
+    """The child: what libraries print goes to standard error, the result alone to standard output."""
+    results = os.dup(1)
+    os.dup2(2, 1)
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    module, name, arguments = pickle.load(sys.stdin.buffer)
+    made = getattr(importlib.import_module(module), name)(*arguments)
+    with open(results, "wb") as out:
+        pickle.dump(made, out)
+
+
+if __name__ == "__main__":
+    main()

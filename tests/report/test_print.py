@@ -13,11 +13,17 @@ from workbench.artefacts import Part, Uncertainty, UncertaintySource
 from workbench.batch.cover import MOST_PARTS
 from workbench.batch.fleet import page as fleet_page
 from workbench.batch.record import Record
+from workbench.cloud import denoise
+from workbench.edge import segment_groove
+from workbench.inspect import groove as inspect_groove
 from workbench.report import closed_loop, html, inspection, plan
+from workbench.report import groove as report_groove
+from workbench.scan import fuse, read
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 A4_WIDTH_PX, A4_HEIGHT_PX = round((210 - 2 * 13) / 25.4 * 96), (297 - 2 * 14) / 25.4 * 96
+GROOVE = Path(__file__).parents[2] / "data" / "synthetic" / "groove.h5"
 LONG = "a name of a part that is much longer than names of parts are in most shops, revision 12"
 
 WIDER = """() => [...document.querySelectorAll("body *")].filter((e) => {
@@ -82,6 +88,16 @@ def loop_page(part, planned, by_formula, provenance):
     return html(chapters, provenance).content.decode()
 
 
+def groove_page(provenance):
+    """A groove's page with as many sizes as it has, all of them required."""
+    cloud = denoise(fuse(read(recording=GROOVE)))
+    found = segment_groove(cloud)
+    wanted = {name: 1.0 for name in found.sizes}
+    zones = {f"{name.rpartition('_')[0]}_tolerance_{name.rpartition('_')[2]}": [-0.5, 0.5] for name in wanted}
+    made = report_groove(cloud, found, inspect_groove(found, nominal=wanted | zones))
+    return html((made,), provenance).content.decode()
+
+
 def batch_page():
     needs = {
         "root_nominal_mm": 1.5,
@@ -121,13 +137,17 @@ def pages(part, planned, by_formula, provenance, tmp_path_factory) -> dict[str, 
     folder = tmp_path_factory.mktemp("pages")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("workbench.report.picture.picture", lambda view: b"\x89PNG")  # not looked at here
-        files = {"loop": loop_page(part, planned, by_formula, provenance), "fleet": batch_page()}
+        files = {
+            "loop": loop_page(part, planned, by_formula, provenance),
+            "fleet": batch_page(),
+            "groove": groove_page(provenance),
+        }
     for name, text in files.items():
         (folder / f"{name}.html").write_text(text)
     return {name: folder / f"{name}.html" for name in files}
 
 
-@pytest.fixture(params=["loop", "fleet"])
+@pytest.fixture(params=["loop", "fleet", "groove"])
 def page(request, pages, browser):
     opened = browser.new_page(viewport={"width": 1100, "height": 800})
     opened.goto(pages[request.param].as_uri())

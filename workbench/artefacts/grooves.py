@@ -27,6 +27,19 @@ SIZES = (
     "root_radius_mm",
 )
 
+TERMS = {  # of ISO 17659 and letters of ISO 9692-1, which has none for the last two; in the order of reports
+    "gap_mm": ("Root gap", "b"),
+    "root_face_left_mm": ("Root face, left", "c₁"),
+    "root_face_right_mm": ("Root face, right", "c₂"),
+    "bevel_left_deg": ("Bevel angle, left", "β₁"),
+    "bevel_right_deg": ("Bevel angle, right", "β₂"),
+    "included_deg": ("Included angle", "α"),
+    "depth_mm": ("Depth of preparation", "h"),
+    "root_radius_mm": ("Root radius", "R"),
+    "width_mm": ("Groove width", "–"),
+    "misalignment_mm": ("Linear misalignment", "–"),
+}
+
 
 def u_name(size: str) -> str:
     """Name of a size's standard uncertainty: `gap_u_mm` of `gap_mm`."""

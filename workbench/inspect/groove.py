@@ -20,13 +20,14 @@ from workbench.artefacts import (
     conformity,
     u_name,
 )
+from workbench.artefacts.grooves import TERMS
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.inspect.budget import NO_HAND_EYE, NOT_INCLUDED
 from workbench.inspect.verdict import worst
 from workbench.stage import stage
 from workbench.units import Float
 
-NOTHING_REQUIRED = "nothing was required: measured, not judged"
+NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
 TYPE_A = ("faces", "fixed pattern")  # sources whose names begin so are evaluated from scatter (GUM 4.2)
 LEFT_OUT = (
     *NOT_INCLUDED[:3],
@@ -166,7 +167,7 @@ def _section(
             told = conformity(value_, u_, nominal, tolerance, guard_factor)
         words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
         verdicts.append(told)
-        reasons.append(f"{name} {words[told] if value_ is not None else 'not seen'}")
+        reasons.append(f"{TERMS[name][0].lower()} {words[told] if value_ is not None else 'not seen'}")
     origin, tangent, normal, across = (
         _vector(groove, v, at) for v in (groove.origin_mm, groove.tangent, groove.normal, groove.across)
     )

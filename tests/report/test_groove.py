@@ -1,0 +1,89 @@
+"""A groove's report: the certificate says what groove.json says, the section is drawn and dimensioned."""
+
+from __future__ import annotations
+
+import base64
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from workbench.cloud import denoise
+from workbench.edge import segment_groove
+from workbench.inspect import groove as inspect_groove
+from workbench.report import groove as report_groove
+from workbench.report import html
+from workbench.report.groove_text import NOT_JUDGED, of_interest
+from workbench.scan import fuse, read
+
+RECORDING = Path(__file__).parents[2] / "data" / "synthetic" / "groove.h5"
+WANTED = {
+    "gap_mm": 2.4,
+    "gap_tolerance_mm": [-0.5, 0.5],
+    "misalignment_mm": 0,
+    "misalignment_tolerance_mm": [-0.2, 0.2],
+}
+
+
+@pytest.fixture(scope="module")
+def found():
+    cloud = denoise(fuse(read(recording=RECORDING)))
+    return cloud, segment_groove(cloud)
+
+
+@pytest.fixture(scope="module")
+def judged(found):
+    return inspect_groove(found[1], nominal=WANTED)
+
+
+@pytest.fixture(scope="module")
+def chapter(found, judged):
+    return report_groove(*found, judged)
+
+
+def drawings(text):
+    return [
+        ElementTree.fromstring(base64.b64decode(data))
+        for data in re.findall(r"data:image/svg\+xml;base64,([A-Za-z0-9+/=]+)", text)
+    ]
+
+
+def test_the_first_page_states_what_was_decided(chapter, judged, elements):
+    text = elements(chapter.certificate).text
+    assert judged.verdict == chapter.verdict == "fail"
+    assert "Nonconformity with the specification is verified." in text
+    assert "linear misalignment out of tolerance" in text
+    assert "1.9 to 2.9 mm" in text
+    assert "SIMULATED" in elements(html((chapter,)).content.decode()).text
+    for sentence in judged.uncertainty.not_included:
+        assert sentence in text
+
+
+def test_every_size_has_its_largest_u(chapter, judged, elements):
+    text = elements(chapter.certificate).text
+    for name, u in (("Root gap", "gap_u_mm"), ("Groove width", "width_u_mm")):
+        largest = 2 * max(one.values[u] for one in judged.sections if one.values[u] is not None)
+        row = text[text.index(name) :]
+        shown = float(re.search(r"([\d.]+) mm\s+(?:[A-Z]|$)", row)[1])
+        assert shown == pytest.approx(largest, rel=0.2)
+
+
+def test_the_section_is_drawn_with_its_dimensions(chapter, judged):
+    section, charts = drawings(chapter.html)
+    words = " ".join(section.itertext())
+    shown = of_interest(judged)
+    for letter, name in (("b", "gap_mm"), ("c₁", "root_face_left_mm"), ("h", "depth_mm"), ("α", "included_deg")):
+        value = float(re.search(rf"{letter} = \(?([\d.]+) ±", words)[1])
+        assert value == pytest.approx(shown.values[name], abs=6e-3)
+    assert "c₂" not in words  # not seen, so not drawn
+    assert "arc length along the groove" in " ".join(charts.itertext())
+
+
+def test_without_a_specification_nothing_is_stated(found, elements):
+    made = report_groove(*found, inspect_groove(found[1]))
+    assert made.verdict == ""
+    text = elements(made.certificate).text
+    assert NOT_JUDGED in text
+    assert "Conformity with" not in text
+    assert "Decision rule" not in text

@@ -86,6 +86,7 @@ from workbench.text_files import numbered_lines, read_text
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 if TYPE_CHECKING:
+    from workbench.checks import refuse_unsound
     from workbench.result_files import HandEyeFile, PostureFile, StiffnessFile
 
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
@@ -228,6 +229,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "read_cell",
     "read_json",
     "read_text",
+    "refuse_unsound",
     "rotation_from_quaternion",
     "rotation_from_rpy",
     "rotation_from_vector",
@@ -250,6 +252,10 @@ def __getattr__(name: str) -> Any:
         from workbench import result_files
 
         return getattr(result_files, name)
+    if name == "refuse_unsound":
+        from workbench.checks import refuse_unsound
+
+        return refuse_unsound
     if name in __all__:
         from workbench import robot
 

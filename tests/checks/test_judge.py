@@ -18,6 +18,9 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.table import limits_table
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
+from workbench.plugins.calibration.circles import circles
+from workbench.synthetic import sphere_conditions
+from workbench.synthetic.sphere import simulate_sphere
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
 
@@ -172,6 +175,27 @@ def test_a_rough_surface_is_no_filter() -> None:
 @pytest.mark.parametrize("condition", ["straight", "raw_rough", "correlated"])
 def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     assert "mean_columns" in failed(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
+
+
+SPHERES = sphere_conditions.SOUND | sphere_conditions.DEGENERATE
+
+
+@pytest.mark.parametrize("condition", SPHERES)
+def test_good_calibration_recordings_pass_every_check(condition: str) -> None:
+    recording, _ = simulate_sphere(sphere_conditions.random_sphere_recipe(condition, 900))
+    assert failed(recording) == {}
+
+
+def test_a_calibration_recording_is_judged() -> None:
+    recording, _ = simulate_sphere(sphere_conditions.random_sphere_recipe(next(iter(SPHERES)), 901))
+    first = np.zeros(len(recording.time_s), int)
+    for words, changes in (
+        ("a frozen or repeating scanner", {"x_mm": recording.x_mm[first], "z_mm": recording.z_mm[first]}),
+        ("metres read as mm", {"robot_position_mm": recording.robot_position_mm / 1e3}),
+    ):
+        with pytest.raises(InputError, match=words):
+            circles(spoilt(recording, **changes))
+    assert len(circles(recording).frame) > 0
 
 
 def test_passes_that_disagree() -> None:

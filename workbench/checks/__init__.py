@@ -7,6 +7,7 @@ from workbench.checks.judge import (
     judge_recording,
     loosened,
     refuse_failed,
+    refuse_unsound,
     without_copies,
 )
 from workbench.checks.limits import LIMITS, Limit, checked_limits
@@ -25,5 +26,6 @@ __all__ = [
     "known_conventions",
     "loosened",
     "refuse_failed",
+    "refuse_unsound",
     "without_copies",
 ]

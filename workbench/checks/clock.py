@@ -36,7 +36,10 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
         if now is None or later is None or len(now[1]) < 12:
             continue
         rate, left = (later[1] - now[1]) / STEP_S, (now[1] + later[1]) / 2.0
-        plate = np.diff(twisted((now[0] + later[0]) / 2.0, DEGREE), axis=0)
+        slow = twisted((now[0] + later[0]) / 2.0, DEGREE)
+        if np.std(rate - slow @ (slow.T @ rate)) < LEAST_RATE:
+            continue
+        plate = np.diff(slow, axis=0)
         basis = np.linalg.qr(plate[:, 1:])[0]
         rate, left = np.diff(rate), np.diff(left)
         rate, left = rate - basis @ (basis.T @ rate), left - basis @ (basis.T @ left)

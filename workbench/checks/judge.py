@@ -10,7 +10,7 @@ import numpy as np
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.clock import clock_offset
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
-from workbench.checks.limits import Bound, check, least, most
+from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import Consistency, consistency
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, chains
@@ -76,6 +76,30 @@ def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fu
             raise InputError(
                 where, f"{one.finding} (check {one.name}: {one.value:.4g}, limit {limit}; {parameter} sets it)"
             )
+
+
+def refuse_unsound(recording: Recording, limits: Mapping[str, object], parameter: str) -> tuple[Check, ...]:
+    """The checks of a recording, by its own hand-eye pose, all of them passed.
+
+    Args:
+        recording: as read.
+        limits: limits to set by name.
+        parameter: of the stage, that they come from.
+
+    Raises:
+        InputError: a check did not pass.
+        PipelineError: `limits` names no check, or gives it no number.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from workbench.scan import read
+        >>> recording = read(recording=Path("data/synthetic/milled_edge.h5"))
+        >>> refuse_unsound(recording, {"reach_mm": [500, 3000]}, "scan.fuse.limits")[0].name
+        'view_width_mm'
+    """
+    checks = judge_recording(recording, limits=checked_limits(limits, parameter))
+    refuse_failed(checks, recording.source, parameter)
+    return checks
 
 
 def without_copies(recording: Recording) -> Recording:
@@ -155,7 +179,7 @@ def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bo
     calibration = recording.sphere_diameter_mm is not None
     yield from _profile_checks(recording, given)
     yield from _pose_checks(recording, given, calibration)
-    yield from _copy_checks(recording, given)
+    yield from _copy_checks(recording, given, calibration)
     yield from _sensor_checks(recording, given)
     if hand_eye is None:
         return
@@ -235,16 +259,17 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     )
 
 
-def _copy_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
+def _copy_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:
     repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
     passes = _copied_passes(recording, repeats)
-    told = [f"{100 * repeats.share:.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
+    count = len(np.unique(recording.pass_index))
+    copies = ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:TOLD])
+    again = np.isin(recording.pass_index, list(passes))
+    copied = repeats.copies | again if calibration else repeats.copies & ~again
+    told = [f"{100 * copied.mean():.1f} % of the frames are an earlier frame again: a frozen or repeating scanner?"]
     if passes:
-        told.append(
-            f"{len(passes)} of {len(np.unique(recording.pass_index))} passes are copies of others, and count once: "
-            + ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:TOLD])
-        )
-    copied = repeats.copies & ~np.isin(recording.pass_index, list(passes))
+        once = "" if calibration else ", and count once"
+        told.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
     yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
 
 

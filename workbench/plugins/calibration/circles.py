@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Bool, Float, InputError, Int, Recording, frozen, stage
+from workbench.api import Bool, Float, InputError, Int, Recording, frozen, refuse_unsound, stage
 from workbench.plugins.calibration import arcs
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
@@ -36,6 +36,10 @@ def circles(
     profile_noise_mm: Annotated[
         float, Field(gt=0, le=1, description="least standard deviation of a point along z; more is found in the data")
     ] = 0.015,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of the checks of the recording by name, where the default ones do not fit"),
+    ] = {},  # noqa: B006  (never changed)
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 
@@ -46,12 +50,14 @@ def circles(
     Args:
         recording: a calibration recording (with /sphere).
         profile_noise_mm: least noise of a point along z. Where the arcs themselves show more, that counts.
+        limits: limits of the checks of units, sensor and copies by name (docs/checks.md).
 
     Raises:
-        InputError: no sphere in the recording's header, or no arc of it in any frame.
+        InputError: no sphere in the recording's header, no arc of it in any frame, or a recording that fails a check.
     """
     if recording.sphere_diameter_mm is None:
         raise InputError(f"{recording.source}: /sphere@diameter_mm", "missing: not a calibration recording")
+    refuse_unsound(recording, limits, "calibrate.circles.limits")
     radius = recording.sphere_diameter_mm / 2
     gate_sigma = _noise(recording, profile_noise_mm, radius)
     found, rejected = _arcs(recording, radius, gate_sigma)

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from workbench.artefacts import UNKNOWN_PART, Check, Part, Requirements, Uncertainty, Verdict
 from workbench.errors import InputError
@@ -28,6 +29,7 @@ Matrix = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 Six = tuple[Number, Number, Number, Number, Number, Number]
 Matrix6 = tuple[Six, Six, Six, Six, Six, Six]
 Unknown = Number | None
+UnknownU = NotNegative | None
 
 
 class Row(BaseModel):
@@ -40,6 +42,12 @@ class ResultFile(Row):
     """A result file."""
 
     NAME: ClassVar[str]
+    _document: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All that the file that was read holds, keys of others included."""
+        return self._document
 
     @classmethod
     def written(cls, content: Mapping[str, Any]) -> bytes:
@@ -57,9 +65,11 @@ class ResultFile(Row):
         """
         document = read_json(path, max_bytes)
         try:
-            return cls.model_validate_json(json.dumps(document), strict=True)
+            made = cls.model_validate_json(json.dumps(document), strict=True)
         except ValidationError as error:
             raise _refusal(error, document, path) from None
+        made._document = document
+        return made
 
 
 def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) -> InputError:
@@ -89,14 +99,14 @@ class SectionRow(Row):
     arc_length_mm: Number
     origin_mm: Vector
     tangent: Vector
-    normal: Vector
-    across: Vector
+    normal: Vector | None = None
+    across: Vector | None = None
     root_mm: Unknown
-    root_u_mm: Unknown
+    root_u_mm: UnknownU
     bevel_deg: Unknown
-    bevel_u_deg: Unknown
+    bevel_u_deg: UnknownU
     verdict: Verdict
-    reason: str
+    reason: str = ""
 
 
 class ProfileColumns(Row):
@@ -105,9 +115,16 @@ class ProfileColumns(Row):
     arc_length_mm: list[Number]
     position_mm: list[tuple[Unknown, Unknown, Unknown]]
     root_mm: list[Unknown]
-    root_u_mm: list[Unknown]
+    root_u_mm: list[UnknownU]
     bevel_deg: list[Unknown]
-    bevel_u_deg: list[Unknown]
+    bevel_u_deg: list[UnknownU] | None = None
+
+
+def _each_once(rows: list[Any]) -> list[Any]:
+    """Rows whose indices differ."""
+    if len({row.index for row in rows}) < len(rows):
+        raise ValueError("expected indices of their own")
+    return rows
 
 
 class InspectionFile(ResultFile):
@@ -120,55 +137,86 @@ class InspectionFile(ResultFile):
     verdict: Verdict
     reason: str
     guard_factor: NotNegative
-    part: Part
+    part: Part | None = None
     requirements: Requirements
-    uncertainty: Uncertainty
-    checks: list[Check]
-    warnings: list[str]
-    sections: list[SectionRow]
+    uncertainty: Uncertainty | None = None
+    checks: list[Check] = []
+    warnings: list[str] = []
+    sections: Annotated[list[SectionRow], Field(min_length=1), AfterValidator(_each_once)]
     profile: ProfileColumns
+
+
+def _unit(quaternion: Quaternion) -> Quaternion:
+    if abs(math.hypot(*quaternion) - 1.0) > 1e-3:
+        raise ValueError("expected a quaternion of norm 1 within 1e-3")
+    return quaternion
+
+
+UnitQuaternion = Annotated[Quaternion, AfterValidator(_unit)]
+Texts = Annotated[list[Annotated[str, Field(max_length=2000)]], Field(max_length=10)]  # a program repeats them
 
 
 class CutterRow(Row):
     """The milling tool."""
 
     diameter_mm: Positive
-    flutes: Annotated[int, Field(ge=1)]
-    flute_length_mm: Positive
-
-
-class PathPoint(Row):
-    """A point of a layer; its frame as in docs/conventions.md."""
-
-    arc_length_mm: Number
-    position_mm: Vector
-    quaternion_wxyz: Quaternion
-    feed_mm_s: Positive
-    cutting: bool
-    measured: bool
-    width_mm: NotNegative
+    flutes: Annotated[int, Field(ge=1, le=100)]
+    flute_length_mm: Positive | None = None
 
 
 class TravelPoint(Row):
     """A point of a move between layers."""
 
     position_mm: Vector
-    quaternion_wxyz: Quaternion
+    quaternion_wxyz: UnitQuaternion
     feed_mm_s: Positive
+
+
+class PathPoint(TravelPoint):
+    """A point of a layer; its frame as in docs/conventions.md."""
+
+    arc_length_mm: Number
+    cutting: bool
+    measured: bool
+    width_mm: NotNegative | None = Field(default=None, description="of the face cut there; absent: the depth of cut")
+
+    @model_validator(mode="after")
+    def _nothing_unseen_is_cut(self) -> Self:
+        if self.cutting and not self.measured:
+            raise ValueError("expected no cutting where nothing was measured")
+        return self
 
 
 class LayerRow(Row):
     """A layer, in cutting order."""
 
     index: Annotated[int, Field(ge=1)]
-    height_mm: Number
-    points: list[PathPoint]
+    height_mm: NotNegative | None = Field(default=None, description="absent: by the depth of cut")
+    points: Annotated[list[PathPoint], Field(min_length=2)]
 
 
 class TravelRow(Row):
     """The moves before a layer, or after the last one."""
 
-    points: list[TravelPoint]
+    points: Annotated[list[TravelPoint], Field(min_length=1)]
+
+
+class PathRequirements(Row):
+    """What the path was planned for; the paper's values where a file is silent."""
+
+    root_mm: Positive = 1.5
+    bevel_deg: Positive = 40.0
+    depth_of_cut_mm: Positive = 1.0
+
+
+class PathClaim(Row):
+    """What the check of the path said, with the digest of all the rest of the file."""
+
+    passed: bool
+    reason: Annotated[str, Field(max_length=2000)]
+    loosened: Texts
+    unchecked: Texts
+    sha256: str | None = Field(default=None, description="absent: the path counts as changed")
 
 
 class ToolpathFile(ResultFile):
@@ -179,13 +227,16 @@ class ToolpathFile(ResultFile):
     version: Literal[1]
     frame: Literal["base", "workobject"]
     base_from_workobject: Matrix | None = None
-    part: Part
+    part: Part | None = None
     cutter: CutterRow
-    edge_length_mm: Positive
-    refused: list[str]
-    warnings: list[str]
-    layers: list[LayerRow]
-    travels: list[TravelRow]
+    requirements: PathRequirements = PathRequirements()
+    edge_length_mm: Positive | None = None
+    refused: list[str] = []
+    warnings: list[str] = []
+    evidence: Annotated[list[Check], Field(max_length=100)] = []
+    layers: Annotated[list[LayerRow], Field(min_length=1), AfterValidator(_each_once)]
+    travels: list[TravelRow] = []
+    check: PathClaim | None = None
 
 
 class HandEyeFile(ResultFile):

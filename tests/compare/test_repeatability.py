@@ -66,6 +66,9 @@ def inspection(root_mm: float | None, **more: Any) -> dict[str, Any]:
         {
             "index": k,
             "arc_length_mm": 10.0 * k,
+            "origin_mm": [10.0 * k, 0, 0],
+            "tangent": [1, 0, 0],
+            "verdict": "pass",
             "root_mm": root_mm,
             "root_u_mm": 0.01,
             "bevel_deg": 40.0 + k,
@@ -79,7 +82,19 @@ def inspection(root_mm: float | None, **more: Any) -> dict[str, Any]:
         "bevel_nominal_deg": 40,
         "bevel_tolerance_deg": [-1, 1],
     }
-    return {"format": "bevel-inspection", "version": 1, "sections": rows, "requirements": wanted, **more}
+    columns = ("arc_length_mm", "position_mm", "root_mm", "root_u_mm", "bevel_deg")
+    return {
+        "format": "bevel-inspection",
+        "version": 1,
+        "frame": "base",
+        "verdict": "pass",
+        "reason": "",
+        "guard_factor": 1.645,
+        "sections": rows,
+        "profile": {name: [] for name in columns},
+        "requirements": wanted,
+        **more,
+    }
 
 
 def test_inspections_of_directories(tmp_path: Path) -> None:
@@ -145,14 +160,19 @@ def test_unusable_studies_are_refused_in_one_line(case: str, tmp_path: Path) -> 
     assert "\n" not in str(caught.value)
 
 
+ROW, WANTED = inspection(1.5)["sections"][0], inspection(1.5)["requirements"]
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"format": "else"}, "$.format"),
         ({"sections": []}, "$.sections"),
-        ({"sections": [{"index": 1, "root_mm": "x"}]}, "$.sections[0].root_mm: expected a finite number or null"),
-        ({"requirements": [1]}, "$.requirements: expected an object"),
-        ({"requirements": {"root_nominal_mm": 1, "root_tolerance_mm": 3}}, "root_tolerance_mm: expected two numbers"),
+        ({"sections": [ROW | {"root_mm": "x"}]}, "$.sections[0].root_mm: expected a valid number, got 'x'"),
+        ({"sections": [ROW | {"root_u_mm": -1}]}, "$.sections[0].root_u_mm: expected"),
+        ({"sections": [ROW, ROW]}, "$.sections: expected indices of their own"),
+        ({"requirements": [1]}, "$.requirements"),
+        ({"requirements": WANTED | {"root_tolerance_mm": 3}}, "$.requirements.root_tolerance_mm"),
     ],
 )
 def test_unusable_inspections_are_refused(change: dict[str, Any], words: str, tmp_path: Path) -> None:

@@ -7,12 +7,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
+from workbench.artefacts import Requirements
 from workbench.compare.study_rows import plain_rows, study_rows
 from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError
-from workbench.strict_json import read_json
 
 ONLY = "all"  # the part, the operator, where none is named
 NUMBERS = ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())
@@ -82,44 +81,29 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
     Raises:
         InputError: not such a file; the place in it and what was expected.
     """
-    path = path / "inspection.json" if path.is_dir() else path
-    document, where = read_json(path), f"{path}: $"
-    if document.get("format") != "bevel-inspection" or document.get("version") != 1:
-        raise InputError(f"{where}.format", "expected 'bevel-inspection', version 1")
-    rows = document.get("sections")
-    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise InputError(f"{where}.sections", "expected a list of sections")
-    sections: dict[int, Mapping[str, float]] = {}
-    for i, row in enumerate(rows):
-        index = row.get("index")
-        if type(index) is not int or index < 1 or index in sections:
-            raise InputError(f"{where}.sections[{i}].index", "expected a whole number from 1, each once")
-        values = {name: _value(row.get(name), f"{where}.sections[{i}].{name}") for name in NUMBERS}
-        _check_uncertainties(values, f"{where}.sections[{i}]")
-        sections[index] = values
+    from workbench.result_files import InspectionFile  # the models take time to build: where there is something to read
+
+    path = path / InspectionFile.NAME if path.is_dir() else path
+    file = InspectionFile.read(path)
+    sections: dict[int, Mapping[str, float]] = {
+        row.index: {name: math.nan if (value := getattr(row, name)) is None else value for name in NUMBERS}
+        for row in file.sections
+    }
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    limits = _limits(document.get("requirements"), f"{where}.requirements")
-    return Measurement(part, operator, str(path), sections, limits, digest)
+    return Measurement(
+        part, operator, str(path), sections, _limits(file.requirements, f"{path}: $.requirements"), digest
+    )
 
 
-def _limits(wanted: Any, where: str) -> dict[str, tuple[float, float]]:
-    """Limits of the values: nominal and deviations added up; none where the file states none."""
-    found: dict[str, tuple[float, float]] = {}
-    if wanted is None:
-        return found
-    if not isinstance(wanted, dict):
-        raise InputError(where, "expected an object")
+def _limits(wanted: Requirements, where: str) -> dict[str, tuple[float, float]]:
+    """Limits of the values: nominal and deviations added up."""
+    found = {}
     for name in CHARACTERISTICS:
         size, unit = name.rsplit("_", 1)
-        nominal, tolerance = (wanted.get(f"{size}_{what}_{unit}") for what in ("nominal", "tolerance"))
-        if nominal is None or tolerance is None:
-            continue
-        if not isinstance(tolerance, list) or len(tolerance) != 2:
-            raise InputError(f"{where}.{size}_tolerance_{unit}", "expected two numbers")
-        low, high = (_value(one, where) + _value(nominal, where) for one in tolerance)
+        nominal, (low, high) = (getattr(wanted, f"{size}_{what}_{unit}") for what in ("nominal", "tolerance"))
         if not low < high:
             raise InputError(f"{where}.{size}_tolerance_{unit}", "expected a lower limit below the upper one")
-        found[name] = low, high
+        found[name] = nominal + low, nominal + high
     return found
 
 
@@ -127,14 +111,6 @@ def _check_uncertainties(values: Mapping[str, float], where: str) -> None:
     for name in CHARACTERISTICS.values():
         if values[name] < 0:
             raise InputError(f"{where}, {name}", "expected a standard uncertainty from 0")
-
-
-def _value(value: Any, where: str) -> float:
-    if value is None:
-        return math.nan
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(where, "expected a finite number or null")
-    return float(value)
 
 
 def _number(text: str, where: str) -> float:

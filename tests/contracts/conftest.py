@@ -30,7 +30,6 @@ MOTION[:3, 3] = [310.0, -220.0, 95.0]
 STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave out</p>"),)
 LOOPS = ("closed_loop", "compensated_loop", "measured_loop")  # they begin with a recipe
 COMPARED = Path(__file__).parents[1] / "compare" / "data"
-CALIBRATED = Path(__file__).parents[1] / "plugins" / "calibration" / "data"
 GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipeline that have no defaults
     "cloud.crop": {"low_mm": [-1e5, -1e5, -1e5], "high_mm": [1e5, 1e5, 1e5]},
     "cloud.downsample": {"voxel_mm": 0.5},
@@ -38,8 +37,6 @@ GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipel
         "reference": str(PIPELINES.parent / "data" / "synthetic" / "milled_edge.laz"),
         "least_overlap": 0.01,
     },
-    "calibrate.tcp": {"touches": str(CALIBRATED / "touches.csv")},
-    "calibrate.turntable": {"marks": str(CALIBRATED / "marks.csv")},
     "compare.mesh": {"mesh": str(COMPARED / "wedge.obj")},
     "compare.reference_fits": {"points": [str(COMPARED / "sphere.ds")], "shape": "sphere"},
 }

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.api import Float, InputError, Int, numbered_lines, read_text
+from workbench.api import Float, InputError, Int, numbered_lines, pose_from, read_text, rotation_from_quaternion
 
+POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")  # a flange in the base
+JOINTS = tuple(f"q{k}_deg" for k in range(1, 7))
 MAX_BYTES = 2**24
 MOST = 1e6  # mm or degrees: beyond it lies nobody's cell
 
@@ -71,3 +73,15 @@ class Table:
         if not abs(value) <= MOST:
             raise InputError(where, f"expected a number of at most {MOST:g}, found {text.strip()!r}")
         return value
+
+
+def poses(table: Table) -> Float:
+    """Poses (n, 4, 4) from the columns POSE; a quaternion of norm 1 within 1e-3 is normalised, another refused."""
+    pose = table.numbers(POSE)
+    norm = np.linalg.norm(pose[:, 3:], axis=1)
+    for line, n in zip(table.lines, norm, strict=True):
+        if not abs(n - 1.0) <= 1e-3:
+            raise InputError(
+                f"{table.path}: line {line}", f"expected a quaternion of norm 1 within 1e-3, found {n:.4g}"
+            )
+    return pose_from(rotation_from_quaternion(pose[:, 3:] / norm[:, None]), pose[:, :3])

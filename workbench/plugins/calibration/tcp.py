@@ -18,17 +18,13 @@ from workbench.api import (
     InputFile,
     Int,
     pieces,
-    rotation_from_quaternion,
     stage,
     strict_json,
 )
-from workbench.plugins.calibration.rows import Table
+from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
+from workbench.plugins.calibration.rows import POSE, Table, poses
 
-POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 KNOWN = ("px_mm", "py_mm", "pz_mm")
-GROSS = 5.0  # standard deviations of a touch, as the others say it lies: a blunder, by far
-MEDIAN = 1.54  # of the length of three standard normal numbers
-MOST_GROSS = 0.25  # share of the touches; with more, nobody knows which are right
 LEAST_TOUCHES = 4
 
 
@@ -107,15 +103,21 @@ def tcp(
     """
     every = read_touches(touches)
     noise = (math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG, reference_u_mm)
-    found, kept, left_out = without_gross(every, noise, str(touches))
+    found, kept, left_out = without_gross(
+        len(every.lines),
+        lambda rows: solve(every.only(rows), noise),
+        lambda fit, row: _away_mm(fit, every, row),
+        every.lines,
+        str(touches),
+        "are poses the flange's, in mm, with the quaternion's w first?",
+    )
     _check_determined(found, every.tool_names, max_u_mm, str(touches))
     axis = _axis(found, every.tool_names)
     u = [worst(found, k)[0] for k in range(len(every.tool_names))]
-    root_u = u[0] / math.sin(bevel_deg * DEG)
-    enough = 2.0 * root_u <= root_tolerance_mm
-    said = "good enough" if enough else "not good enough; touch in more orientations, or with less noise"
-    verdict = f"the tool alone takes U = {2 * root_u:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
-    warnings = tuple(left_out.values()) + _misfit(found)
+    good, verdict = enough(
+        u[0], bevel_deg, root_tolerance_mm, "the tool", "touch in more orientations, or with less noise"
+    )
+    warnings = tuple(left_out.values()) + noisy(found, "the touches", "is the tool loose, or the robot less accurate?")
     document = {
         "format": "tool-calibration",
         "version": 1,
@@ -136,9 +138,9 @@ def tcp(
         ],
         "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
         "misfit": found.misfit,
-        "touches": len(kept.lines),
+        "touches": len(kept),
         "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
-        "good_enough": enough,
+        "good_enough": good,
         "verdict": verdict,
         "warnings": warnings,
     }
@@ -148,12 +150,7 @@ def tcp(
 def read_touches(path: InputFile) -> Touches:
     """The table: reference, flange pose; optional: tool_point, and the reference as measured in the base."""
     table = Table(path, ("reference", *POSE), LEAST_TOUCHES)
-    pose, known = table.numbers(POSE), table.numbers(KNOWN, blank=True)
-    norm = np.linalg.norm(pose[:, 3:], axis=1)
-    for line, n in zip(table.lines, norm, strict=True):
-        if not abs(n - 1.0) <= 1e-3:
-            raise InputError(f"{path}: line {line}", f"expected a quaternion of norm 1 within 1e-3, found {n:.4g}")
-    rotation = rotation_from_quaternion(pose[:, 3:] / norm[:, None])
+    known = table.numbers(KNOWN, blank=True)
     tools, tool = table.labels("tool_point", "tip")
     references, reference = table.labels("reference", "?")
     measured = np.full((len(references), 3), np.nan)
@@ -163,8 +160,7 @@ def read_touches(path: InputFile) -> Touches:
         if (np.isfinite(said).any(axis=1) & ~full).any() or (full.any() and np.ptp(said[full], axis=0).max() > 1e-9):
             raise InputError(str(path), f"expected one px_mm, py_mm, pz_mm for reference '{name}', or none")
         measured[k] = said[full][0] if full.any() else np.nan
-    frames = np.concatenate([rotation, pose[:, :3, None]], axis=2)
-    return Touches(frames, tool, reference, tools, references, measured, tuple(table.lines))
+    return Touches(poses(table)[:, :3], tool, reference, tools, references, measured, tuple(table.lines))
 
 
 def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
@@ -196,8 +192,7 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
         answer = inverse @ whole.T @ target
         points = answer[: 3 * tools].reshape(tools, 3)
     off = (white @ answer - seen).reshape(n, 3)
-    hat = np.einsum("nij,jk,nlk->nil", white.reshape(n, 3, size), inverse, white.reshape(n, 3, size))
-    distance = np.sqrt(np.einsum("ni,nij,nj->n", off, np.linalg.pinv(np.eye(3) - hat, rcond=1e-6), off))
+    distance = studentised(off, white.reshape(n, 3, size), inverse)
     freedom = 3 * n + len(prior) - size
     misfit = float(((whole @ answer - target) ** 2).sum() / max(freedom, 1))
     covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
@@ -236,32 +231,10 @@ def _open(information: Float, tools: int) -> Float:
     return np.asarray(1e12 * free @ free.T)
 
 
-def without_gross(
-    touches: Touches, noise: tuple[float, float, float], where: str
-) -> tuple[ToolPoints, Touches, dict[int, str]]:
-    """Leave out, one by one, the touch that all others contradict most; by line of the file, why."""
-    left_out: dict[int, str] = {}
-    kept = touches
-    while True:
-        found = solve(kept, noise)
-        worst_touch = int(np.argmax(found.distance))
-        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
-        if found.freedom < 4 or found.distance[worst_touch] <= GROSS * usual:
-            return found, kept, left_out
-        keep = np.delete(np.arange(len(kept.lines)), worst_touch)
-        if len(left_out) + 1 > MOST_GROSS * len(touches.lines) or len(keep) < LEAST_TOUCHES:
-            raise InputError(
-                where,
-                f"the touches contradict each other: a misfit of {found.misfit:.0f} where 1 is "
-                "usual; are poses the flange's, in mm, with the quaternion's w first?",
-            )
-        alone = solve(kept.only(keep), noise)
-        i = worst_touch
-        frame, p = kept.base_from_flange[i], alone.position_mm[kept.tool_point[i]]
-        away = float(np.linalg.norm(frame[:, :3] @ p + frame[:, 3] - alone.reference_mm[kept.reference[i]]))
-        line = kept.lines[i]
-        left_out[line] = f"line {line} is left out: it lies {away:.2f} mm from where all other touches put it"
-        kept = kept.only(keep)
+def _away_mm(found: ToolPoints, touches: Touches, row: int) -> float:
+    """How far a touch lies from where a fit without it puts it."""
+    frame, point = touches.base_from_flange[row], found.position_mm[touches.tool_point[row]]
+    return float(np.linalg.norm(frame[:, :3] @ point + frame[:, 3] - found.reference_mm[touches.reference[row]]))
 
 
 def worst(found: ToolPoints, k: int) -> tuple[float, Float]:
@@ -303,15 +276,6 @@ def _axis(found: ToolPoints, names: tuple[str, ...]) -> dict[str, object] | None
         "covariance_rad2": turn,
         "u_deg": math.sqrt(float(np.linalg.eigvalsh(turn)[-1])) / DEG,
     }
-
-
-def _misfit(found: ToolPoints) -> tuple[str, ...]:
-    if found.misfit <= 2.0 or found.freedom < 4:
-        return ()
-    return (
-        f"the touches lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
-        "uncertainties hold that; is the tool loose, or the robot less accurate?",
-    )
 
 
 def _chapter(

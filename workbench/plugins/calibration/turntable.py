@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -23,13 +23,11 @@ from workbench.api import (
     stage,
     strict_json,
 )
+from workbench.plugins.calibration.blunders import LEAST_FREEDOM, enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.rows import Table
 
 POINT = ("x_mm", "y_mm", "z_mm")
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
-GROSS = 5.0  # standard deviations of a point, as the others say it lies
-MEDIAN = 1.54  # of the length of three standard normal numbers
-LEAST_FREEDOM = 4  # to tell a blunder
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,11 +38,14 @@ class Marks:
     angle: Float  # (n,) rad, as the table counts
     marker: Int  # (n,)
     lines: tuple[int, ...]
+    markers: int
 
-    @property
-    def markers(self) -> int:
-        """How many there are."""
-        return int(self.marker.max()) + 1
+    def only(self, keep: Int) -> Marks:
+        """Some of the points."""
+        lines = tuple(self.lines[i] for i in keep)
+        return replace(
+            self, point_mm=self.point_mm[keep], angle=self.angle[keep], marker=self.marker[keep], lines=lines
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +60,7 @@ class Axis:
     misfit: float
     freedom: int
     distance: Float  # (n,) of each point from the rest, in its standard deviations
+    marker_mm: Float  # (k, 3) from the axis' point, at angle 0
 
 
 @stage("calibrate.turntable")
@@ -95,7 +97,16 @@ def turntable(
         InputError: an unusable table; too few angles or markers; an axis that remains open.
     """
     every = read_marks(marks)
-    found, kept, left_out = _without_gross(every, noise_mm, angle_noise_deg * DEG, str(marks))
+    found, rows, left_out = without_gross(
+        len(every.lines),
+        lambda rows: solve(every.only(rows), noise_mm, angle_noise_deg * DEG, str(marks)),
+        lambda fit, row: _away_mm(fit, every, row),
+        every.lines,
+        str(marks),
+        "are they in mm, and is each marker the same point at all angles?",
+        spare=LEAST_FREEDOM + 3,
+    )
+    kept = every.only(rows)
     u, direction = worst(found, kept, reach_mm)
     if not u <= max_u_mm:
         axes = ", ".join(f"{v:+.2f}" for v in direction)
@@ -105,16 +116,8 @@ def turntable(
             f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: measure at angles farther apart, or "
             "markers farther from the axis",
         )
-    root_u = u / math.sin(bevel_deg * DEG)
-    enough = 2.0 * root_u <= root_tolerance_mm
-    said = "good enough" if enough else "not good enough; measure more angles or markers"
-    verdict = f"the table alone takes U = {2 * root_u:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
-    warnings = tuple(left_out.values())
-    if found.misfit > 2.0 and found.freedom >= LEAST_FREEDOM:
-        warnings += (
-            f"the points lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the "
-            "uncertainties hold that; does the table wobble?",
-        )
+    good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
+    warnings = tuple(left_out.values()) + noisy(found, "the points", "does the table wobble?")
     document = {
         "format": "turntable-calibration",
         "version": 1,
@@ -130,7 +133,7 @@ def turntable(
         "misfit": found.misfit,
         "points": len(kept.lines),
         "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
-        "good_enough": enough,
+        "good_enough": good,
         "verdict": verdict,
         "warnings": warnings,
     }
@@ -149,14 +152,14 @@ def read_marks(path: InputFile) -> Marks:
     """The table: marker, angle_deg, x_mm, y_mm, z_mm."""
     table = Table(path, ("marker", "angle_deg", *POINT), 2)
     values = table.numbers(("angle_deg", *POINT))
-    _, marker = table.labels("marker", "?")
+    names, marker = table.labels("marker", "?")
     if np.ptp(values[:, 0]) < LEAST_TURN_DEG:
         raise InputError(
             str(path),
             f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found "
             f"{np.ptp(values[:, 0]):.3g} deg: no axis shows",
         )
-    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines))
+    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines), len(names))
 
 
 def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis:
@@ -168,6 +171,8 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
             f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
             "two markers at two angles, or one at three",
         )
+    if not np.isin(np.arange(marks.markers), marks.marker).all():
+        raise InputError(where, "a marker was measured at one angle only, and contradicts the others")
     middle = marks.point_mm.mean(axis=0)
     direction = _first_direction(marks)
     across = _across(direction)
@@ -195,8 +200,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     inverse = (vectors / np.maximum(values, 1e-12 * values[-1])) @ vectors.T / scale[:, None] / scale
     white = fitted.fun.reshape(-1, 3)
     rows = jacobian.reshape(-1, 3, unknown.size)
-    hat = np.einsum("nij,jk,nlk->nil", rows, inverse, rows)
-    distance = np.sqrt(np.einsum("ni,nij,nj->n", white, np.linalg.pinv(np.eye(3) - hat, rcond=1e-6), white))
+    distance = studentised(white, rows, inverse)
     found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
     return Axis(
         middle + fitted.x[:2] @ across,
@@ -207,6 +211,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         misfit,
         freedom,
         distance,
+        fitted.x[4:].reshape(-1, 3),
     )
 
 
@@ -290,25 +295,8 @@ def _pose(found: Axis) -> Float:
     return pose
 
 
-def _without_gross(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> tuple[Axis, Marks, dict[int, str]]:
-    """Leave out, one by one, the point that all others contradict most; by line of the file, why."""
-    kept, left_out = marks, dict[int, str]()
-    while True:
-        found = solve(kept, noise_mm, angle_noise, where)
-        k = int(np.argmax(found.distance))
-        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
-        if found.freedom < LEAST_FREEDOM + 3 or found.distance[k] <= GROSS * usual:
-            return found, kept, left_out
-        if len(left_out) + 1 > len(marks.lines) // 4:
-            raise InputError(
-                where,
-                f"the points contradict each other: a misfit of {found.misfit:.0f} where 1 is "
-                "usual; are they in mm, and is each marker the same point at all angles?",
-            )
-        away = float(np.linalg.norm(found.residual_mm[k]))
-        line = kept.lines[k]
-        left_out[line] = f"line {line} is left out: it lies {away:.2f} mm or more from where all other points put it"
-        keep = np.delete(np.arange(len(kept.lines)), k)
-        if not np.isin(np.arange(marks.markers), kept.marker[keep]).all():
-            raise InputError(where, f"line {line} is the only one of its marker and contradicts the others")
-        kept = Marks(kept.point_mm[keep], kept.angle[keep], kept.marker[keep], tuple(kept.lines[i] for i in keep))
+def _away_mm(found: Axis, marks: Marks, row: int) -> float:
+    """How far a point lies from where a fit without it puts it."""
+    known = found.marker_mm[marks.marker[row]]
+    turned = rotation_from_vector(marks.angle[row] * found.direction)
+    return float(np.linalg.norm(found.point_mm + turned @ known - marks.point_mm[row]))

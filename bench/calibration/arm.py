@@ -1,0 +1,293 @@
+"""A robot whose joint offsets and lengths are off, seen by a tracker and with a sphere: what is found, and how well.
+
+The chain here is multiplied out by matrix exponentials of its own, and the bound is by differences of its predictions:
+both share nothing with `calibrate.robot` and `calibrate.tracker`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from bench.metrology.run import ROOT
+from workbench.api import DEG, Chain, Float, Recording, inverse_kinematics, pose_from, read_cell
+from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
+from workbench.plugins.calibration.model import Estimate, Noise
+from workbench.plugins.calibration.observations import from_arrays
+from workbench.plugins.calibration.robot import together
+from workbench.plugins.calibration.tracker import Seen, solve
+from workbench.scan.write import write
+
+CELL = ROOT / "data" / "robot" / "cell.json"
+TRUE = pose_from(
+    Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
+)  # the paper's hand-eye pose
+CENTER, RADIUS_MM = np.array([1890.33, 241.48, 1079.72]), 5.0
+NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
+TARGETS_MM = np.array([[200.0, 50.0, 100.0], [-100.0, 150.0, 120.0], [0.0, -180.0, 300.0]])
+TRACKER_MM, POSE_MM, POSE = 0.02, 0.05, 0.005 * DEG  # noise of a reading and of the robot
+RANGE_MM, PITCH_MM = 0.015, 0.05  # noise of the profiler, and its columns
+MOST_OFF_PLANE_MM = 4.3  # of a sphere of 5 mm
+STEP = 1e-4  # of the differences, in prior standard deviations
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The shipped robot, its possible errors, and the true ones."""
+
+    chain: Chain
+    errors: ArmErrors
+    x: Float  # (P,)
+
+
+def draw(rng: np.random.Generator) -> Arm:
+    """A robot built as its priors say."""
+    chain = read_cell(CELL).chain
+    errors = arm_errors(chain, Priors())
+    return Arm(chain, errors, rng.normal(size=len(errors)) * errors.prior)
+
+
+def flange(arm: Arm, x: Float, joints: Float) -> Float:
+    """`base_from_flange` (n, 4, 4) of the robot with the errors x."""
+    pose = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+    for k in range(6):
+        for p in np.flatnonzero(arm.errors.before == k):
+            pose = pose @ _exp(arm.errors.twist[p] * x[p])
+        axis, point = arm.chain.axes[k], arm.chain.points_mm[k]
+        turn = Rotation.from_rotvec(joints[:, k : k + 1] * axis).as_matrix()
+        pose = pose @ pose_from(turn, point - turn @ point)
+    return np.asarray(pose @ arm.chain.base_from_flange_at_zero)
+
+
+def _exp(twist: Float) -> Float:
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3], matrix[:3, 3] = np.cross(np.eye(3), twist[3:]), twist[:3]
+    return np.asarray(expm(matrix))
+
+
+def _moved(rng: np.random.Generator, poses: Float) -> Float:
+    """Poses as the robot repeats them."""
+    turn = Rotation.from_rotvec(rng.normal(size=(len(poses), 3)) * POSE).as_matrix()
+    return pose_from(poses[:, :3, :3] @ turn, poses[:, :3, 3] + rng.normal(size=(len(poses), 3)) * POSE_MM)
+
+
+def tracked(rng: np.random.Generator, arm: Arm, postures: int = 32) -> tuple[Float, Float, Float]:
+    """Joints (n, 6) rad, and places (n, 3, 3) of the three targets in the tracker's frame, and that frame (4, 4)."""
+    reach = np.array([90, 40, 40, 120, 100, 150]) * DEG
+    joints = rng.uniform(-1, 1, (postures, 6)) * reach + np.array([0, 10, 0, 0, 0, 0]) * DEG
+    frame = pose_from(Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(), rng.normal(size=3) * 2000)
+    places = _places(frame, TARGETS_MM, _moved(rng, flange(arm, arm.x, joints)))
+    return joints, places + rng.normal(size=places.shape) * TRACKER_MM, frame
+
+
+def _places(frame: Float, targets: Float, poses: Float) -> Float:
+    in_base = np.einsum("nij,kj->nki", poses[:, :3, :3], targets) + poses[:, None, :3, 3]
+    return np.asarray(in_base @ frame[:3, :3].T + frame[:3, 3])
+
+
+def sphere(rng: np.random.Generator, arm: Arm, postures: int = 36) -> tuple[Float, Float, Float, Float]:
+    """Joints (n, 6), recorded poses (n, 4, 4), sphere centres (n, 3) in the profiler frame, and in the base (3,)."""
+    many = 4 * postures
+    turns = (Rotation.from_rotvec(rng.uniform(-1, 1, (many, 3)) * 35 * DEG) * NOMINAL).as_matrix()
+    aside = rng.uniform(1.5, 3.5, many) * rng.choice([-1.0, 1.0], many)
+    centre = np.column_stack([rng.uniform(-10, 10, many), aside, rng.uniform(-15, 15, many)])
+    wanted = pose_from(turns, CENTER - np.einsum("kij,kj->ki", turns, centre @ TRUE[:3, :3].T + TRUE[:3, 3]))
+    joints = inverse_kinematics(arm.chain, wanted)[:, 0]
+    reached = np.isfinite(joints).all(axis=1)
+    joints, recorded, centre = joints[reached], wanted[reached], centre[reached]
+    true = flange(arm, arm.x, joints)
+    at = np.einsum("nij,nj->ni", (true @ TRUE)[:, :3, :3], centre) + (true @ TRUE)[:, :3, 3]
+    ball = np.median(at, axis=0)  # set where the robot finds it
+    shown = _seen_at(_moved(rng, true), TRUE, ball)
+    good = np.flatnonzero(np.abs(shown[:, 1]) < MOST_OFF_PLANE_MM)[:postures]
+    return joints[good], recorded[good], shown[good], ball
+
+
+def _seen_at(poses: Float, hand_eye: Float, ball: Float) -> Float:
+    profiler = poses @ hand_eye
+    return np.asarray(np.einsum("nji,nj->ni", profiler[:, :3, :3], ball - profiler[:, :3, 3]))
+
+
+def circles(rng: np.random.Generator, centre: Float) -> tuple[Float, Float]:
+    """x_c, z_c, w (n, 3) and their covariance, of the noise of an arc's points along z."""
+    w = RADIUS_MM**2 - centre[:, 1] ** 2
+    covariance = []
+    for value in w:
+        dx = np.arange(-0.95, 0.95, PITCH_MM / np.sqrt(value)) * np.sqrt(value)
+        high = np.sqrt(value - dx**2)
+        J = np.column_stack([-dx / high, np.ones_like(dx), -1 / (2 * high)])
+        covariance.append(np.linalg.inv(J.T @ J) * RANGE_MM**2)
+    spread = np.array(covariance)
+    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(spread), rng.normal(size=centre.shape))
+    return np.column_stack([centre[:, 0], centre[:, 2], w]) + noise, spread
+
+
+def bound(predict: Callable[[Float], Float], size: int, scale: Float, covariance: list[Float], prior: Float) -> Float:
+    """Cramer-Rao bound (P, P), priors included: by differences of what `predict` says of all unknowns."""
+    columns = []
+    for k in range(size):
+        step = np.zeros(size)
+        step[k] = STEP * scale[k]
+        columns.append((predict(step) - predict(-step)).ravel() / (2 * step[k]))
+    J = np.column_stack(columns)
+    information, at = np.diag(prior), 0
+    for block in covariance:
+        rows = J[at : at + len(block)]
+        information = information + rows.T @ np.linalg.solve(block, rows)
+        at += len(block)
+    size_of = 1 / np.sqrt(np.diagonal(information))
+    return np.asarray(size_of[:, None] * np.linalg.inv(size_of[:, None] * information * size_of) * size_of)
+
+
+def one_tracked(seed: int) -> tuple[Float, Float, Float]:
+    """Errors (P,) of the arm's parameters, their stated covariance and the bound."""
+    rng = np.random.default_rng([seed, 0x7AC])
+    arm = draw(rng)
+    joints, places, frame = tracked(rng, arm)
+    n, P = len(joints), len(arm.x)
+    seen = Seen(
+        flange(arm, 0 * arm.x, np.repeat(joints, 3, axis=0)),
+        np.repeat(joints, 3, axis=0),
+        np.tile(np.arange(3), n),
+        places.reshape(-1, 3),
+        ("a", "b", "c"),
+        tuple(range(3 * n)),
+    )
+    found = solve(seen, arm.chain, arm.errors, (TRACKER_MM, POSE_MM, POSE), "simulated")
+
+    def predict(step: Float) -> Float:
+        moved = pose_from(Rotation.from_rotvec(step[3:6]).as_matrix() @ frame[:3, :3], frame[:3, 3] + step[:3])
+        return _places(moved, TARGETS_MM + step[6:15].reshape(3, 3), flange(arm, arm.x + step[15:], joints))
+
+    poses, blocks = flange(arm, arm.x, joints), []
+    for pose in poses:
+        lever = np.concatenate([pose[:3, :3] @ np.cross(np.eye(3), -point) for point in TARGETS_MM]) * POSE
+        shift = np.tile(np.eye(3), (3, 1)) * POSE_MM
+        turn = np.kron(np.eye(3), frame[:3, :3])
+        shared = turn @ np.concatenate([shift, lever], axis=1)
+        blocks.append(TRACKER_MM**2 * np.eye(9) + shared @ shared.T)
+    scale = np.concatenate([np.full(3, 1.0), np.full(3, 1e-3), np.full(9, 1.0), arm.errors.prior])
+    prior = np.concatenate([np.zeros(15), arm.errors.prior**-2])
+    return found.errors - arm.x, found.covariance[15:, 15:], bound(predict, 15 + P, scale, blocks, prior)[15:, 15:]
+
+
+def one_sphere(seed: int) -> tuple[Float, Float, Float]:
+    """The same for a sphere; before the arm's parameters the hand-eye pose (6): translation, rotation."""
+    rng = np.random.default_rng([seed, 0x5F])
+    arm = draw(rng)
+    joints, recorded, centre, ball = sphere(rng, arm)
+    circle, spread = circles(rng, centre)
+    noise = Noise(POSE_MM, POSE / DEG, RADIUS_MM, 0.05)
+    off = np.concatenate([rng.normal(size=3), rng.normal(size=3) * 0.3 * DEG])
+    start = Estimate(Rotation.from_rotvec(off[3:]).as_matrix() @ TRUE[:3, :3], TRUE[:3, 3] + off[:3], ball, RADIUS_MM)
+    found = together(start, from_arrays(circle, spread, recorded), joints, noise, arm.chain, arm.errors)
+
+    def shown(step: Float) -> Float:
+        hand_eye = pose_from(Rotation.from_rotvec(step[3:6]).as_matrix() @ TRUE[:3, :3], TRUE[:3, 3] + step[:3])
+        at = _seen_at(flange(arm, arm.x + step[10:], joints), hand_eye, ball + step[6:9])
+        return np.column_stack([at[:, 0], at[:, 2], (RADIUS_MM + step[9]) ** 2 - at[:, 1] ** 2])
+
+    poses, blocks = flange(arm, arm.x, joints), []
+    for pose, own, at in zip(poses, spread, centre, strict=True):
+        to_circle = np.array([[1, 0, 0], [0, 0, 1], [0, -2 * at[1], 0]])
+        there = pose[:3, :3].T @ (ball - pose[:3, 3])
+        by_pose = np.concatenate(
+            [-(pose @ TRUE)[:3, :3].T * POSE_MM, TRUE[:3, :3].T @ -np.cross(np.eye(3), there) * POSE], axis=1
+        )
+        blocks.append(own + to_circle @ by_pose @ by_pose.T @ to_circle.T)
+    scale = np.concatenate([np.full(3, 1.0), np.full(3, 1e-3), np.full(4, 1.0), arm.errors.prior])
+    prior = np.concatenate([np.zeros(9), [0.05**-2], arm.errors.prior**-2])
+    turned = Rotation.from_matrix(TRUE[:3, :3] @ found.estimate.rotation.T).as_rotvec()
+    error = np.concatenate([found.estimate.translation_mm - TRUE[:3, 3], -turned, found.errors - arm.x])
+    keep = np.r_[0:6, 10 : 10 + len(arm.x)]
+    lowest = bound(shown, len(scale), scale, blocks, prior)
+    return error, found.covariance[np.ix_(keep, keep)], lowest[np.ix_(keep, keep)]
+
+
+def statement(trials: int) -> list[str]:
+    """A table: errors over the bound, share of u that the truth lies within, parameter by parameter."""
+    chain = read_cell(CELL).chain
+    errors = arm_errors(chain, Priors())
+    lines = [
+        "| seen by | parameter | prior | RMSE | bound | stated u | within 2u, % |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    hand_eye = tuple(f"hand-eye {way} {axis}" for way in ("translation", "rotation") for axis in "xyz")
+    for name, one, names in (
+        ("tracker", one_tracked, errors.names),
+        ("sphere", one_sphere, hand_eye + errors.names),
+    ):
+        all_ = [one(seed) for seed in range(trials)]
+        off = np.array([a[0] for a in all_])
+        u, lowest = (np.sqrt(np.array([np.diagonal(a[k]) for a in all_])) for k in (1, 2))
+        prior = np.concatenate([np.full(len(names) - len(errors), np.nan), errors.prior])
+        for k, parameter in enumerate(names):
+            mm = "shift" in parameter or "translation" in parameter
+            scale, unit = (1.0, "mm") if mm else (1 / DEG, "deg")
+            rms = [float(np.sqrt(np.mean(v[:, k] ** 2))) * scale for v in (off, lowest, u)]
+            built = "" if np.isnan(prior[k]) else f"{prior[k] * scale:.3g} {unit}"
+            inside = 100 * float(np.mean(np.abs(off[:, k]) < 2 * u[:, k]))
+            lines.append(
+                f"| {name} | {parameter} | {built} | {rms[0]:.4f} {unit} | {rms[1]:.4f} | {rms[2]:.4f} | {inside:.0f} |"
+            )
+    return lines
+
+
+def write_examples(folder: Path) -> None:
+    """tracker.csv, sphere_robot.h5 and sphere_joints.csv: one robot, the errors of seed 1."""
+    rng = np.random.default_rng(1)
+    arm = draw(rng)
+    said = "; ".join(
+        f"{name} {value:.3f} mm" if long else f"{name} {value / DEG:.4f} deg"
+        for name, value, long in zip(arm.errors.names, arm.x, arm.errors.is_length, strict=True)
+    )
+    joints, places, _ = tracked(rng, arm)
+    places[7, 1] += [300.0, 400.0, 0.0]
+    head = ",".join(f"q{k}_deg" for k in range(1, 7))
+    rows = [
+        f"t{k}," + ",".join(f"{v / DEG:.6f}" for v in q) + "," + ",".join(f"{v:.4f}" for v in place)
+        for q, at in zip(joints, places, strict=True)
+        for k, place in enumerate(at)
+    ]
+    (folder / "tracker.csv").write_text(
+        "\n".join(
+            [
+                f"# simulated: {said}; the reading of t1 in posture 8 is off by 500 mm",
+                f"target,{head},tracker_x_mm,tracker_y_mm,tracker_z_mm",
+                *rows,
+            ]
+        )
+        + "\n"
+    )
+    joints, recorded, centre, _ = sphere(rng, arm)
+    rows = [f"{i}," + ",".join(f"{v / DEG:.9f}" for v in q) for i, q in enumerate(joints)]
+    (folder / "sphere_joints.csv").write_text("\n".join([f"# simulated: {said}", f"pass,{head}", *rows]) + "\n")
+    write(_recording(rng, recorded, centre), folder / "sphere_robot.h5")
+
+
+def _recording(rng: np.random.Generator, recorded: Float, centre: Float) -> Recording:
+    """One frame a posture; z counts away from the sensor."""
+    x = np.broadcast_to((np.arange(640) - 320) * PITCH_MM, (len(centre), 640))
+    high = RADIUS_MM**2 - centre[:, 1:2] ** 2 - (x - centre[:, :1]) ** 2
+    steep = high > 0.03 * (RADIUS_MM**2 - centre[:, 1:2] ** 2)
+    z = np.where(steep, centre[:, 2:] - np.sqrt(np.maximum(high, 0.0)) + rng.normal(0, RANGE_MM, x.shape), np.nan)
+    at = np.arange(len(centre), dtype=float)
+    return Recording(
+        source="sphere_robot.h5",
+        time_s=at,
+        x_mm=x.astype(np.float32),
+        z_mm=np.round(z, 4).astype(np.float32),
+        pass_index=np.arange(len(centre)),
+        robot_time_s=at,
+        robot_position_mm=recorded[:, :3, 3],
+        robot_quaternion_wxyz=Rotation.from_matrix(recorded[:, :3, :3]).as_quat(scalar_first=True),
+        robot_pass=np.arange(len(centre)),
+        flange_from_profiler=TRUE
+        @ pose_from(Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([4.0, -3.0, 5.0])),
+        sphere_diameter_mm=2 * RADIUS_MM,
+    )

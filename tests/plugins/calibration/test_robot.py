@@ -1,0 +1,133 @@
+"""`calibrate.tracker` and `calibrate.robot` on robots whose errors are known, and a real robot where it is at hand."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from bench.calibration.arm import CELL, draw, flange, one_sphere, one_tracked
+from workbench.api import (
+    InputError,
+    forward_kinematics,
+    quaternion_from_rotation,
+    rotation_from_vector,
+    vector_from_rotation,
+)
+from workbench.plugins.calibration import circles
+from workbench.plugins.calibration import robot as robot_stage
+from workbench.plugins.calibration import tracker as tracker_stage
+from workbench.plugins.calibration.arm_errors import _exponential, corrected, pose_derivatives
+from workbench.scan import read
+
+DATA = Path(__file__).parents[3] / "data" / "calibration"
+REAL = Path(__file__).parents[3].parent / "shared" / "data" / "real"
+
+
+def test_the_chain_with_errors_is_the_product_of_exponentials() -> None:
+    rng = np.random.default_rng(3)
+    arm = draw(rng)
+    joints = rng.uniform(-1, 1, (6, 6))
+    now, more = corrected(arm.chain, arm.errors, arm.x)
+    np.testing.assert_allclose(forward_kinematics(now, joints), flange(arm, arm.x, joints), atol=1e-8)
+    by_errors = pose_derivatives(now, more, joints)
+    for p in range(len(arm.x)):
+        step = 1e-4 * arm.errors.prior[p] * (np.arange(len(arm.x)) == p)
+        plus, minus = flange(arm, arm.x + step, joints), flange(arm, arm.x - step, joints)
+        turn = vector_from_rotation(np.swapaxes(minus[:, :3, :3], 1, 2) @ plus[:, :3, :3])
+        numeric = np.concatenate([(plus - minus)[:, :3, 3], turn], axis=1) / (2 * step[p])
+        np.testing.assert_allclose(by_errors[:, :, p], numeric, rtol=1e-4, atol=1e-3)
+    twist = np.array([300.0, -20.0, 50.0, 0.3, 0.2, -0.5])
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3], matrix[:3, 3] = np.cross(np.eye(3), twist[3:]), twist[:3]
+    np.testing.assert_allclose(_exponential(twist), expm(matrix), atol=1e-10)
+
+
+@pytest.mark.parametrize("one", [one_tracked, one_sphere])
+def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
+    """Over six robots drawn from the priors; `bench.calibration arm` shows more."""
+    found = [one(seed) for seed in range(500, 506)]
+    z = np.array([error / np.sqrt(np.diagonal(covariance)) for error, covariance, _ in found])
+    assert np.abs(z).max() < 4.0
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.3
+    stated, bound = (np.sqrt(np.mean([np.diagonal(f[k]) for f in found], axis=0)) for k in (1, 2))
+    np.testing.assert_allclose(stated, bound, rtol=0.25)
+
+
+def test_a_tracker_finds_the_robot_and_its_blunder() -> None:
+    found = json.loads(tracker_stage(readings=DATA / "tracker.csv", cell=CELL)[0].content)
+    said = dict(
+        re.findall(r"([a-z][\w ]+?) (-?\d+\.\d+) (?:mm|deg)", (DATA / "tracker.csv").read_text().split("\n")[0])
+    )
+    for one in found["parameters"]:
+        unit = "mm" if "u_mm" in one else "deg"
+        assert one[f"value_{unit}"] == pytest.approx(float(said[one["name"]]), abs=4 * one[f"u_{unit}"] + 1e-4)
+    undetermined = [one["name"] for one in found["parameters"] if not one["determined"]]
+    assert undetermined == ["offset of joint 1", "shift of axis 2 along z", "offset of joint 6"]
+    assert [name in " ".join(found["left_as_built"]) for name in undetermined] == [True] * 3
+    assert found["left_out"] == [{"line": 25, "cause": found["left_out"][0]["cause"]}]
+    assert "499.9" in found["left_out"][0]["cause"]
+    assert found["residual_rms_mm"] < 0.07 < 4.0 < found["residual_rms_as_built_mm"]
+    assert found["good_enough"]
+
+
+def test_a_sphere_tells_the_wrist() -> None:
+    recording = read(recording=DATA / "sphere_robot.h5")
+    hand_eye, document, _ = robot_stage(circles(recording), recording, cell=CELL, joints=DATA / "sphere_joints.csv")
+    found = json.loads(document.content)
+    assert {"offset of joint 4", "offset of joint 5", "shift of axis 6 along y"} <= {
+        one["name"] for one in found["parameters"] if one["determined"]
+    }
+    assert found["residual_rms_mm"] < 0.1 < 0.3 < found["residual_rms_as_built_mm"]
+    assert hand_eye.volume_u_mm is not None
+    assert 0.05 < hand_eye.volume_u_mm < 2.0
+
+
+def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
+    recording = read(recording=DATA / "sphere_robot.h5")
+    profiles, table = circles(recording), (DATA / "sphere_joints.csv").read_text().splitlines()
+    other = tmp_path / "joints.csv"
+    first = table[2].split(",")
+    other.write_text("\n".join([*table[:2], ",".join([first[0], str(float(first[1]) + 1.0), *first[2:]]), *table[3:]]))
+    with pytest.raises(InputError, match=r"pass 0: by the cell's model .* from the recorded pose"):
+        robot_stage(profiles, recording, cell=CELL, joints=other)
+    other.write_text("\n".join(table[:-1]))
+    with pytest.raises(InputError, match="expected the joint angles of pass"):
+        robot_stage(profiles, recording, cell=CELL, joints=other)
+    few = read(recording=DATA.parent / "synthetic" / "sphere.h5")
+    with pytest.raises(InputError, match="expected 30 postures or more"):
+        robot_stage(circles(few), few, cell=CELL, joints=DATA / "sphere_joints.csv")
+    rows = (DATA / "tracker.csv").read_text().splitlines()
+    other.write_text("\n".join(rows[:8]))
+    with pytest.raises(InputError, match="different postures"):
+        tracker_stage(readings=other, cell=CELL)
+
+
+@pytest.mark.skipif(not (REAL / "akig_ur5_poses.txt").exists(), reason="the real readings are not here")
+def test_a_real_robot_and_its_blunder_of_half_a_metre(tmp_path: Path) -> None:
+    """A UR5 under a hand-held scanner's tracker: poses in m and rotation vectors, 27 of them."""
+    poses = {int(row[0]): row[1:] for row in np.loadtxt(REAL / "akig_ur5_poses.txt", delimiter=",")}
+    places: dict[int, list[list[float]]] = {}
+    for line in (REAL / "akig_tscan_values.txt").read_text().splitlines():
+        if head := re.match(r"Pos\s+(\d+)", line):
+            now = places.setdefault(int(head[1]), [])
+        elif place := re.search(r"X=\s*(\S+)\s+Y=\s*(\S+)\s+Z=\s*(\S+)", line):
+            now.append([float(place[k]) for k in (1, 2, 3)])
+    rows = ["x_mm,y_mm,z_mm,qw,qx,qy,qz,tracker_x_mm,tracker_y_mm,tracker_z_mm"]
+    for number, pose in poses.items():
+        quaternion = quaternion_from_rotation(rotation_from_vector(pose[None, 3:]))[0]
+        rows.append(",".join(f"{v:.9f}" for v in [*(1e3 * pose[:3]), *quaternion, *np.mean(places[number], axis=0)]))
+    (tmp_path / "readings.csv").write_text("\n".join(rows))
+    found = json.loads(tracker_stage(readings=tmp_path / "readings.csv")[0].content)
+    far = [float(re.findall(r"lies (\S+) mm", one["cause"])[0]) for one in found["left_out"]]
+    assert [one["line"] for one in found["left_out"]] == [19, 24]
+    assert far[0] == pytest.approx(590.8, abs=1.0)
+    assert far[1] < 2.0
+    assert found["residual_rms_mm"] == pytest.approx(0.18, abs=0.02)
+    assert found["targets"][0]["position_mm"] == pytest.approx([16.2, -4.0, 369.2], abs=1.0)
+    assert not found["good_enough"]

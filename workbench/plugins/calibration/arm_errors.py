@@ -1,0 +1,148 @@
+"""How a robot's geometry may differ from its model: joint offsets, lengths between axes, tilts of axes.
+
+The chain is a product of exponentials: the joints' axes in the base, all joints at zero. An error moves all that lies
+beyond its joint as one rigid body, by a small twist there (J. Hollerbach, W. Khalil, M. Gautier, Model identification,
+Springer Handbook of Robotics, 2nd ed. 2016). Each parameter has a prior, so what the data leave open stays as it was
+built, and as uncertain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.api import DEG, Float, Int, rotation_from_vector
+
+if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
+    from workbench.api import Chain
+
+PARALLEL = 0.999  # cosine from which two axes are parallel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Priors:
+    """Standard deviations with which the robot was built; 0: not estimated."""
+
+    offset: float = 0.3 * DEG  # of a joint's zero
+    length_mm: float = 1.0  # of where an axis lies beside the one before
+    tilt: float = 0.0  # of an axis' direction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmErrors:
+    """P parameters of a chain: rad of offsets and tilts, mm of lengths."""
+
+    names: tuple[str, ...]
+    before: Int  # (P,) number of the axis, 0 to 5, from which on everything moves
+    twist: Float  # (P, 6) of the base's origin (mm) and about it (rad), per unit of the parameter, joints at zero
+    prior: Float  # (P,)
+    is_length: tuple[bool, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def arm_errors(chain: Chain, priors: Priors) -> ArmErrors:
+    """All parameters that a chain has under `priors`; none is kept twice, but for what data alone can tell apart.
+
+    Beyond parallel axes a shift across their plane is two offsets; along an axis it belongs to the next one.
+    """
+    rows: list[tuple[str, int, Float, float, bool]] = []
+    for k in range(6):
+        axis, point = chain.axes[k], chain.points_mm[k]
+        if priors.offset > 0.0:
+            rows.append((f"offset of joint {k + 1}", k, _turn(axis, point), priors.offset, False))
+        if k and priors.length_mm > 0.0:
+            for way in _ways(chain, k):
+                name = f"shift of axis {k + 1} along {_words(way)}"
+                rows.append((name, k, np.concatenate([way, np.zeros(3)]), priors.length_mm, True))
+        if k and priors.tilt > 0.0:
+            for way in _across(axis):
+                rows.append((f"tilt of axis {k + 1} about {_words(way)}", k, _turn(way, point), priors.tilt, False))
+    return ArmErrors(
+        tuple(r[0] for r in rows),
+        np.array([r[1] for r in rows], np.int64),
+        np.array([r[2] for r in rows]).reshape(-1, 6),
+        np.array([r[3] for r in rows]),
+        tuple(r[4] for r in rows),
+    )
+
+
+NO_ERRORS = ArmErrors((), np.zeros(0, np.int64), np.zeros((0, 6)), np.zeros(0), ())
+
+
+def corrected(chain: Chain, errors: ArmErrors, x: Float) -> tuple[Chain, ArmErrors]:
+    """The chain with its errors `x` (P,), and the errors as they then act: more of each on top of those."""
+    moved = np.eye(4)
+    axes, points, twist = chain.axes.copy(), chain.points_mm.copy(), errors.twist.copy()
+    for k in range(6):
+        for p in np.flatnonzero(errors.before == k):
+            moved = moved @ _exponential(errors.twist[p] * x[p])
+            turn = moved[:3, :3] @ errors.twist[p, 3:]
+            twist[p] = np.concatenate([moved[:3, :3] @ errors.twist[p, :3] + np.cross(moved[:3, 3], turn), turn])
+        axes[k] = moved[:3, :3] @ chain.axes[k]
+        points[k] = moved[:3, :3] @ chain.points_mm[k] + moved[:3, 3]
+    flange = moved @ chain.base_from_flange_at_zero
+    return replace(chain, axes=axes, points_mm=points, base_from_flange_at_zero=flange), replace(errors, twist=twist)
+
+
+def pose_derivatives(chain: Chain, errors: ArmErrors, joints: Float) -> Float:
+    """Of the flange's place in the base (mm) and of its turn in its own axes (rad), by the errors: (n, 6, P)."""
+    from workbench.api import motions
+
+    moved = motions(chain, joints)
+    flange = moved[:, 6] @ chain.base_from_flange_at_zero
+    here = moved[:, errors.before]  # (n, P, 4, 4)
+    turn = np.einsum("npij,pj->npi", here[..., :3, :3], errors.twist[:, 3:])
+    shift = np.einsum("npij,pj->npi", here[..., :3, :3], errors.twist[:, :3]) + np.cross(here[..., :3, 3], turn)
+    place = shift + np.cross(turn, flange[:, None, :3, 3])
+    own = np.einsum("nji,npj->npi", flange[:, :3, :3], turn)
+    return np.swapaxes(np.concatenate([place, own], axis=2), 1, 2)
+
+
+def _turn(axis: Float, point: Float) -> Float:
+    return np.concatenate([np.cross(point, axis), axis])
+
+
+def _ways(chain: Chain, k: int) -> list[Float]:
+    """Directions along which axis k may lie beside axis k - 1, square to itself."""
+    axis, before = chain.axes[k], chain.axes[k - 1]
+    if abs(axis @ before) < PARALLEL:
+        return list(_across(axis))
+    apart = chain.points_mm[k] - chain.points_mm[k - 1]
+    apart = apart - (apart @ axis) * axis
+    length = float(np.linalg.norm(apart))
+    return [apart / length] if length > 1.0 else list(_across(axis))
+
+
+def _across(axis: Float) -> Float:
+    """Two unit vectors square to an axis, along the base's axes where that is possible."""
+    along = np.eye(3)[np.argsort(np.abs(axis), kind="stable")]
+    first = along[0] - (along[0] @ axis) * axis
+    first = first / np.linalg.norm(first)
+    second = np.cross(axis, first)
+    return np.stack([first, second * np.sign(second[np.argmax(np.abs(second))])])
+
+
+def _words(way: Float) -> str:
+    return (
+        "xyz"[int(np.argmax(np.abs(way)))] if np.abs(way).max() > PARALLEL else "({:.2f}, {:.2f}, {:.2f})".format(*way)
+    )
+
+
+def _exponential(twist: Float) -> Float:
+    """Rigid motion (4, 4) of a twist: by the pose's series, exact for pure shifts and for turns about a line."""
+    shift, turn = twist[:3], twist[3:]
+    angle = float(np.linalg.norm(turn))
+    moved = np.eye(4)
+    moved[:3, :3] = rotation_from_vector(turn)
+    if angle < 1e-12:
+        moved[:3, 3] = shift
+        return moved
+    axis = turn / angle
+    cross = np.cross(np.eye(3), axis)
+    series = (np.eye(3) * angle + (1.0 - np.cos(angle)) * cross + (angle - np.sin(angle)) * cross @ cross) / angle
+    moved[:3, 3] = series @ shift
+    return moved

@@ -1,0 +1,109 @@
+"""What calibrations from tables share: rows that all others contradict, and what the result is good for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from workbench.api import DEG, Float, InputError, Int
+
+GROSS = 5.0  # standard deviations of a row, as the others say it lies: a blunder, by far
+MEDIAN = 1.54  # of the length of three standard normal numbers
+MOST_GROSS = 0.25  # share of the rows; with more, nobody knows which are right
+LEAST_FREEDOM = 4  # to tell a blunder from noise
+NOISY = 2.0  # misfit that is told
+
+
+class Found(Protocol):
+    """A fit of some rows."""
+
+    @property
+    def distance(self) -> Float:
+        """Of each row (n,) from the rest, in its standard deviations, as the length of three normal numbers."""
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over degrees of freedom."""
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+
+
+F = TypeVar("F", bound=Found)
+
+
+def without_gross(
+    count: int,
+    solve: Callable[[Int], F],
+    away_mm: Callable[[F, int], float],
+    lines: tuple[int, ...],
+    where: str,
+    ask: str,
+    spare: int = LEAST_FREEDOM,
+    row_name: str = "line",
+) -> tuple[F, Int, dict[int, str]]:
+    """Leave out, one by one, the row that all others contradict most.
+
+    Args:
+        count: rows in all.
+        solve: the fit of some rows (k,).
+        away_mm: how far row i (of all) lies from where a fit without it puts it.
+        lines: of the file, one a row.
+        where: the file.
+        ask: what may be wrong where too many rows contradict each other.
+        spare: degrees of freedom that must be there to judge.
+        row_name: what a number of `lines` counts.
+
+    Returns: the fit, its rows, and by line of the file why one is left out.
+
+    Raises:
+        InputError: more blunders than can be told apart.
+    """
+    kept, left_out = np.arange(count), dict[int, str]()
+    while True:
+        found = solve(kept)
+        worst = int(np.argmax(found.distance))
+        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
+        if found.freedom < spare or found.distance[worst] <= GROSS * usual:
+            return found, kept, left_out
+        if len(left_out) + 1 > MOST_GROSS * count:
+            raise InputError(
+                where, f"the rows contradict each other: a misfit of {found.misfit:.0f} where 1 is usual; {ask}"
+            )
+        row = int(kept[worst])
+        kept = np.delete(kept, worst)
+        line, away = lines[row], away_mm(solve(kept), row)
+        left_out[line] = f"{row_name} {line} is left out: it lies {away:.2f} mm from where all other rows put it"
+
+
+def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, else_: str) -> tuple[bool, str]:
+    """Whether an uncertainty across the bevel serves a tolerance of the root size, and the sentence that says so.
+
+    A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel).
+    """
+    expanded = 2.0 * u_mm / math.sin(bevel_deg * DEG)
+    good = expanded <= root_tolerance_mm
+    said = "good enough" if good else f"not good enough; {else_}"
+    return good, f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
+
+
+def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:
+    """A warning where the residuals are larger than the stated noise."""
+    if found.misfit <= NOISY or found.freedom < LEAST_FREEDOM:
+        return ()
+    return (
+        f"{what} lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the uncertainties "
+        f"hold that; {ask}",
+    )
+
+
+def studentised(white: Float, rows: Float, covariance: Float) -> Float:
+    """Distance (n,) of each row's whitened residuals (n, 3) from the fit of the others; rows (n, 3, P) its Jacobian."""
+    hat = np.einsum("nij,jk,nlk->nil", rows, covariance, rows)
+    apart = np.linalg.pinv(np.eye(white.shape[1]) - hat, rcond=1e-6)
+    size = np.einsum("ni,nij,nj->n", white, apart, white)
+    return np.asarray(np.sqrt(np.maximum(size, 0.0) * 3.0 / white.shape[1]))

@@ -1,0 +1,335 @@
+"""`calibrate.robot`: the robot's joint offsets and lengths beside the hand-eye pose, from a sphere in many postures."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    Chapter,
+    Document,
+    Float,
+    HandEye,
+    InputError,
+    InputFile,
+    Int,
+    Recording,
+    frozen,
+    inverse,
+    pose_from,
+    stage,
+    strict_json,
+    vector_from_rotation,
+)
+from workbench.plugins.calibration.arm_document import arm_document, arm_html
+from workbench.plugins.calibration.arm_errors import (
+    NO_ERRORS,
+    ArmErrors,
+    Priors,
+    arm_errors,
+    corrected,
+    pose_derivatives,
+)
+from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
+from workbench.plugins.calibration.determinacy import check_determined
+from workbench.plugins.calibration.model import SIZE, Estimate, Noise, linearise, view_of_points, volume_u
+from workbench.plugins.calibration.observations import Observations, by_pass
+from workbench.plugins.calibration.rows import JOINTS, Table
+from workbench.plugins.calibration.solve import solve
+from workbench.plugins.calibration.tracker import chain_of, flange_poses, inverse_information
+from workbench.plugins.calibration.values import SphereProfiles
+
+if TYPE_CHECKING:
+    from workbench.api import Chain
+
+LEAST_POSTURES = 30  # for some fifteen parameters beside the ten of the sphere and the hand-eye pose
+SAME_MM, SAME_RAD = 1.0, 0.1 * DEG  # by which a recorded pose may differ from the cell's model at its joint angles
+COARSER = (16.0, 4.0, 1.0)  # the robot's noise in turn: its errors as built are larger, and the first steps long
+STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
+MOST_MISFIT = 25.0  # residuals of five times the noise: it is no such robot, or a wrong side of the laser plane
+BUILT_MM = 5.0  # limit of the start's uncertainty, with the robot as built: it only starts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """Hand-eye pose, sphere and errors of the arm, with the covariance of all: as in `model`, then the errors."""
+
+    estimate: Estimate
+    errors: Float  # (P,)
+    covariance: Float  # (10 + P, 10 + P)
+    residual: Float  # (k, 3) of x_c, z_c and w
+    misfit: float
+    freedom: int
+    distance: Float  # (k,)
+    place_u_mm: float  # of the sphere's place as predicted in these postures, RMS of x and z
+
+
+@stage("calibrate.robot")
+def robot(
+    profiles: SphereProfiles,
+    recording: Recording,
+    *,
+    cell: Annotated[InputFile, Field(description="the cell file with the robot's URDF")],
+    joints: Annotated[
+        InputFile, Field(description="a CSV of the joint angles of each pass (docs/howto/calibrate_robot.md)")
+    ],
+    pose_noise_mm: Annotated[
+        float, Field(gt=0, le=5, description="repeatability of a flange position, each axis")
+    ] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="of its orientation, each axis")] = 0.01,
+    sphere_radius_u_mm: Annotated[
+        float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
+    ] = 0.05,
+    offset_prior_deg: Annotated[float, Field(ge=0, le=5, description="of a joint's zero as built; 0: right")] = 0.3,
+    length_prior_mm: Annotated[float, Field(ge=0, le=20, description="of a length as built; 0: right")] = 1.0,
+    max_u_mm: Annotated[
+        float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
+    ] = 2.0,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that robot and profiler must serve")] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is measured")] = 40.0,
+) -> tuple[HandEye, Document, Chapter]:
+    """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
+
+    The model of `calibrate.hand_eye` with the flange's pose from the joint angles and the arm's errors (product of
+    exponentials): circles (x_c, z_c, w) are predicted from hand-eye pose, sphere and errors, each error with how well
+    the robot was built as prior (maximum a posteriori, Gauss-Newton). A posture that all others contradict by 5
+    standard deviations is left out. Where residuals are larger than the noise the covariance grows with them, never
+    the other way. One sphere cannot tell all: what the postures leave open is named, and left as built. The hand-eye
+    pose of `robot.json` belongs to the corrected robot; a controller that is not corrected wants that of
+    `calibrate.hand_eye`.
+
+    Args:
+        profiles: circles from `calibrate.circles`.
+        recording: flange poses, all postures held still; the profiler's clock does not matter.
+        cell: the cell file.
+        joints: the table: pass and six angles in degrees, as the cell's model counts.
+        pose_noise_mm: the robot's repeatability in position, each axis.
+        pose_noise_deg: the same in orientation.
+        sphere_radius_u_mm: how well the sphere's radius is known.
+        offset_prior_deg: standard deviation of a joint's zero; 0: not estimated.
+        length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
+        max_u_mm: a hand-eye pose that is less certain over the field of view is refused, and the direction named.
+        root_tolerance_mm: tolerance of the root size that is to be served.
+        bevel_deg: angle of its bevel.
+
+    Raises:
+        InputError: scans instead of postures, too few of them, angles that are not those of the recorded poses, an
+            undetermined direction.
+    """
+    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
+    where, chain = f"{recording.source}: /robot", chain_of(cell)
+    assert chain is not None
+    seen = _postures(profiles, recording, where)
+    angles = read_joints(joints, seen, recording, chain)
+    shown = profiles.frame
+    view = view_of_points(recording.x_mm[shown].astype(float), recording.z_mm[shown].astype(float), seen.circle)
+    start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).fit.estimate
+    arm = arm_errors(chain, Priors(offset_prior_deg * DEG, length_prior_mm))
+
+    def fit(rows: Int, arm: ArmErrors = arm) -> Together:
+        return together(start, seen.subset(np.isin(np.arange(len(seen)), rows)), angles[rows], noise, chain, arm)
+
+    passes = tuple(int(recording.pass_index[frames[0]]) for frames in seen.frames)
+    found, kept, left_out = without_gross(
+        len(seen),
+        fit,
+        lambda one, row: _away_mm(one, seen, angles, row, noise, chain, arm),
+        passes,
+        where,
+        "did the sphere move, do joints and poses belong together?",
+        row_name="pass",
+    )
+    if found.misfit > MOST_MISFIT:
+        raise InputError(
+            where,
+            f"no joint offsets and lengths explain the postures: residuals are "
+            f"{math.sqrt(found.misfit):.0f} times the stated noise; did the sphere move?",
+        )
+    built = fit(kept, NO_ERRORS)
+    used = seen.subset(np.isin(np.arange(len(seen)), kept))
+    covariance = found.covariance[:6, :6]
+    centre = linearise(found.estimate, used, noise).centre
+    check_determined(covariance, found.estimate, used, centre, view, max_u_mm, where)
+    u = volume_u(covariance, found.estimate.rotation, view)
+    seen_u = math.hypot(found.place_u_mm, _rms(found) / math.sqrt(2.0))
+    good, verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")
+    warnings = tuple(left_out.values()) + noisy(found, "the sphere's places", "did it move, does the robot repeat?")
+    pose = pose_from(found.estimate.rotation, found.estimate.translation_mm)
+    document = arm_document(
+        arm,
+        found.errors,
+        found.covariance[SIZE:, SIZE:],
+        {
+            "flange_from_profiler": pose,
+            "hand_eye_covariance": covariance,
+            "volume_u_mm": u,
+            "u_mm": seen_u,
+            "sphere_center_mm": found.estimate.center_mm,
+            "sphere_diameter_mm": 2.0 * found.estimate.radius_mm,
+            "residual_rms_as_built_mm": _rms(built),
+            "residual_rms_mm": _rms(found),
+            "misfit": found.misfit,
+            "postures": len(kept),
+            "left_out": [{"pass": number, "cause": cause} for number, cause in left_out.items()],
+            "good_enough": good,
+            "verdict": verdict,
+            "warnings": warnings,
+        },
+    )
+    html = arm_html(
+        document,
+        f"The sphere's places lie {_rms(found):.3f} mm RMS (x and z) from the model, {_rms(built):.3f} mm with the "
+        f"robot as built. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. A point over the "
+        f"field of view: u = {u:.3f} mm.",
+    )
+    hand_eye = HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, u)
+    return (
+        hand_eye,
+        Document("robot.json", strict_json(document)),
+        Chapter("Robot calibration", html, summary=verdict, warnings=warnings + tuple(document["left_as_built"])),
+    )
+
+
+def _postures(profiles: SphereProfiles, recording: Recording, where: str) -> Observations:
+    seen = by_pass(profiles, recording).place()
+    if seen.scans:
+        raise InputError(where, "expected postures held still (one pose a pass), found scans over the sphere")
+    if len(seen) < LEAST_POSTURES:
+        raise InputError(
+            where,
+            f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}: "
+            "joint offsets and lengths need them",
+        )
+    return seen
+
+
+def read_joints(path: InputFile, seen: Observations, recording: Recording, chain: Chain) -> Float:
+    """Joint angles (k, 6) of the observations, rad; held against the recorded poses."""
+    table = Table(path, ("pass", *JOINTS), 1)
+    number = [int(v) for v in table.numbers(("pass",))[:, 0]]
+    angles = dict(zip(number, table.numbers(JOINTS) * DEG, strict=True))
+    if len(angles) < len(number):
+        raise InputError(str(path), "expected each pass once")
+    wanted = [int(recording.pass_index[frames[0]]) for frames in seen.frames]
+    missing = [one for one in wanted if one not in angles]
+    if missing:
+        raise InputError(str(path), f"expected the joint angles of pass {missing[0]}, which sees the sphere")
+    found = np.array([angles[one] for one in wanted])
+    apart = inverse(flange_poses(chain, found)) @ seen.base_from_flange
+    shift = np.linalg.norm(apart[:, :3, 3], axis=1)
+    turn = np.linalg.norm(vector_from_rotation(apart[:, :3, :3]), axis=1)
+    worst = int(np.argmax(np.maximum(shift / SAME_MM, turn / SAME_RAD)))
+    if shift[worst] > SAME_MM or turn[worst] > SAME_RAD:
+        raise InputError(
+            str(path),
+            f"pass {wanted[worst]}: by the cell's model these angles put the flange "
+            f"{shift[worst]:.2f} mm and {turn[worst] / DEG:.2f} deg from the recorded pose: another "
+            "robot, base, flange frame, or count of the angles?",
+        )
+    return found
+
+
+def together(
+    start: Estimate, seen: Observations, joints: Float, noise: Noise, chain: Chain, arm: ArmErrors
+) -> Together:
+    """Hand-eye pose, sphere and errors of the arm, from `start` and the robot as built."""
+    by_place = seen.covariance.copy()
+    by_place[:, 2, 2] += (
+        noise.radius_mm**4
+    )  # circles' sizes say nothing yet: a wrong side of the laser plane would stay
+    begun = _Fit(start, np.zeros(len(arm)), dataclasses.replace(seen, covariance=by_place), joints, noise, chain, arm)
+    begun = begun.settled(_coarser(noise, COARSER[0]))
+    found = _Fit(begun.estimate, begun.x, seen, joints, noise, chain, arm)
+    for coarser in COARSER:
+        found = found.settled(_coarser(noise, coarser))
+    return found.result()
+
+
+def _coarser(noise: Noise, factor: float) -> Noise:
+    return dataclasses.replace(noise, pose_mm=factor * noise.pose_mm, pose_deg=factor * noise.pose_deg)
+
+
+class _Fit:
+    """Gauss-Newton about an estimate and errors x (P,), under one noise."""
+
+    def __init__(
+        self,
+        estimate: Estimate,
+        x: Float,
+        seen: Observations,
+        joints: Float,
+        noise: Noise,
+        chain: Chain,
+        arm: ArmErrors,
+    ) -> None:
+        self._of = (seen, joints, chain, arm)
+        self.estimate, self.x, self._noise = estimate, x, noise
+        now, more = corrected(chain, arm, x)
+        moved = inverse(flange_poses(chain, joints)) @ flange_poses(now, joints)
+        linear = linearise(estimate, dataclasses.replace(seen, base_from_flange=seen.base_from_flange @ moved), noise)
+        rows = np.concatenate([linear.jacobian, linear.by_pose @ pose_derivatives(now, more, joints)], axis=2)
+        factor = np.linalg.cholesky(linear.covariance)
+        self.residual, self._rows = linear.residual, rows
+        self._white, self._right = (
+            np.linalg.solve(factor, rows),
+            np.linalg.solve(factor, linear.residual[..., None])[..., 0],
+        )
+        self._prior = np.zeros(SIZE + len(arm))
+        self._prior[SIZE - 1], self._prior[SIZE:] = noise.radius_u_mm**-2, arm.prior**-2
+        self._pull = np.concatenate([np.zeros(SIZE), -x])
+        self._pull[SIZE - 1] = noise.radius_mm - estimate.radius_mm
+        self.information = np.einsum("nij,nik->jk", self._white, self._white) + np.diag(self._prior)
+        self.chi2 = float((self._right**2).sum() + (self._prior * self._pull**2).sum())
+
+    def settled(self, noise: Noise) -> _Fit:
+        """The fit under another noise; steps that make it worse are shortened."""
+        now = self._at(self.estimate, self.x, noise)
+        for _ in range(STEPS):
+            side = np.einsum("nij,ni->j", now._white, now._right) + now._prior * now._pull
+            step = inverse_information(now.information) @ side
+            length = float(step @ now.information @ step)
+            then = now
+            for _ in range(6):
+                then = now._at(now.estimate.moved(step[:SIZE]), now.x + step[SIZE:], noise)
+                if then.chi2 < 1.5 * now.chi2 + 1.0:  # weights move with the estimate, so it may rise a little
+                    break
+                step = step / 3.0
+            now = then
+            if length < CONVERGED:
+                break
+        return now
+
+    def _at(self, estimate: Estimate, x: Float, noise: Noise) -> _Fit:
+        seen, joints, chain, arm = self._of
+        return _Fit(estimate, x, seen, joints, noise, chain, arm)
+
+    def result(self) -> Together:
+        """The answer."""
+        freedom = 3 * len(self._right) + 1 - SIZE
+        misfit = self.chi2 / max(freedom, 1)
+        covariance = inverse_information(self.information)
+        distance = studentised(self._right, self._white, covariance)
+        covariance = covariance * max(1.0, misfit)
+        u = math.sqrt(float(np.einsum("nij,jk,nik->ni", self._rows, covariance, self._rows)[:, :2].mean()))
+        return Together(self.estimate, self.x, covariance, self.residual, misfit, freedom, distance, u)
+
+
+def _away_mm(
+    found: Together, seen: Observations, joints: Float, row: int, noise: Noise, chain: Chain, arm: ArmErrors
+) -> float:
+    """How far the sphere of a posture lies, in x and z, from where a fit without it puts it."""
+    one = seen.subset(np.arange(len(seen)) == row)
+    q = joints[row : row + 1]
+    now = flange_poses(corrected(chain, arm, found.errors)[0] if len(found.errors) else chain, q)
+    one = dataclasses.replace(one, base_from_flange=one.base_from_flange @ inverse(flange_poses(chain, q)) @ now)
+    return float(np.linalg.norm(linearise(found.estimate, one, noise).residual[0, :2]))
+
+
+def _rms(found: Together) -> float:
+    return math.sqrt(float(np.mean((found.residual[:, :2] ** 2).sum(axis=1))))

@@ -24,7 +24,7 @@ from workbench.geometry.gaps import covered
 from workbench.stage import stage
 
 STATION_MM = 1.0
-ALONG_NORMAL = math.sqrt(3.0)  # frames scatter along the normal alone; the curve's u is that of a third of it
+ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
 ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
 
 

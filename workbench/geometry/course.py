@@ -27,6 +27,7 @@ NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; tim
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
+LEAST_FACTOR = 1e-12  # of noise: exact values have none
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
 STIFFEST_MM = 150.0  # no course is taken for straighter than over this length
 DIGITS = 1e-9  # of a value: what rounding may leave of values without noise
@@ -473,7 +474,7 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     k = np.arange(reach, bins.s.size - reach)
     k = k[parted[k - reach] == parted[k + reach]]
     if k.size < 4:
-        return known if stated or bins.s.size > 4 else max(known, 1e-12)
+        return _noise_factor(bins, stated, 1) if order > 1 else max(known, LEAST_FACTOR)
     beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
     at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
     share = np.stack(
@@ -485,12 +486,12 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     )
     off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
     expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
-    z2 = off**2 / expected[:, None]
+    z2 = (off**2).mean(axis=1) / expected  # of all components: the frame that they are given in does not matter
     typical = float(np.median(z2)) / 0.4549
     bounded = np.minimum(z2, 9.0 * typical)
-    free = k.size * z2.shape[1] / 2.0  # neighbours share values
+    free = k.size * off.shape[1] / 2.0  # neighbours share values
     prior = PRIOR_FREEDOM if stated else 0.0
-    return float(max((free * float(bounded.mean()) + prior * known) / (free + prior), 1e-12))
+    return float(max((free * float(bounded.mean()) + prior * known) / (free + prior), LEAST_FACTOR))
 
 
 def _knots(s: Float, knots_mm: float) -> Float:
@@ -521,7 +522,7 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[floa
     low, high = orders
     density = max(float(np.ptp(bins.s)), 1e-3) / float(weight.sum())  # of the noise: variance times length
     least = 0.1 / math.sqrt(float(weight.sum()))
-    most = 10.0 * max(float(np.max(np.std(bins.y, axis=0))), least)
+    most = 10.0 * max(math.sqrt(float(bins.y.var(axis=0).sum())), least)
     length = min(max(float(np.ptp(bins.s)), 1e-3), STIFFEST_MM)
     hidden = HIDDEN**2 * density / HIDDEN_MM  # what HIDDEN_MM of edge cannot tell
     mm = min(HIDDEN_MM, length)

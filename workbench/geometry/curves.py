@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from workbench.units import Float, Int
 STEP_MM = 0.05  # a pass that moves less than this between frames stands still
 POSE_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 BLOCK_MM = 4.0  # of motion, averaged for the rough course
+ACROSS = math.sqrt(1.5)  # points scatter about a curve in two of three components: none of it lies along the curve
 DOUBTFUL = 2.0  # times the robot's noise: waves of less rms may as well be the robot's path as the part's
 
 
@@ -47,14 +49,14 @@ class Curve:
         """Standard uncertainty (n,) of the position across the tangent, each way, mm: of what the points show."""
         if self.course is None:
             return np.zeros(np.shape(s))
-        return self.course.u(np.asarray(s) + self.course.spline.t[0] - self.spline.t[0])
+        return ACROSS * self.course.u(np.asarray(s) + self.course.spline.t[0] - self.spline.t[0])
 
     def tangent_u(self, s: Float) -> Float:
         """Standard uncertainty (n,) of the tangent's direction, each way, rad: of what the points show."""
         if self.course is None:
             return np.zeros(np.shape(s))
         shift = self.course.spline.t[0] - self.spline.t[0]
-        return self.course.slope_u(np.asarray(s) + shift)
+        return ACROSS * self.course.slope_u(np.asarray(s) + shift)
 
     def curvature(self, s: Float) -> Float:
         """Curvature vector dt/ds, (n, 3) 1/mm; 0 beyond the ends."""
@@ -138,6 +140,7 @@ def fit_curve(
         dense = np.linspace(*inside, 8 * (course.spline.t.size - 7) + 1)
         speed = np.linalg.norm(course.spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
+        s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
         s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
     course = fit_course(s, points_mm, None, group, (2, 3), stiffness, together_mm=together_mm)
     return with_frame(course.spline, s, course)

@@ -133,8 +133,8 @@ def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
 
 def _smoothed(s: Float, values: Float, at: Float, half_width: float) -> Float:
     """Values (g,) at s (g,), smoothed, at the stations `at` (n,); linear where none is near."""
-    if half_width > 0:
-        values = fit_course(s, values, together_mm=half_width).value(s)
+    if half_width > 0:  # straight but for bends: a wedge has its slope at its ends too
+        values = fit_course(s, values, orders=(2, 3), together_mm=half_width).value(s)
     return np.interp(at, s, values)
 
 

@@ -21,7 +21,7 @@ from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from workbench.strict_json import strict_json
-from workbench.units import DEG, Float
+from workbench.units import DEG, Bool, Float
 
 NOT_CHECKED = "NOT CHECKED: "
 LONGEST_REMARK = 70  # characters
@@ -55,6 +55,7 @@ class ProgramJob:
     base_from_workobject: Float = field(default_factory=lambda: np.eye(4))  # of the frame of the moves
     tool_name: str | None = None  # of a tool that is measured on the controller; None: the program declares it
     work_object_name: str | None = None  # of a frame that is measured on the controller; None: the program declares it
+    too_sudden: Bool | None = None  # (k,) where blending asks more of a joint than its acceleration; None: not known
 
     @property
     def tool_centre_point_mm(self) -> Float:
@@ -68,6 +69,8 @@ class ProgramJob:
         off = rounding_mm(moves.position_mm, moves.via_position_mm, moves.circular, self.zone_mm)
         free = (off <= self.rounding_mm) & (self.zone_mm > 0)
         free[[0, -1]] = False
+        if self.too_sudden is not None:
+            free &= ~self.too_sudden
         return [bool(one) for one in free]
 
     @property

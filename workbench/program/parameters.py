@@ -12,7 +12,7 @@ from workbench.artefacts import Moves
 from workbench.dialect import MillingTool, ProgramJob
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.robot.cell import Cell
-from workbench.units import Float
+from workbench.units import Bool, Float
 
 Zone = Annotated[
     float,
@@ -22,6 +22,8 @@ Zone = Annotated[
         description="how far before a target the next move may blend in, but at sharp corners; 0: never",
     ),
 ]
+GENTLE = 0.8  # share of a joint's acceleration that blending may take
+NOTHING = 1e-6  # mm
 NO_LOAD_KG, NO_LOAD_MM = 0.001, (0.0, 0.0, 0.001)  # ABB's tool0: what a program says of a load that nobody stated
 
 
@@ -50,7 +52,29 @@ def program_job(name: str, moves: Moves, cell: Cell, zone_mm: float, rounding_mm
         cell.base_from_workobject,
         cell.tool_name,
         cell.work_object_name,
+        too_sudden(moves, cell, zone_mm),
     )
+
+
+def too_sudden(moves: Moves, cell: Cell, zone_mm: float) -> Bool | None:
+    """Targets (k,) at which blending would ask more of a joint than GENTLE of its acceleration: these are reached.
+
+    Through a zone the velocity turns from the one move's to the next one's, in the time that it takes to cross it at
+    the feed. Velocities of the joints are those of the path's own postures beside the target. None: the cell's file
+    states no accelerations.
+    """
+    made, point = moves.postures, moves.point
+    if cell.accelerations is None or made is None or point is None:
+        return None
+    length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+    room = np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2
+    zone = np.maximum(np.minimum(zone_mm, room), NOTHING)
+    steps = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1)
+    a_mm = np.diff(made.joints, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each joint a mm of way
+    inside = np.clip(point, 1, len(a_mm) - 1)
+    turned = np.abs(a_mm[inside] - a_mm[inside - 1]) * moves.feed_mm_s[:, None]
+    asked = turned / (2 * zone / moves.feed_mm_s)[:, None]
+    return np.asarray((asked > GENTLE * cell.accelerations).any(axis=1))
 
 
 def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Moves:

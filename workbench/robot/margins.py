@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.kernels import kernel
 from workbench.robot.chain import Chain
 from workbench.robot.kinematics import jacobian_at, joint_axes
-from workbench.units import DEG, Float
+from workbench.units import DEG, AnyArray, Float
 
 COVERAGE = 2.0  # times the stated standard uncertainties
 REGULAR = 1e9  # condition number up to which a Jacobian is inverted
@@ -45,7 +46,9 @@ def own_length_mm(chain: Chain) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 2)
 
 
-def dexterity(chain: Chain, joints: Float, tip_mm: Float, twist: Float) -> tuple[Float, Float, Float]:
+def dexterity(
+    chain: Chain, joints: Float, tip_mm: Float, twist: Float, enough: float = 0.0
+) -> tuple[Float, Float, Float]:
     """Wrist angle (n,), condition number (n,) and what an error of the tool asks of the joints (n, 6), at (n, 6) rad.
 
     Args:
@@ -53,31 +56,62 @@ def dexterity(chain: Chain, joints: Float, tip_mm: Float, twist: Float) -> tuple
         joints: (n, 6).
         tip_mm: (n, 3) the tool centre point in the base.
         twist: (6,) how far the tool may be off, mm and rad, each axis.
+        enough: condition number up to which an upper bound of it will do (by Frobenius norms: at most 6 times it).
     """
     axes, points = joint_axes(chain, joints)
     scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
-    j = jacobian_at(axes, points, tip_mm) / scale[:, None]
-    condition, asked = np.full(len(joints), np.inf), np.zeros((len(joints), 6))
-    finite = np.isfinite(j).all(axis=(1, 2))
-    sizes = np.linalg.svd(j[finite], compute_uv=False)
+    j = np.ascontiguousarray(jacobian_at(axes, points, tip_mm) / scale[:, None])
+    back = _inverses(j)
+    condition = np.sqrt((j * j).sum(axis=(1, 2)) * (back * back).sum(axis=(1, 2)))
+    condition[~np.isfinite(condition)] = np.inf
+    open_ = np.flatnonzero((condition > enough) & np.isfinite(j).all(axis=(1, 2)))
+    sizes = np.linalg.svd(j[open_], compute_uv=False)
     with np.errstate(divide="ignore", over="ignore"):
-        condition[finite] = sizes[:, 0] / sizes[:, 5]
+        condition[open_] = sizes[:, 0] / sizes[:, 5]
+    asked = np.zeros((len(joints), 6))
     if twist.any():
-        asked[:] = np.inf
-        regular = np.flatnonzero(condition < REGULAR)
-        asked[regular] = np.abs(np.linalg.inv(j[regular])) @ (twist / scale)
+        asked = np.where((condition < REGULAR)[:, None], np.abs(back) @ (twist / scale), np.inf)
     return wrist_angles(axes), condition, asked
+
+
+@kernel
+def _inverses(matrices: AnyArray) -> AnyArray:
+    """Inverses (n, 6, 6) by elimination with pivots; NaN where there is none."""
+    found = np.empty_like(matrices)
+    work = np.empty((6, 12))
+    for n in range(len(matrices)):
+        for r in range(6):
+            for c in range(6):
+                work[r, c] = matrices[n, r, c]
+                work[r, 6 + c] = 1.0 if r == c else 0.0
+        for c in range(6):
+            best = c
+            for r in range(c + 1, 6):
+                if abs(work[r, c]) > abs(work[best, c]):
+                    best = r
+            size = work[best, c]
+            if not abs(size) > 0.0:
+                size = np.nan
+            for k in range(12):
+                held = work[best, k] / size
+                work[best, k] = work[c, k]
+                work[c, k] = held
+            for r in range(6):
+                if r != c:
+                    factor = work[r, c]
+                    for k in range(12):
+                        work[r, k] -= factor * work[c, k]
+        for r in range(6):
+            for c in range(6):
+                found[n, r, c] = work[r, 6 + c]
+    return found
 
 
 def joint_reach(chain: Chain, joints: Float, tip_mm: Float, far_mm: float, turn: float) -> Float:
     """How far each joint (n, 6) turns, to first order, while the tip (n, 3) moves by `far_mm`, the tool by `turn`."""
     axes, points = joint_axes(chain, joints)
     scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
-    j = jacobian_at(axes, points, tip_mm) / scale[:, None]
-    found = np.full((len(joints), 6), np.inf)
-    regular = np.isfinite(j).all(axis=(1, 2))
-    regular[regular] = np.abs(np.linalg.det(j[regular])) > 1.0 / REGULAR
-    inverse = np.linalg.inv(j[regular])
-    by_place, by_turn = (np.linalg.norm(part, axis=2) for part in (inverse[..., :3], inverse[..., 3:]))
-    found[regular] = by_place * far_mm / scale[0] + by_turn * turn
-    return found
+    back = _inverses(np.ascontiguousarray(jacobian_at(axes, points, tip_mm) / scale[:, None]))
+    by_place, by_turn = (np.linalg.norm(part, axis=2) for part in (back[..., :3], back[..., 3:]))
+    found = by_place * far_mm / scale[0] + by_turn * turn
+    return np.asarray(np.where(np.isfinite(found) & (np.abs(back).max(axis=(1, 2)) < REGULAR)[:, None], found, np.inf))

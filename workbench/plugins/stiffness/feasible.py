@@ -84,22 +84,32 @@ class Examiner:
         hit[cause == FREE] = -1
         return Verdicts(cause, hit, flips, np.full(count, SAMPLED))
 
+    def spread(self, count: int) -> Int:
+        """At most `count` points of the path, in their order, that lie as far from each other as they can."""
+        return np.sort(self._farthest[1][:count])
+
     @functools.cached_property
-    def _middles(self) -> tuple[Int, float, float]:
-        """Points of the path (k,) near which all its points lie, and how near: mm and rad."""
+    def _farthest(self) -> tuple[Float, Int]:
+        """Where the points lie (n, 12), turns in mm; and points of the path, each the farthest from those before."""
         poses = self.points.base_from_point
         there = np.hstack([poses[:, :3, 3], LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
         chosen, away = [0], np.linalg.norm(there - there[0], axis=1)
         while away.max() > NEAR_MM and len(chosen) < MOST_MIDDLES:
             chosen.append(int(away.argmax()))
             away = np.minimum(away, np.linalg.norm(there - there[chosen[-1]], axis=1))
+        return there, np.array(chosen)
+
+    @functools.cached_property
+    def _middles(self) -> tuple[Int, float, float]:
+        """Points of the path (k,) near which all its points lie, and how near: mm and rad."""
+        poses, (there, chosen) = self.points.base_from_point, self._farthest
         nearest = np.argmin(np.linalg.norm(there[:, None] - there[chosen], axis=2), axis=1)
-        middle = poses[np.array(chosen)[nearest]]
+        middle = poses[chosen[nearest]]
         far = np.linalg.norm(poses[:, :3, 3] - middle[:, :3, 3], axis=1).max()
         cosine = (np.einsum("nij,nij->n", poses[:, :3, :3], middle[:, :3, :3]) - 1) / 2
         turn = float(np.arccos(np.clip(cosine, -1, 1)).max())
         reach = self.points.point_from_tip[:3, 3]
-        return np.array(chosen), float(far + turn * np.linalg.norm(reach)), turn
+        return chosen, float(far + turn * np.linalg.norm(reach)), turn
 
     def confirm(self, branch: Int, flip: Int, rotation: Float, table: Float) -> Verdicts:
         """Verdicts on cells (c,) that are free where they were sampled: all points of the path, and what lies between.
@@ -150,7 +160,7 @@ class Examiner:
         """
         margins, chain, flat = self.cell.margins, self.cell.chain, joints.reshape(-1, 6)
         tip = (forward_kinematics(chain, flat) @ self.cell.flange_from_cutter)[:, :3, 3]
-        wrist, condition, asked = dexterity(chain, flat, tip, margins.twist)
+        wrist, condition, asked = dexterity(chain, flat, tip, margins.twist, margins.condition)
         room = np.minimum(flat - chain.limits[:, 0], chain.limits[:, 1] - flat)
         said = np.where((asked > 0).any(axis=1) & (room < asked).any(axis=1), LIMIT, FREE)
         said[(wrist < margins.wrist) | (condition > margins.condition)] = SINGULAR

@@ -17,7 +17,7 @@ from workbench.plugins.stiffness.feasible import (
     Configuration,
     Examiner,
 )
-from workbench.plugins.stiffness.traversal import Traversal, spread
+from workbench.plugins.stiffness.traversal import Traversal
 
 JUDGED_AT = 16  # points of the path at which a cell of the map is examined; the chosen one is at all
 MOST_CONFIRMED = 1500  # free cells that are looked at along the whole path, the best first: about 20 s
@@ -63,7 +63,7 @@ def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Cho
     state = _State(grid)
     ranked = grid.ranked
     choice, start, size, confirmed = None, 0, FIRST_CHUNK, 0
-    at = spread(np.arange(len(examiner.points.layer)), JUDGED_AT)
+    at = examiner.spread(JUDGED_AT)
     while start < len(ranked) and (whole_map or choice is None):
         flat = state.still_open(ranked[start : start + size])
         branch, table, rotation = np.unravel_index(flat, grid.said.shape)

@@ -12,6 +12,7 @@ from workbench.kernels import kernel
 from workbench.units import AnyArray
 
 SECTION = 0.6180339887498949  # golden
+FAR_MM = 1e9  # farther apart than anything
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
@@ -60,7 +61,7 @@ def bound_kernel(
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, is_box, ends, pose)
-        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs)
+        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs, FAR_MM)
     return found
 
 
@@ -90,7 +91,7 @@ def pairs_kernel(
         _place(at, placed, middle, motion, link, is_box, ends, pose)
         middles[n] = middle
         for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1])
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], FAR_MM)
     return found, middles
 
 
@@ -112,6 +113,7 @@ def near_kernel(
     least: float,
 ) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least`."""
+    start = least + 1e-6  # what is farther apart need not be known
     found = np.zeros((len(joints), len(pairs)), np.bool_)
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
     turn[8] = table[:3]
@@ -120,7 +122,7 @@ def near_kernel(
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, is_box, ends, pose)
         for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1]) <= least
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], start) <= least
     return found
 
 
@@ -134,9 +136,9 @@ def _smallest(
     around: AnyArray,
     is_box: AnyArray,
     pairs: AnyArray,
+    best: float,
 ) -> float:
-    """The smallest distance of all pairs, or one that is 0 or less; pairs that are surely farther are passed over."""
-    best = 1e9
+    """The smallest distance of all pairs below `best`, or one that is 0 or less; what is surely farther is left out."""
     for i in range(len(pairs)):
         a, b = pairs[i, 0], pairs[i, 1]
         reach = best + around[a] + around[b]

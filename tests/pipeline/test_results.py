@@ -62,6 +62,7 @@ def test_rework_and_engagement(path: Toolpath) -> None:
     rework = Rework(path, (Stretch(3.0, 9.5, "root 2.1 mm"),), (), "one stretch to mill again")
     files = {name: json.loads(content) for name, content in result_files([path, engagement, rework]).items()}
     assert files["engagement.json"]["layers"][0]["chip_area_mm2"] == [0.0, None]
+    assert set(files["engagement.json"]["part"]) >= {"part_id", "drawing", "simulated"}
     assert files["rework.json"]["too_much_material"] == [{"from_mm": 3.0, "to_mm": 9.5, "reason": "root 2.1 mm"}]
     assert files["rework.json"]["toolpath"] == files["toolpath.json"]
     nothing = Rework(None, (), (), "nothing to rework")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from workbench.artefacts.checks import Check
+from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.paths import PathDeflection, Toolpath
 from workbench.units import Bool, Float
 
@@ -26,6 +27,7 @@ class Engagement:
 
     layers: tuple[LayerEngagement, ...]
     warnings: tuple[str, ...] = ()
+    part: Part = UNKNOWN_PART
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -105,6 +105,7 @@ def engagement_document(engagement: Engagement) -> dict[str, Any]:
     return {
         "format": "bevel-engagement",
         "version": 1,
+        "part": dataclasses.asdict(engagement.part),
         "layers": [{f.name: getattr(layer, f.name) for f in dataclasses.fields(layer)} for layer in engagement.layers],
     }
 

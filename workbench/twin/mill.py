@@ -95,7 +95,7 @@ def mill(
     """
     _refuse_empty(toolpath)
     if correction is not None and correction.refused is not None:
-        return workpiece, Engagement((), (f"not milled: {correction.refused}",))
+        return workpiece, Engagement((), (f"not milled: {correction.refused}",), toolpath.part)
     mechanics = Mechanics(
         base_from_path=np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject,
         offset_mm=np.array(offset_mm),
@@ -110,7 +110,7 @@ def mill(
     stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
     tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
     engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, worn_mm, tip), toolpath)
-    return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings)
+    return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings, toolpath.part)
 
 
 def _deflections(toolpath: Toolpath, file: Path | None, bending: PathDeflection | None) -> dict[int, Float]:

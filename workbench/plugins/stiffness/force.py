@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from workbench.api import (
     InputError,
     Layer,
     LayerEngagement,
+    Part,
     Toolpath,
     nearest,
     rotation_from_quaternion,
@@ -100,7 +102,7 @@ def force(
         )
         layers.append(_layer_force(layer, through))
     found = MillingForce(tuple(layers), of.source, assumed)
-    return found, Document("milling_force.json", _document(found))
+    return found, Document("milling_force.json", _document(found, toolpath.part))
 
 
 def _coefficients(cell: Cell | None, material: str | None, given: Six | None) -> tuple[CuttingCoefficients, str]:
@@ -148,11 +150,12 @@ def _layer_force(layer: Layer, through: Float) -> LayerForce:
     )
 
 
-def _document(found: MillingForce) -> bytes:
+def _document(found: MillingForce, part: Part) -> bytes:
     return strict_json(
         {
             "format": "milling-force",
             "version": 1,
+            "part": asdict(part),
             "coefficients": found.source,
             "layers": [
                 {

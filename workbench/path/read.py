@@ -15,7 +15,7 @@ from workbench.strict_json import content_digest
 from workbench.units import Float
 
 if TYPE_CHECKING:
-    from workbench.result_files import LayerRow, ToolpathFile, TravelPoint
+    from workbench.result_files.contract import LayerRow, ToolpathFile, TravelPoint
 
 MAX_BYTES = 2**28
 

@@ -229,8 +229,18 @@ def result_files(artefacts: Iterable[Any], gates: Sequence[PathGate] = ()) -> di
         if isinstance(artefact, Document):
             if not is_plain_name(artefact.name) or artefact.name in (*files, RUN_FILE):
                 raise PipelineError(f"result {artefact.name!r}", "expected a file name of its own, without directories")
-            files[artefact.name] = artefact.content
+            files[artefact.name] = checked(artefact)
     return files
+
+
+def checked(document: Document) -> bytes:
+    """The bytes of a file that a stage has made, as its model has them where it is a result file."""
+    if document.name.endswith(".json"):
+        from workbench.result_files import RESULT_FILES
+
+        if model := RESULT_FILES.get(document.name):
+            model.model_validate_json(document.content)
+    return document.content
 
 
 def written(name: str, document: Mapping[str, Any]) -> bytes:

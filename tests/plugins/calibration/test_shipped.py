@@ -29,7 +29,7 @@ def test_hand_eye_pose_is_the_true_one_within_its_uncertainty(tmp_path):
     assert found["sphere_diameter_mm"] == pytest.approx(10, abs=0.03)
     assert found["warnings"] == []
     assert len(found["frames_used"]) == 36
-    assert "Where the next posture would help most" in (tmp_path / "report.html").read_text()
+    assert "Proposed further postures" in (tmp_path / "report.html").read_text()
     assert (tmp_path / "calibration_plan.csv").read_text().count("\n") == 4
 
 

@@ -1,95 +1,27 @@
-"""Result files as pydantic models: what a run writes is checked by them, what it reads comes through them, and
-`workbench schema RESULT` prints them. Keys may be added to a file; what stands here must be there.
-
-Lengths in mm, angles in degrees where a name says so, null for what was not measured.
-"""
+"""The result files of the contract (docs/pipelines.md), and what else a run writes of parts and paths."""
 
 from __future__ import annotations
 
-import difflib
-import json
 import math
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from workbench.artefacts import UNKNOWN_PART, Check, Part, Requirements, Uncertainty, Verdict
-from workbench.errors import InputError
-from workbench.parameters import complaint
-from workbench.strict_json import MAX_BYTES, read_json, strict_json
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Vector = tuple[Number, Number, Number]
-Quaternion = tuple[Number, Number, Number, Number]
-Matrix = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
-Six = tuple[Number, Number, Number, Number, Number, Number]
-Matrix6 = tuple[Six, Six, Six, Six, Six, Six]
-Unknown = Number | None
-UnknownU = NotNegative | None
-
-
-class Row(BaseModel):
-    """A part of a file; further keys are kept."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-
-
-class ResultFile(Row):
-    """A result file."""
-
-    NAME: ClassVar[str]
-    _document: dict[str, Any] = PrivateAttr(default_factory=dict)
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """All that the file that was read holds, keys of others included."""
-        return self._document
-
-    @classmethod
-    def written(cls, content: Mapping[str, Any]) -> bytes:
-        """The file's bytes: strict JSON that this model accepts. ValidationError: a defect of the caller."""
-        made = strict_json(dict(content))
-        cls.model_validate_json(made)
-        return made
-
-    @classmethod
-    def read(cls, path: Path, max_bytes: int = MAX_BYTES) -> Self:
-        """What a file says.
-
-        Raises:
-            InputError: it is no such file: the place in it and what was expected.
-        """
-        document = read_json(path, max_bytes)
-        try:
-            made = cls.model_validate_json(json.dumps(document), strict=True)
-        except ValidationError as error:
-            raise _refusal(error, document, path) from None
-        made._document = document
-        return made
-
-
-def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) -> InputError:
-    """The first thing that is wrong: its place, what was expected, and the nearest known name."""
-    found_wrong = error.errors(include_url=False)
-    first = found_wrong[0]
-    if first["type"] == "missing":
-        *above, last = first["loc"]
-        holder: Any = document
-        for key in above:
-            holder = holder[key]
-        place = "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in above)
-        if isinstance(last, int):
-            alike = (e["loc"][-1] for e in found_wrong if e["loc"][:-1] == first["loc"][:-1])
-            most = max([last, *(k for k in alike if isinstance(k, int))])
-            return InputError(f"{path}: {place}", f"expected {most + 1} entries, found {len(holder)}")
-        near = difflib.get_close_matches(str(last), holder, n=1)
-        return InputError(f"{path}: {place}", f"expected '{last}'" + (f", found '{near[0]}'" if near else ""))
-    found = complaint(error, document, "$")
-    return InputError(f"{path}: {found.where}", found.expected)
+from workbench.result_files.base import (
+    Matrix,
+    Matrix6,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    ResultFile,
+    Row,
+    Six,
+    Unknown,
+    UnknownU,
+    Vector,
+)
 
 
 class SectionRow(Row):
@@ -140,8 +72,8 @@ class InspectionFile(ResultFile):
     part: Part | None = None
     requirements: Requirements
     uncertainty: Uncertainty | None = None
-    checks: list[Check] = []
-    warnings: list[str] = []
+    checks: list[Check] = Field(default_factory=list)
+    warnings: list[str] = Field(default_factory=list)
     sections: Annotated[list[SectionRow], Field(min_length=1), AfterValidator(_each_once)]
     profile: ProfileColumns
 
@@ -231,11 +163,11 @@ class ToolpathFile(ResultFile):
     cutter: CutterRow
     requirements: PathRequirements = PathRequirements()
     edge_length_mm: Positive | None = None
-    refused: list[str] = []
-    warnings: list[str] = []
-    evidence: Annotated[list[Check], Field(max_length=100)] = []
+    refused: list[str] = Field(default_factory=list)
+    warnings: list[str] = Field(default_factory=list)
+    evidence: list[Check] = Field(default_factory=list, max_length=100)
     layers: Annotated[list[LayerRow], Field(min_length=1), AfterValidator(_each_once)]
-    travels: list[TravelRow] = []
+    travels: list[TravelRow] = Field(default_factory=list)
     check: PathClaim | None = None
 
 
@@ -257,9 +189,9 @@ class HandEyeFile(ResultFile):
     )
     residual_rms_mm: NotNegative | None = None
     method: str | None = None
-    frames_used: list[int] = []
-    frames_rejected: list[dict[str, Any]] = []
-    warnings: list[str] = []
+    frames_used: list[int] = Field(default_factory=list)
+    frames_rejected: list[dict[str, Any]] = Field(default_factory=list)
+    warnings: list[str] = Field(default_factory=list)
 
 
 class StiffnessFile(ResultFile):
@@ -386,24 +318,67 @@ class RunFile(ResultFile):
     inputs: list[InputRow]
     stages: list[StageRow]
     warnings: list[str]
-    files: list[str] = []
+    files: list[str] = Field(default_factory=list)
 
 
-RESULT_FILES: dict[str, type[ResultFile]] = {
-    model.NAME: model
-    for model in (
-        InspectionFile,
-        ToolpathFile,
-        HandEyeFile,
-        PostureFile,
-        StiffnessFile,
-        CorrectionFile,
-        GrooveFile,
-        RunFile,
-    )
-}
+class EngagementRow(Row):
+    """What the cutter meets along a layer."""
+
+    index: Annotated[int, Field(ge=1)]
+    arc_length_mm: list[Unknown]
+    radial_depth_mm: list[Unknown]
+    axial_depth_mm: list[Unknown]
+    chip_area_mm2: list[Unknown]
 
 
-def result_schema(name: str) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the result file `name`."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **RESULT_FILES[name].model_json_schema()}
+class EngagementFile(ResultFile):
+    """`engagement.json`: depths and chip area along each layer of a path."""
+
+    NAME: ClassVar[str] = "engagement.json"
+    format: Literal["bevel-engagement"]
+    version: Literal[1]
+    layers: list[EngagementRow]
+
+
+class ReworkFile(ResultFile):
+    """`rework.json`: where too much or too little material stands, and the path that removes the first."""
+
+    NAME: ClassVar[str] = "rework.json"
+    format: Literal["bevel-rework"]
+    version: Literal[1]
+    reason: str
+    too_much_material: list[dict[str, Any]]
+    too_little_material: list[dict[str, Any]]
+    toolpath: ToolpathFile | None
+
+
+class ViolationRow(Row):
+    """What is wrong with a program, and where."""
+
+    line: int | None
+    arc_length_mm: Unknown
+    kind: str
+    finding: str
+
+
+class ProgramCheckFile(ResultFile):
+    """`program_check.json`: the written program as driven through its cell."""
+
+    NAME: ClassVar[str] = "program_check.json"
+    format: Literal["program-check"]
+    version: Literal[1]
+    dialect: str
+    program: str
+    passed: bool
+    violations: list[ViolationRow]
+    not_checked: list[str]
+    length_mm: Unknown
+    time_s: Unknown
+    postures: int
+    clearance_mm: Unknown
+    clearance_pair: list[str] | None
+    limit_margin_deg: Unknown
+    wrist_deg: Unknown
+    condition: Unknown
+    speed_share: Unknown
+    deviation_mm: Unknown

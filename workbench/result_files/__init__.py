@@ -1,0 +1,84 @@
+"""Result files as pydantic models: what a run writes is checked by them, what it reads comes through them, and
+`workbench schema RESULT` prints them. Keys may be added to a file; what stands here must be there.
+
+Lengths in mm, angles in degrees where a name says so, null for what was not measured.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from workbench.result_files.base import ResultFile
+from workbench.result_files.contract import (
+    CorrectionFile,
+    EngagementFile,
+    GrooveFile,
+    HandEyeFile,
+    InspectionFile,
+    PostureFile,
+    ProgramCheckFile,
+    ReworkFile,
+    RunFile,
+    StiffnessFile,
+    ToolpathFile,
+)
+from workbench.result_files.studies import (
+    CalibrationValidationFile,
+    CloudRegistrationFile,
+    CompensationFile,
+    DeflectionFile,
+    DeviationFile,
+    MillingForceFile,
+    ReferenceFitsFile,
+    RegistrationFile,
+    RepeatabilityFile,
+    SensitivityFile,
+    ToolFile,
+    TurntableFile,
+)
+
+RESULT_FILES: dict[str, type[ResultFile]] = {
+    model.NAME: model
+    for model in (
+        InspectionFile,
+        ToolpathFile,
+        HandEyeFile,
+        PostureFile,
+        StiffnessFile,
+        CorrectionFile,
+        GrooveFile,
+        RunFile,
+        EngagementFile,
+        ReworkFile,
+        ProgramCheckFile,
+        DeviationFile,
+        RegistrationFile,
+        CloudRegistrationFile,
+        RepeatabilityFile,
+        ReferenceFitsFile,
+        SensitivityFile,
+        ToolFile,
+        TurntableFile,
+        CalibrationValidationFile,
+        MillingForceFile,
+        DeflectionFile,
+        CompensationFile,
+    )
+}
+
+
+def result_schema(name: str) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the result file `name`."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **RESULT_FILES[name].model_json_schema()}
+
+
+__all__ = [
+    "RESULT_FILES",
+    "HandEyeFile",
+    "InspectionFile",
+    "PostureFile",
+    "ResultFile",
+    "StiffnessFile",
+    "ToolpathFile",
+    "result_schema",
+]

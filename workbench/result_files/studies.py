@@ -1,0 +1,292 @@
+"""Result files of comparisons, studies and calibrations."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from workbench.result_files.base import (
+    Matrix,
+    Matrix6,
+    NotNegative,
+    Number,
+    ResultFile,
+    Row,
+    Unknown,
+    UnknownU,
+    Vector,
+)
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class PlacesColumns(Row):
+    """Places that were compared, a column each; null: not compared."""
+
+    position_mm: list[Vector]
+    normal: list[tuple[Unknown, Unknown, Unknown]]
+    arc_length_mm: list[Unknown]
+    distance_mm: list[Unknown]
+    u_mm: list[UnknownU]
+    level_of_detection_mm: list[UnknownU]
+    changed: list[bool]
+
+
+class DeviationFile(ResultFile):
+    """`deviation.json`: signed distances of a scan from its reference."""
+
+    NAME: ClassVar[str] = "deviation.json"
+    format: Literal["bevel-deviation"]
+    version: Literal[1]
+    frame: Literal["base"]
+    scan: str
+    reference: str
+    reference_kind: Literal["scan", "plan", "mesh"]
+    registered: bool
+    finding: str
+    changed: bool
+    compared: int
+    mean_mm: Unknown
+    rms_mm: UnknownU
+    percentiles_mm: dict[str, Unknown]
+    significant_share: Unknown
+    level_of_detection_mm: UnknownU
+    sections: list[dict[str, Any]]
+    regions: list[dict[str, Any]]
+    places: PlacesColumns
+
+
+class RegistrationFile(ResultFile):
+    """`registration.json`: the pose of a scan in its reference, with its covariance."""
+
+    NAME: ClassVar[str] = "registration.json"
+    format: Literal["cloud-registration"]
+    version: Literal[1]
+    scan: str
+    reference: str
+    reference_from_scan: Matrix
+    pivot_mm: Vector
+    covariance: Matrix6 = Field(description="shift of the pivot in mm, then a rotation vector in rad")
+    overlap: Share
+    rms_mm: NotNegative
+    places: int
+    held: list[str] = Field(description="directions that the surfaces do not determine")
+    warnings: list[str]
+
+
+class CloudRegistrationFile(ResultFile):
+    """`cloud_registration.json`: the pose of a cloud in another one, without a covariance."""
+
+    NAME: ClassVar[str] = "cloud_registration.json"
+    format: Literal["points-registration"]
+    version: Literal[1]
+    reference: str
+    source: str
+    reference_from_cloud: Matrix
+    overlap: Share
+    rms_mm: NotNegative
+    reach_mm: Number
+    voxel_mm: Number
+
+
+class ComponentRow(Row):
+    """A component of variation (AIAG)."""
+
+    name: Literal["EV", "AV", "GRR", "PV", "TV"]
+    sd: UnknownU
+    interval: tuple[Number, Number] | None
+    contribution_percent: Unknown
+    study_percent: Unknown
+    tolerance_percent: Unknown
+
+
+class CharacteristicRow(Row):
+    """A characteristic of a gauge study."""
+
+    name: str
+    unit: str
+    limits: tuple[Number, Number] | None
+    anova: list[dict[str, Any]]
+    interaction_pooled: bool
+    components: list[ComponentRow]
+    distinct_categories: int | None
+    sections: list[dict[str, Any]]
+    bias: list[dict[str, Any]]
+
+
+class RepeatabilityFile(ResultFile):
+    """`repeatability.json`: a gauge study."""
+
+    NAME: ClassVar[str] = "repeatability.json"
+    format: Literal["bevel-repeatability"]
+    version: Literal[1]
+    parts: list[str]
+    operators: list[str]
+    trials: int
+    characteristics: list[CharacteristicRow]
+    inspections: list[dict[str, str]]
+    warnings: list[str]
+
+
+class FitRow(Row):
+    """A fitted element, and its errors where the answer is known."""
+
+    points: str
+    answer: str | None
+    count: int
+    point_mm: Vector
+    direction: Vector | None
+    diameter_mm: UnknownU
+    rms_mm: NotNegative
+
+
+class ReferenceFitsFile(ResultFile):
+    """`reference_fits.json`: fits of reference data sets."""
+
+    NAME: ClassVar[str] = "reference_fits.json"
+    format: Literal["reference-fits"]
+    version: Literal[1]
+    shape: str
+    tolerance: Number
+    fits: list[FitRow]
+
+
+class SensitivityRow(Row):
+    """A characteristic and what the links of the chain contribute to its u."""
+
+    name: str
+    unit: str
+    way: Literal["blind", "corrected"]
+    tolerance_half_width: Number
+    u: NotNegative
+    holds: bool
+    improve_first: str
+    links: list[dict[str, Any]]
+
+
+class SensitivityFile(ResultFile):
+    """`sensitivity.json`: uncertainty of the milled bevel by link of the chain."""
+
+    NAME: ClassVar[str] = "sensitivity.json"
+    format: Literal["bevel-sensitivity"]
+    version: Literal[1]
+    bevel_deg: Number
+    links: list[dict[str, Any]]
+    characteristics: list[SensitivityRow]
+
+
+class ToolPointRow(Row):
+    """A point of the tool in the flange."""
+
+    name: str
+    position_mm: Vector
+    u_mm: NotNegative
+    covariance_mm2: tuple[Vector, Vector, Vector]
+
+
+class ToolFile(ResultFile):
+    """`tcp.json`: tool points in the flange, from touches."""
+
+    NAME: ClassVar[str] = "tcp.json"
+    format: Literal["tool-calibration"]
+    version: Literal[1]
+    frame: Literal["flange"]
+    points: list[ToolPointRow]
+    axis: dict[str, Any] | None
+    residual_rms_mm: NotNegative
+    misfit: Unknown
+    touches: int
+    left_out: list[dict[str, Any]]
+    verdict: str
+    warnings: list[str]
+
+
+class TurntableFile(ResultFile):
+    """`turntable.json`: the turntable's axis in the base."""
+
+    NAME: ClassVar[str] = "turntable.json"
+    format: Literal["turntable-calibration"]
+    version: Literal[1]
+    frame: Literal["base"]
+    base_from_turntable: Matrix
+    axis_point_mm: Vector
+    axis_direction: Vector
+    u_mm: NotNegative
+    direction_u_deg: NotNegative
+    residual_rms_mm: NotNegative
+    misfit: Unknown
+    points: int
+    left_out: list[dict[str, Any]]
+    verdict: str
+    warnings: list[str]
+
+
+class ValidationRow(Row):
+    """A posture that was held out."""
+
+    frames: list[int]
+    error_mm: tuple[Unknown, Unknown, Unknown]
+    u_mm: tuple[UnknownU, UnknownU, UnknownU]
+
+
+class CalibrationValidationFile(ResultFile):
+    """`calibration_validation.json`: errors of a hand-eye calibration on held-out postures."""
+
+    NAME: ClassVar[str] = "calibration_validation.json"
+    how: str
+    rms_mm: NotNegative
+    expected_mm: NotNegative
+    misfit: Unknown
+    freedom: int
+    postures: list[ValidationRow]
+
+
+class ForceRow(Row):
+    """Milling force along a layer."""
+
+    index: Annotated[int, Field(ge=1)]
+    arc_length_mm: list[Number]
+    mean_n: list[Any]
+    peak_n: list[Any]
+
+
+class MillingForceFile(ResultFile):
+    """`milling_force.json`: force on the cutter along each layer, N."""
+
+    NAME: ClassVar[str] = "milling_force.json"
+    format: Literal["milling-force"]
+    version: Literal[1]
+    layers: list[ForceRow]
+
+
+class DeflectionFile(ResultFile):
+    """`deflection.json`: displacement of the tool under a wrench."""
+
+    NAME: ClassVar[str] = "deflection.json"
+    format: Literal["deflection"]
+    version: Literal[1]
+    frame: Literal["base"]
+    displacement_mm: list[Any]
+    rotation_deg: list[Any]
+    joint_deflection_deg: list[Any]
+
+
+class CompensationRow(Row):
+    """Errors of the sections of a part."""
+
+    mean_root_error_mm: Unknown
+    largest_root_error_mm: Unknown
+    mean_bevel_error_deg: Unknown
+    largest_bevel_error_deg: Unknown
+
+
+class CompensationFile(ResultFile):
+    """`compensation.json`: a part milled without and with compensation of deflection."""
+
+    NAME: ClassVar[str] = "compensation.json"
+    format: Literal["compensation"]
+    version: Literal[1]
+    largest_deflection_mm: NotNegative
+    without: CompensationRow
+    compensated: CompensationRow

@@ -44,7 +44,7 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
     )
     return SimpleNamespace(
         faces=faces,
-        end=SimpleNamespace(course=course(ROOT_MM, u["end"], u.get("drift", 0.0))),
+        end=SimpleNamespace(course=course(ROOT_MM, u["end"], u.get("drift", 0.0)), s=AT, departure=np.zeros(AT.size)),
         upper_s=frames,
         lever_mm=np.full(frames.size, LEVER_MM),
         root_turn=np.zeros(frames.size),
@@ -117,6 +117,16 @@ def test_each_source_stands_where_it_belongs() -> None:
     np.testing.assert_allclose(root.u, np.sqrt(sum(v**2 for v in expected.values())))
 
 
+def test_what_most_frames_say_against_the_course_is_uncertainty() -> None:
+    """Returns lost in a block, a gouge: the smooth course may leave such frames out, not without a trace."""
+    state = measured(0.7, {"root": 0.0, "bevel": 0.0, "end": 0.002}, 0.0, 0.3)
+    state.end.departure = np.array([0.0, -0.8, 0.0])
+    root, bevel = sizes(state, AT, np.zeros(AT.size), Form(*(np.zeros(AT.size) for _ in range(3))), Rounding(), 0.0)  # type: ignore[arg-type]
+    np.testing.assert_allclose(root.u, [0.002, np.hypot(0.002, 0.8), 0.002])
+    assert bevel.u[1] > 0.03
+    assert bevel.u[0] < 1e-3
+
+
 def profile(change: Float) -> tuple[Float, Float]:
     at = np.arange(0.0, 200.0)
     return at, sudden_mm(at, 1.5 + change, np.full(at.size, 0.002))
@@ -129,3 +139,20 @@ def test_a_sudden_change_is_uncertain_by_all_of_it_and_a_drift_is_not() -> None:
     assert (lost[np.abs(at - 100.0) > 10.0] == 0.0).all()
     assert (profile(0.002 * s)[1] == 0.0).all()
     assert (profile(0.05 * np.sin(2 * np.pi * s / 80.0))[1] == 0.0).all()
+
+
+def test_a_level_that_has_not_most_of_the_edge_is_no_truth() -> None:
+    s = np.arange(0.0, 200.0)
+    _, third = profile(np.where(s > 160.0, -0.2, 0.0))
+    assert (third[s > 166.0] > 0.15).all()
+    assert (third[s < 150.0] == 0.0).all()
+    _, half = profile(np.where(s > 100.0, -0.2, 0.0))
+    assert (half > 0.15).all()
+
+
+def test_waves_are_steep_everywhere_and_a_burr_is_not() -> None:
+    s = np.arange(0.0, 200.0)
+    assert (profile(0.05 * np.sin(2 * np.pi * s / 15.0))[1] == 0.0).all()
+    burr = profile(0.09 * np.exp(-(((s - 120.0) / 4.0) ** 2)))[1]
+    assert burr[120] > 0.08
+    assert (burr[np.abs(s - 120.0) > 20.0] == 0.0).all()

@@ -181,6 +181,19 @@ def test_a_gouge_contradicts_the_course() -> None:
     near = np.abs(end.s - 60.0) < 0.9
     assert end.contradicted[near].all()
     assert not end.contradicted[np.abs(end.s - 60.0) > 6.0].any()
+    np.testing.assert_allclose(end.departure[near], -0.8, atol=0.1)
+    assert not end.departure[np.abs(end.s - 60.0) > 6.0].any()
+
+
+@pytest.mark.parametrize("change", [-0.8, -0.15, 0.15])
+@pytest.mark.parametrize("length", [4.0, 10.0, 20.0])
+def test_a_stretch_that_lies_off_is_followed_or_told(length: float, change: float) -> None:
+    ends = frames(constant, 8, 9.3)
+    off = np.where(np.abs(ends.s - 60.0) < 0.5 * length, change, 0.0)
+    end = found(replace(ends, low=ends.low + off))
+    within = np.abs(end.s - 60.0) < 0.5 * length - 1.0
+    error = np.abs(end.course.value(end.s) - 1.5 - change)[within]
+    assert (error < np.maximum(4.0 * end.course.u(end.s)[within], 1.2 * np.abs(end.departure[within]) + 0.02)).all()
 
 
 def test_the_place_of_the_count_does_not_matter() -> None:

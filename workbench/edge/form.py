@@ -27,7 +27,8 @@ TURN, OFFSET = 2.1, 1.2
 LAST, OUTSIDE_MM = 6, 0.9
 PROOF, DEPTH_U_MM = 3.0, 0.0005
 LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 60
-INCIDENCES = np.radians(np.arange(76.0, 90.0, 2.0))  # greatest angle of incidence at which a sensor still returns
+INCIDENCES = np.radians(np.arange(56.0, 90.0, 2.0))  # greatest angle of incidence at which a return is kept
+UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 STEP_MM = 0.15  # between columns of one surface
 SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
 
@@ -158,8 +159,10 @@ def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
     u = np.sqrt(np.var(depth, axis=0) / len(depth)) + DEPTH_U_MM
     slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
     step = float(np.median(rim.step_mm[frames]))
-    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(slope))
-    if mean[0] < PROOF * u[0]:  # none is proven; one that would not show is in u
+    is_proven = mean[0] >= PROOF * u[0]
+    incidences = INCIDENCES if is_proven else INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
+    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(slope), incidences)
+    if not is_proven:  # one that would not show is in u
         return Rounding(u_mm=math.hypot(missing, missing_u))
     further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
     rounded = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, slope)
@@ -188,11 +191,13 @@ def _last_returns(cloud: Cloud, rim: FaceRim, i: int) -> tuple[Float, int]:
     return below[both[np.argsort(-v[both])]][:LAST], len(kept)
 
 
-def _quarter_circle(depth: Float, u: Float, step_mm: float, inclination: float) -> tuple[float, float, float]:
+def _quarter_circle(
+    depth: Float, u: Float, step_mm: float, inclination: float, incidences: Float
+) -> tuple[float, float, float]:
     """Radius; how far the virtual edge lies beyond the last return's step; standard uncertainty of that: mm."""
     w = (np.arange(LAST)[:, None] + (np.arange(20) + 0.5) / 20.0) * step_mm
     spread = np.hypot(u, SHAPE * np.abs(depth))
-    incidences = INCIDENCES[inclination < INCIDENCES]
+    incidences = incidences[incidences > inclination]
     rounded = np.geomspace(LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII)
     shares = [-0.5 * float(((depth / spread) ** 2).sum()) + math.log(max(rounded.size * incidences.size, 1))]  # sharp
     values, radii = [0.0], [0.0]

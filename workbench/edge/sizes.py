@@ -9,8 +9,11 @@ from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
 from workbench.units import Float
 
-SUDDEN_MM, REACH_MM = 0.03, 40.0  # a change of the root size by this, and the edge about it that it is compared with
-SUDDEN_SLOPE = 0.02  # over some mm: a machined root face does not change so fast, lost returns and burrs do
+SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
+MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
+NEAR_MM = 1.5  # of a section: frames that speak for it
+SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
+UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
 
 
@@ -29,12 +32,13 @@ def sizes(
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
+    loose = np.maximum(sudden_mm(at, root, end_u), departure_mm(measured, s))
     # What obliquity makes of the root size's drift.
-    drift_u = np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
+    drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
     whole = np.ones(at.size)
     root_u = {
-        END: np.hypot(end_u, sudden_mm(at, root, end_u)),
+        END: np.hypot(end_u, loose),
         DIRECTIONS: turned,
         TANGENT: tangent_u * np.abs(run_root) * root,
         FORM: form.corner_u_mm,
@@ -50,24 +54,40 @@ def sizes(
 
 
 def sudden_mm(at: Float, root: Float, u: Float) -> Float:
-    """By how much the root size leaves its course about it (m,) by a sudden change, mm; 0 elsewhere.
+    """By how much the root size (m,) may be off where it changes suddenly at stations `at` (m,), mm; 0 elsewhere.
 
-    The end of the face may be lost there, covered, or stand out in its plane: nothing tells which, so all of the
-    change is uncertainty.
+    The end of the face may be lost on one side of the change, covered, or stand out in its plane: nothing tells which.
+    What lies off the level of most of the edge is uncertain by all of that; where no level has most of it, all is.
     """
     out = np.zeros(at.size)
-    slope = np.abs(np.gradient(root, at)) if at.size > 2 else out
-    about = np.array([np.median(root[np.abs(at - s) <= REACH_MM]) for s in at])
-    off = np.abs(root - about)
-    for k in np.flatnonzero(off > np.maximum(SUDDEN_MM, SUDDEN_SIGMAS * u)):
-        first = last = k  # the stretch that lies off on this side
-        while first > 0 and off[first - 1] > 0.3 * SUDDEN_MM:
-            first -= 1
-        while last < at.size - 1 and off[last + 1] > 0.3 * SUDDEN_MM:
-            last += 1
-        if slope[max(first - 2, 0) : last + 3].max() > SUDDEN_SLOPE:
-            out[first : last + 1] = np.maximum(out[first : last + 1], off[first : last + 1])
-    return out
+    if at.size < 3:
+        return out
+    reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
+    slope = np.abs(np.gradient(root, at))
+    steep = np.flatnonzero(slope > max(SUDDEN_SLOPE, UNUSUAL_SLOPES * float(np.median(slope))))
+    if not steep.size:
+        return out
+    level, level_now = np.zeros(at.size), 0.0
+    for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
+        before, after = max(run[0] - reach, 0), min(run[-1] + reach, at.size - 1)
+        change = root[before : after + 1] - root[before]
+        if np.ptp(change) < max(SUDDEN_MM, SUDDEN_SIGMAS * float(np.median(u[before : after + 1]))):
+            continue
+        out[before : after + 1] = np.maximum(out[before : after + 1], np.ptp(change))
+        level_now += float(change[-1])
+        level[(run[0] + run[-1]) // 2 :] = level_now
+    share = np.array([np.mean(np.abs(level - one) < SUDDEN_MM) for one in level])
+    off = np.abs(level - level[np.argmax(share)])
+    if share.max() < MOST:
+        off = np.maximum(off, np.ptp(level))
+    return np.asarray(np.maximum(out, np.where(off < SUDDEN_MM, 0.0, off)))
+
+
+def departure_mm(measured: Measured, s: Float) -> Float:
+    """How far off its course most frames near s (m,) have the end, mm: the course may have left them out."""
+    end = measured.end
+    near = np.abs(s[:, None] - end.s[None, :]) <= NEAR_MM
+    return np.asarray(np.where(near, np.abs(end.departure)[None, :], 0.0).max(axis=1, initial=0.0))
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

@@ -52,6 +52,7 @@ class EndCourse:
     course: Course  # mm
     s: Float  # (c,) middle of each stretch of edge, mm
     contradicted: Bool  # (c,) most frames there say something else than the course
+    departure: Float  # (c,) how far their middle lies off it there, mm; 0 elsewhere
 
 
 def find_end(
@@ -90,8 +91,12 @@ def find_end(
         said = variance * _said_again(logs, grid)
         course = fit_course(place, about + mean, said, orders=orders, unseen=unseen, together_mm=together_mm)
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
-    off = np.bincount(cell, _off_course(ends, course.value(ends.s))) / count
-    return EndCourse(course, place, off > CONTRADICTED)
+    about = course.value(ends.s)
+    contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
+    departure = np.zeros(place.size)
+    for k in np.flatnonzero(contradicted):
+        departure[k] = np.median((ends.low + 0.5 * ends.step - about)[cell == k])
+    return EndCourse(course, place, contradicted, departure)
 
 
 def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:

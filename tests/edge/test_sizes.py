@@ -9,7 +9,7 @@ import pytest
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT
 from workbench.edge.form import Form, Rounding
-from workbench.edge.sizes import sizes, sudden_mm
+from workbench.edge.sizes import sizes, sudden
 from workbench.geometry.course import Course
 from workbench.units import Float
 
@@ -129,7 +129,7 @@ def test_what_most_frames_say_against_the_course_is_uncertainty() -> None:
 
 def profile(change: Float) -> tuple[Float, Float]:
     at = np.arange(0.0, 200.0)
-    return at, sudden_mm(at, 1.5 + change, np.full(at.size, 0.002))
+    return at, sudden(at, 1.5 + change, np.full(at.size, 0.002))
 
 
 def test_a_sudden_change_is_uncertain_by_all_of_it_and_a_drift_is_not() -> None:

@@ -109,8 +109,9 @@ def _excess(off: Float, place: Float) -> float:
     frames = np.maximum(np.isfinite(mean).sum(axis=0), 2)
     pooled = np.nanmean(mean, axis=0)
     noise = np.nanvar(mean, axis=0) / (frames - 1)
-    # Two of the places' freedom went into the line.
-    return max(float((pooled**2 - noise).sum()) / (PLACES - 2) - 2.0 * float(noise.mean()) / math.sqrt(PLACES), 0.0)
+    free = PLACES - 2  # two of the places' freedom went into the line
+    shown = float((pooled**2 - noise).sum()) / free - 2.0 * float(noise.mean()) / math.sqrt(PLACES)
+    return max(shown, 0.0) * free / (free - 2)  # so few places know a variance no better (Student)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import RawMeasured, axes, measure_raw_edge
-from workbench.edge.sizes import sudden_mm
+from workbench.edge.sizes import sudden
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
@@ -106,7 +106,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         stand_u = np.hypot(stand_u, measured.stand_out.u(at))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
     low_u = np.hypot(low_u, measured.lower.rounding.u_mm)
-    low_u = np.hypot(low_u, sudden_mm(at, low, low_u))
+    low_u = np.hypot(low_u, sudden(at, low, low_u))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))

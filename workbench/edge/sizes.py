@@ -7,12 +7,13 @@ import numpy as np
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
 from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
 NEAR_MM = 1.5  # of a section: frames that speak for it
 SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
+SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
 UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
 
@@ -32,7 +33,7 @@ def sizes(
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
-    loose = np.maximum(sudden_mm(at, root, end_u), departure_mm(measured, s))
+    loose = np.maximum(sudden(at, root, end_u), departure_mm(measured, s))
     # What obliquity makes of the root size's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
@@ -46,41 +47,42 @@ def sizes(
         DECLARED: end_u_mm * whole,
     }
     angle = {
-        DIRECTIONS: np.hypot(angle_u, drift_u),
+        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST)),
         TANGENT: tangent_u * leverage,
         FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
     }
     return Quantity(root, root_u), Quantity(beta, angle)
 
 
-def sudden_mm(at: Float, root: Float, u: Float) -> Float:
-    """By how much the root size (m,) may be off where it changes suddenly at stations `at` (m,), mm; 0 elsewhere.
+def sudden(at: Float, value: Float, u: Float, least: float = SUDDEN_MM, least_slope: float = SUDDEN_SLOPE) -> Float:
+    """By how much a size (m,) may be off where it changes suddenly at stations `at` (m,) mm; 0 elsewhere.
 
-    The end of the face may be lost on one side of the change, covered, or stand out in its plane: nothing tells which.
+    A change by `least`, steeper than `least_slope` a mm and than is usual on the edge. The end of the face may be lost
+    on one side of it, covered, or stand out in its plane, a second return may stand for the face: nothing tells which.
     What lies off the level of most of the edge is uncertain by all of that; where no level has most of it, all is.
     """
     out = np.zeros(at.size)
     if at.size < 3:
         return out
     reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
-    slope = np.abs(np.gradient(root, at))
-    steep = np.flatnonzero(slope > max(SUDDEN_SLOPE, UNUSUAL_SLOPES * float(np.median(slope))))
+    slope = np.abs(np.gradient(value, at))
+    steep = np.flatnonzero(slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope))))
     if not steep.size:
         return out
     level, level_now = np.zeros(at.size), 0.0
     for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
         before, after = max(run[0] - reach, 0), min(run[-1] + reach, at.size - 1)
-        change = root[before : after + 1] - root[before]
-        if np.ptp(change) < max(SUDDEN_MM, SUDDEN_SIGMAS * float(np.median(u[before : after + 1]))):
+        change = value[before : after + 1] - value[before]
+        if np.ptp(change) < max(least, SUDDEN_SIGMAS * float(np.median(u[before : after + 1]))):
             continue
         out[before : after + 1] = np.maximum(out[before : after + 1], np.ptp(change))
         level_now += float(change[-1])
         level[(run[0] + run[-1]) // 2 :] = level_now
-    share = np.array([np.mean(np.abs(level - one) < SUDDEN_MM) for one in level])
+    share = np.array([np.mean(np.abs(level - one) < least) for one in level])
     off = np.abs(level - level[np.argmax(share)])
     if share.max() < MOST:
         off = np.maximum(off, np.ptp(level))
-    return np.asarray(np.maximum(out, np.where(off < SUDDEN_MM, 0.0, off)))
+    return np.asarray(np.maximum(out, np.where(off < least, 0.0, off)))
 
 
 def departure_mm(measured: Measured, s: Float) -> Float:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import OutputError
+from workbench.pipeline.lock import locked
 from workbench.pipeline.output import OutputDirectory
 
 NEW = {"inspection.json": b"new", "run.json": json.dumps({"files": ["inspection.json", "run.json"]}).encode()}
@@ -184,3 +185,15 @@ def test_a_set_that_was_never_complete_is_cleared_away(tmp_path: Path) -> None:
     with out.reserved():
         pass
     assert tree(tmp_path) == {f"out/{name}": content for name, content in OLD.items()}
+
+
+def test_the_lock_of_a_killed_run_goes_and_that_of_a_running_one_stays(tmp_path: Path) -> None:
+    """A run that was killed just after its directory had appeared leaves the lock that it held beside it."""
+    out, lock = OutputDirectory(tmp_path / "out"), tmp_path / ".out.lock"
+    out.publish(OLD)
+    lock.touch()
+    with locked(lock), out.reserved():
+        assert lock.exists()
+    lock.touch()
+    with out.reserved():
+        assert not lock.exists()

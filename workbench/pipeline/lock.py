@@ -33,6 +33,14 @@ def locked(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def clear_lock(path: Path) -> None:
+    """Remove the lock file of a process that was killed; one that is held stays."""
+    with suppress(OSError, BusyError):
+        if path.is_file():
+            with locked(path):
+                pass
+
+
 def _open_and_lock(path: Path) -> int:
     while True:
         flags = os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW

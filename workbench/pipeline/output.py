@@ -19,7 +19,7 @@ from pathlib import Path
 
 from workbench.errors import OutputError
 from workbench.pipeline.exchange import clear_killed_runs, exchange, staged_prefix
-from workbench.pipeline.lock import BusyError, locked
+from workbench.pipeline.lock import BusyError, clear_lock, locked
 from workbench.pipeline.results import RUN_FILE, is_plain_name
 
 # What the contract calls a result, whoever wrote it: a reader takes these for the last run's.
@@ -55,6 +55,8 @@ class OutputDirectory:
         with self._held(place):
             with self._errors(), _signals_wait():
                 clear_killed_runs(self.path, beside=not self._exists)
+                if place == self.path and not self._exists:
+                    clear_lock(self._lock_beside(self.path.parent))
             yield
 
     def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
@@ -94,7 +96,7 @@ class OutputDirectory:
     @contextmanager
     def _held(self, place: Path) -> Iterator[None]:
         """The lock: on the directory, or beside its place where it does not exist yet."""
-        lock = place if place == self.path else place / f".{self.path.name}.lock"
+        lock = place if place == self.path else self._lock_beside(place)
         with ExitStack() as held:
             try:
                 with self._errors():
@@ -103,6 +105,9 @@ class OutputDirectory:
                 why = "another run is writing there; wait for it, or choose another --out"
                 raise OutputError(str(self.path), why) from None
             yield
+
+    def _lock_beside(self, place: Path) -> Path:
+        return place / f".{self.path.name}.lock"
 
     def _place(self) -> Path:
         """The nearest directory that exists, from the output directory upwards; a file on the way is refused."""

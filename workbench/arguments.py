@@ -130,6 +130,7 @@ def build_parser() -> Parser:
     looked.add_argument("file", metavar="FILE", help="recording (.h5), cloud, or what `workbench import` reads")
     looked.add_argument("--out", metavar="FILE.html", help="the page to write, with the view in space")
     looked.add_argument("--mapping", metavar="MAP.json", help="what the file does not say about itself")
+    looked.add_argument("--corners", metavar="FILE.csv", help="a groove's corners in every row of ranges, as a table")
     samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
     samples.add_argument("directory", metavar="DIR")
     viewed = command("view", "show the report and the results in DIR in a browser, served on 127.0.0.1 until Ctrl-C")

@@ -204,7 +204,7 @@ def look(options: argparse.Namespace) -> int:
     """Tell and show what a recording, a cloud or a vendor's file holds; nothing is judged by the exit status."""
     from workbench.look import look as look_at
 
-    lines = look_at(options.file, options.out, options.mapping)
+    lines = look_at(options.file, options.out, options.mapping, options.corners)
     printed(print, "\n".join([*lines, *([f"page: {options.out}"] if options.out else [])]))
     return 0
 

@@ -52,6 +52,8 @@ class Lines:
     face: Float  # (n,) direction of the face downwards; NaN at an `edge`
     face_variance: Float
     face_s: Float  # (n,) arc length where the profile cuts the face's middle
+    plate_way: Float  # (n,) how far the profile goes along the groove a mm of the upper surface: it stands obliquely
+    face_way: Float
     corner: Float  # (n, 2) where both meet
     corner_variance: Float  # (n, 2)
     last: Float  # (n, 2) innermost return of the plate
@@ -304,6 +306,8 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "share",
         "edge_step",
         "lever",
+        "plate_way",
+        "face_way",
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
@@ -320,7 +324,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         upper, face, arc, end, below = np.split(points, cuts)
         if face.size:
             value["face_s"][k] = float(np.split(at, cuts)[1].mean())
-        held.append((k, upper, face, arc, ray))
+        held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2]))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm
         value["edge_step"][k] = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
         if below.shape[0] >= 2:
@@ -340,9 +344,10 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
     )
     guess = 4.0
-    for k, upper, face, arc, ray in held:
+    for k, upper, face, arc, ray, at in held:
         centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
         value["plate"][k], value["plate_v"][k] = angle, angle_v * noise_p**2
+        value["plate_way"][k] = _way_along(upper, at[0], angle)
         plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
         if kind == "edge":
             corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
@@ -375,6 +380,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
                 value["bottom_v"][k],
             ) = found  # type: ignore[assignment]
         value["face"][k], value["face_v"][k] = way, way_v
+        value["face_way"][k] = _way_along(face, at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
     return Lines(
@@ -384,6 +390,8 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"],
         value["face_v"],
         value["face_s"],
+        value["plate_way"],
+        value["face_way"],
         corner,
         corner_v,
         last,
@@ -400,6 +408,12 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["spacing"],
         _pattern(added, count, squares),
     )
+
+
+def _way_along(points: Float, at: Float, angle: float) -> float:
+    """Arc length (m,) along the groove a mm along a line of points (m, 2)."""
+    along = points @ np.array([math.cos(angle), math.sin(angle)])
+    return float(np.polyfit(along - along.mean(), at, 1)[0])
 
 
 def _pattern(added: Float, count: Float, squares: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -16,7 +17,7 @@ from workbench.edge.groove_frames import Lines, axes, groove_curve, plate_turn, 
 from workbench.edge.groove_profile import BELOW_MM, Kind
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
-from workbench.geometry.course import fit_course
+from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
@@ -36,10 +37,6 @@ STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on 
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
-WIDER_MM, WIDER_ANGLE = (
-    1.3,
-    2.5,
-)  # of the courses' u: by the study they are too small, and why is open (docs/grooves.md)
 LEAST_ENDS, LEAST_TOGETHER = 6, 0.25  # profiles that show an end, and their share that agrees on it
 TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are lost; so many in a row are one tack weld
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
@@ -231,6 +228,8 @@ class _Measured:
         self.turn_u = skew * direction_u + 0.5 * direction_u**2  # rad, of angles, likewise
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
+        self.upper: dict[str, tuple[_Course, _Course]] = {}
+        self.slope_u: dict[str, Float] = {}  # (k,) rad, of a face's direction: by the slope of its corner's course
         self._bevel_shared = 0.0
         self.root_face_seen = self.root_face_excluded = False
 
@@ -246,6 +245,8 @@ class _Measured:
                 near = self._together(place, np.isfinite(place) & np.isfinite(self.s), 2.0 * end)
                 one.corner[~near] = np.nan
                 hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
+        self.lines = [self._turned(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
+        left, right = self.lines
         wide = [one.corner_variance[:, 0] for one in self.lines]
         width = self._course(-right.corner[:, 0] - left.corner[:, 0], wide[0] + wide[1])
         shared = self._shared(*wide)
@@ -265,9 +266,21 @@ class _Measured:
                 left.face_variance + right.face_variance,
                 0.5 * (left.face_s + right.face_s),
             )
-            self._deg("included_deg", value.value, value.u, self._shared(left.face_variance, right.face_variance), 2.0)
+            self._deg(
+                "included_deg",
+                value.value,
+                value.u,
+                self._shared(left.face_variance, right.face_variance),
+                ("left", "right"),
+            )
         elif both and "hidden" not in (left.kind, right.kind):
-            self._deg("included_deg", math.pi / 2 - both[0][0], both[0][1], self._bevel_shared)
+            self._deg(
+                "included_deg",
+                math.pi / 2 - both[0][0],
+                both[0][1],
+                self._bevel_shared,
+                (("left", "right")[falls.index(both[0])],),
+            )
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
         if depths:
@@ -308,6 +321,24 @@ class _Measured:
         """How much higher one plate stands than the other, over the groove's depth."""
         return float(np.nanmedian(np.abs(self.misalignment))) / max(self.depth, 1e-3)
 
+    def _turned(self, name: str, one: Lines) -> Lines:
+        """The lines with their directions in the section plane.
+
+        A profile that stands obliquely goes along the groove as it crosses a face. Where the face comes nearer along
+        the groove, as it does where plates drift, its line is turned: by the face's slope along the groove times how
+        far the profile goes along it. The slope is that of the upper corner's course.
+        """
+        a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
+        self.upper[name] = a, b
+        da, db = (np.where(np.isfinite(self.s), each.smooth.slope(np.nan_to_num(self.s)), np.nan) for each in (a, b))
+        plate, face = (
+            angle - way * (np.cos(angle) * db - np.sin(angle) * da)
+            for angle, way in ((one.plate, one.plate_way), (one.face, one.face_way))
+        )
+        ways = [float(np.nanmedian(np.abs(way))) for way in (one.plate_way, one.face_way) if np.isfinite(way).any()]
+        self.slope_u[name] = math.hypot(*ways) * np.hypot(a.smooth.slope_u(self.at), b.smooth.slope_u(self.at))
+        return replace(one, plate=plate, face=face)
+
     def _course(self, value: Float, variance: Float, s: Float | None = None) -> _Course:
         """The course of single profiles' values, at s (n,) each; NaN where none that agrees with it is near."""
         s = self.s if s is None else s
@@ -324,7 +355,7 @@ class _Measured:
             raise InputError("groove", "its faces lie at another place in every profile: no groove?")
         course = fit_course(s[good], value[good], variance[good], self.group[good])
         hidden = ~covered(np.where(good, self.s, np.nan), self.group, self.at)
-        return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at))
+        return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at), course)
 
     def _smooth(self, value: Float, good: Bool, step: float) -> Bool:
         """Profiles (n,) of `good` whose values lie within TOGETHER_STEPS of one smooth course."""
@@ -346,20 +377,20 @@ class _Measured:
         self.sizes[name] = Quantity(
             value,
             {
-                FACES: np.hypot(WIDER_MM * faces, math.hypot(LEAST_U_MM, form)),
+                FACES: np.hypot(faces, math.hypot(LEAST_U_MM, form)),
                 PATTERN: np.full(value.size, pattern),
                 RETURNS: np.full(value.size, returns),
                 DIRECTION: np.abs(value) * self.scale_u,
             },
         )
 
-    def _deg(self, name: str, value: Float, u: Float, pattern: float, turns: float = 1.0) -> None:
+    def _deg(self, name: str, value: Float, u: Float, pattern: float, sides: tuple[str, ...]) -> None:
         self.sizes[name] = Quantity(
             value / DEG,
             {
-                FACES: np.hypot(WIDER_ANGLE * u / DEG, LEAST_U_DEG),
+                FACES: np.hypot(u / DEG, LEAST_U_DEG),
                 PATTERN: np.full(value.size, pattern / DEG),
-                DIRECTION: turns * self.turn_u / DEG,
+                DIRECTION: np.hypot(len(sides) * self.turn_u, np.hypot.reduce([self.slope_u[k] for k in sides])) / DEG,
             },
         )
 
@@ -369,7 +400,7 @@ class _Measured:
             return None
         fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
         self._bevel_shared = self._shared(one.plate_variance, one.face_variance)
-        self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared)
+        self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared, (name,))
         return fall.value, fall.u
 
     def _root(self, one: Lines, fall: tuple[Float, Float] | None) -> _Root:
@@ -461,7 +492,7 @@ class _Measured:
     def _corners(self, roots: list[_Root]) -> None:
         """Upper corners from their own courses; roots from these."""
         for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
-            a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
+            a, b = self.upper[name]
             place = np.stack([a.value, b.value], axis=1)
             end = (
                 math.hypot(END_SHARE * float(np.nanmedian(one.edge_step)), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
@@ -519,8 +550,8 @@ class _Measured:
 class _Course:
     """Values along the groove and their u (k,), at its stations."""
 
-    def __init__(self, value: Float, u: Float) -> None:
-        self.value, self.u = value, u
+    def __init__(self, value: Float, u: Float, smooth: Course) -> None:
+        self.value, self.u, self.smooth = value, u, smooth
 
 
 class _Root:

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from workbench.edge.groove_rows import COLUMNS
 from workbench.errors import InputError, OutputError, one_line
 from workbench.look.read import seen
 from workbench.look.seen import Seen
 from workbench.look.tell import told
 
 
-def look(file: str | Path, out: str | Path | None = None, mapping: str | Path | None = None) -> tuple[str, ...]:
+def look(
+    file: str | Path,
+    out: str | Path | None = None,
+    mapping: str | Path | None = None,
+    corners: str | Path | None = None,
+) -> tuple[str, ...]:
     """What a file holds, as lines; and as a page in `out` if that is named.
 
     Args:
         file: a recording, a cloud, or anything that `workbench import` reads.
         out: the page to write, `.html`, complete in itself.
         mapping: MAP.json, where the file does not explain itself.
+        corners: a table to write, `.csv`: the corners of a groove in every row of ranges.
 
     Raises:
         InputError: the file cannot be read.
@@ -25,7 +34,23 @@ def look(file: str | Path, out: str | Path | None = None, mapping: str | Path | 
     found = seen(Path(file), None if mapping is None else Path(mapping))
     if out is not None:
         write_page(found, Path(out))
+    if corners is not None:
+        write_corners(found, Path(corners))
     return summary(found)
+
+
+def write_corners(found: Seen, target: Path) -> None:
+    """Row, then column and range of each corner, as the file counts them; empty where a row shows no groove."""
+    if found.corners is None:
+        raise InputError(found.source, "expected rows of ranges across a groove, for --corners")
+    if target.suffix.lower() != ".csv":
+        raise InputError(str(target), "expected the name of a table to write, ending in .csv")
+    names = [f"{name}_{what}" for what in ("column", "range") for name in COLUMNS]
+    table = np.concatenate([found.corners.column, found.corners.z], axis=1)
+    lines = [",".join(["row", *names])]
+    for number, row in enumerate(table):
+        lines.append(",".join([str(number), *("" if np.isnan(v) else f"{v:.2f}" for v in row)]))
+    _written(target, "\r\n".join([*lines, ""]).encode())
 
 
 def summary(found: Seen) -> tuple[str, ...]:
@@ -45,7 +70,11 @@ def write_page(found: Seen, target: Path) -> None:
 
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(str(target), "expected the name of a page to write, ending in .html")
-    content = page(found).encode()
+    _written(target, page(found).encode())
+
+
+def _written(target: Path, content: bytes) -> None:
+    """Whole or not at all."""
     part = target.with_name(f".{target.name}.part")
     try:
         part.write_bytes(content)

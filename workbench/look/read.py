@@ -13,10 +13,14 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.cloud import readers
 from workbench.cloud.read import MM, OF_FORMAT, check_size, in_process
+from workbench.edge.groove_rows import COLUMNS, corners_of_rows
 from workbench.errors import InputError
+from workbench.export.corners import read_corners, recognised
+from workbench.importing import kistler
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.text import as_utf8, first_bytes, head_text
 from workbench.look.foreign import frames_alone, poses_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.sample import chosen_of, shades_of
@@ -44,6 +48,8 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
         return _recording(file)
     if suffix in readers.READERS and suffix not in TEXTS:
         return _cloud(file)
+    if (other := _other(file)) is not None:
+        return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
     if mapping is None:
         ways += [_drafted, *([_cloud] if suffix in TEXTS else [])]
@@ -54,6 +60,40 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
         except InputError as error:
             refused.append(error)
     raise refused[0]  # what the file is not says more than what a table of points would need
+
+
+def _other(file: Path) -> Seen | None:
+    """What is neither profiles nor poses nor points: corners of a groove, forces."""
+    head = head_text(first_bytes(file))
+    nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
+    if kistler.recognises(head):
+        lines = tuple(kistler.told(kistler.read_forces(file)))
+        return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
+    if not recognised(head):
+        return None
+    seven = read_corners(as_utf8(file.read_bytes(), str(file)).decode(), str(file))
+    at = seven.corners_mm
+    sizes = [
+        f"{name}: {value.min():.3f} to {value.max():.3f} mm, median {np.median(value):.3f}"
+        for name, value in (
+            ("width between the upper edges", np.abs(at[:, 6, 0] - at[:, 0, 0])),
+            ("gap between the roots", np.abs(at[:, 5, 0] - at[:, 1, 0])),
+            ("depth at the left root", at[:, 0, 2] - at[:, 1, 2]),
+            ("depth at the right root", at[:, 6, 2] - at[:, 5, 2]),
+            ("misalignment", at[:, 6, 2] - at[:, 0, 2]),
+        )
+    ]
+    told = f"rows: {len(at)}, {int(np.isfinite(seven.torch_mm[:, 0]).sum())} with the torch's place; metres in the file"
+    points = at.reshape(-1, 3)
+    return Seen(
+        str(file),
+        "seven corners of a groove",
+        "the tracker's frame",
+        (told, *sizes),
+        points,
+        shades_of(points),
+        hints=(hint, "to write such a table: stage export.corners behind edge.segment_groove"),
+    )
 
 
 def _recording(file: Path) -> Seen:
@@ -94,8 +134,23 @@ def _cloud(file: Path) -> Seen:
 def _drafted(file: Path) -> Seen:
     """A table as a drafted mapping reads it; what is uncertain is told."""
     tree, _ = drafted([file])
-    found = _foreign(file, Mapping.model_validate_json(json.dumps(tree)))
+    mapping = Mapping.model_validate_json(json.dumps(tree))
+    found = _foreign(file, mapping)
+    if tree.get("profiles", {}).get("frames") == "rows":
+        found = _with_corners(file, mapping, found)
     return replace(found, hints=(*(f"uncertain: {text}" for text in tree.get("uncertain", ())), *found.hints))
+
+
+def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
+    """Rows of ranges whose unit, pitch and poses are unknown show corners all the same, in columns."""
+    frames = read_source(file, mapping).profiles
+    rows = None if frames is None else corners_of_rows(frames.z_mm.astype(float))
+    if rows is None:
+        return found
+    middle = np.nanmedian(rows.column, axis=0)
+    places = ", ".join(f"{name} {column:.1f}" for name, column in zip(COLUMNS, middle, strict=True))
+    told = f"groove: corners in {rows.found.sum()} of {len(rows.found)} rows, in the median at columns {places}"
+    return replace(found, lines=(*found.lines, told), corners=rows)
 
 
 def _foreign(file: Path, mapping: Mapping) -> Seen:

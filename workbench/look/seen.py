@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from workbench.artefacts import Strokes
 from workbench.artefacts.checks import Check
+from workbench.edge.groove_rows import Rows
 from workbench.look.single import Profile
 from workbench.units import Float
 
@@ -32,4 +33,5 @@ class Seen:
     checks: tuple[Check, ...] = ()
     suggestions: tuple[str, ...] = ()  # what would make it consistent
     profile: Profile | None = None  # where there is a single one
+    corners: Rows | None = None  # of a groove, in rows of ranges
     hints: tuple[str, ...] = ()  # what to do next

@@ -344,10 +344,10 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
     )
     guess = 4.0
-    for k, upper, face, arc, ray, at in held:
+    for k, upper, face, arc, ray, cuts_at in held:
         centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
         value["plate"][k], value["plate_v"][k] = angle, angle_v * noise_p**2
-        value["plate_way"][k] = _way_along(upper, at[0], angle)
+        value["plate_way"][k] = _way_along(upper, cuts_at[0], angle)
         plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
         if kind == "edge":
             corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
@@ -380,7 +380,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
                 value["bottom_v"][k],
             ) = found  # type: ignore[assignment]
         value["face"][k], value["face_v"][k] = way, way_v
-        value["face_way"][k] = _way_along(face, at[1], way)
+        value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
     return Lines(

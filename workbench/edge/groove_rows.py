@@ -165,7 +165,7 @@ def _range_at(column: Float, y: Float, end: int, corner: float, z: float) -> flo
 
 def _chain(corner: Float, at: Float, column: Float) -> Float:
     place = np.array([column[0], *np.sort(corner[:3]), column[-1]])
-    return np.interp(at, place, np.array([corner[6], *corner[3:6], corner[7]]))
+    return np.asarray(np.interp(at, place, np.array([corner[6], *corner[3:6], corner[7]])))
 
 
 def _fitted(column: Float, y: Float, start: Float, scale: float) -> tuple[float, Float] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,8 @@ def read_forces(path: Path) -> Forces:
         InputError: no row of channels, a unit that is not known, a cell that is no number, times that do not rise.
     """
     head = head_text(first_bytes(path)).splitlines()[:MOST_HEAD]
-    delimiter = next((mark for mark in ("\t", ";", ",") if mark in (head[0] if head else "")), ",")
+    first = head[0] if head else ""
+    delimiter: Literal["\t", ";", ","] = "\t" if "\t" in first else ";" if ";" in first else ","
     names_at = next((k for k, line in enumerate(head) if line.split(delimiter)[0].strip() == "Time"), None)
     if names_at is None or names_at + 1 >= len(head):
         raise InputError(str(path), f"expected a row of channels that begins with Time within {MOST_HEAD} lines")

@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from bench.confidently_wrong.__main__ import inspected, planned
 from bench.confidently_wrong.kinds import Kind
 from workbench.artefacts import Recording
+from workbench.geometry.poses import quaternion_from_rotation
+from workbench.scan.fuse import flange_poses
 from workbench.synthetic import Truth, random_recipe, simulate_recording
 
 Vary = Callable[[Recording, np.random.Generator], Recording]
@@ -91,8 +93,89 @@ def empty_frames(r: Recording, rng: np.random.Generator) -> Recording:
     return dataclasses.replace(r, z_mm=np.where(lost[:, None], np.float32(np.nan), r.z_mm))
 
 
+def mirrored(r: Recording, rng: np.random.Generator) -> Recording:
+    return dataclasses.replace(r, x_mm=-r.x_mm)
+
+
+def rolled(r: Recording, rng: np.random.Generator) -> Recording:
+    """Profiles turned in their own plane, by any angle."""
+    angle = rng.uniform(0, 2 * np.pi)
+    c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+    return dataclasses.replace(r, x_mm=c * r.x_mm - s * r.z_mm, z_mm=s * r.x_mm + c * r.z_mm)
+
+
+def repeated(r: Recording, rng: np.random.Generator) -> Recording:
+    which = np.sort(rng.integers(0, len(r.time_s), len(r.time_s)))
+    return dataclasses.replace(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which], intensity=None)
+
+
+def spikes(r: Recording, rng: np.random.Generator) -> Recording:
+    hit = rng.random(r.z_mm.shape) < rng.choice([0.001, 0.1])
+    return dataclasses.replace(r, z_mm=np.where(hit, rng.normal(0, 1e3, r.z_mm.shape).astype(np.float32), r.z_mm))
+
+
+def striped(r: Recording, rng: np.random.Generator) -> Recording:
+    lost = rng.random(r.z_mm.shape[1]) < rng.choice([0.3, 0.9])
+    return dataclasses.replace(r, z_mm=np.where(lost[None], np.float32(np.nan), r.z_mm))
+
+
+def held_values(r: Recording, rng: np.random.Generator) -> Recording:
+    """Whole frames, or whole columns, of one range."""
+    z = r.z_mm.copy()
+    if rng.random() < 0.5:
+        z[rng.random(len(z)) < 0.5] = 150.0
+    else:
+        z[:, rng.random(z.shape[1]) < 0.5] = 150.0
+    return dataclasses.replace(r, z_mm=z)
+
+
+def few(r: Recording, rng: np.random.Generator) -> Recording:
+    start = int(rng.integers(0, len(r.time_s) - 6))
+    return frames(r, np.arange(start, start + int(rng.integers(1, 6))))
+
+
+def passes_cut(r: Recording, rng: np.random.Generator) -> Recording:
+    """One pass told as several, each with the poses of its own ends."""
+    count = int(rng.integers(2, 5))
+    number = np.sort(rng.integers(0, count, len(r.time_s)))
+    poses = flange_poses(r)
+    ends = np.concatenate([np.flatnonzero(number == k)[[0, -1]] for k in np.unique(number)])
+    return dataclasses.replace(
+        r,
+        pass_index=number,
+        robot_time_s=r.time_s[ends],
+        robot_pass=number[ends],
+        robot_position_mm=poses[ends, :3, 3],
+        robot_quaternion_wxyz=quaternion_from_rotation(poses[ends, :3, :3]),
+    )
+
+
+def two_of_them(r: Recording, rng: np.random.Generator) -> Recording:
+    for k in rng.choice(len(SINGLE), 2, replace=False):
+        r = SINGLE[k](r, rng)
+        if len(r.time_s) < 12:
+            break
+    return r
+
+
 TRUE: list[Vary] = [moved, decimated, half_lost, columns_reversed, fewer_columns, cropped_frames, noisy]
-ANY: list[Vary] = [cropped_columns, sparse, scaled, permuted, empty_frames]  # what is left of them may be another part
+SINGLE: list[Vary] = [
+    *TRUE,
+    cropped_columns,
+    sparse,
+    scaled,
+    permuted,
+    empty_frames,
+    mirrored,
+    rolled,
+    repeated,
+    spikes,
+    striped,
+    held_values,
+    few,
+    passes_cut,
+]
+ANY: list[Vary] = [*SINGLE[len(TRUE) :], two_of_them]  # what is left of them may be another part
 
 
 def part(condition: str, seed: int) -> tuple[Recording, Truth]:

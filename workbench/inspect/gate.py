@@ -12,6 +12,7 @@ from workbench.errors import InputError
 from workbench.stage import stage
 
 LEAST_SHARE = 2.0 / 3.0
+DOUBT = "is this a bevel, are orientations, axes and hand-eye pose right?"
 MOST_U = 10.0  # expanded uncertainties over the tolerance's width: what is told with more was not measured
 
 
@@ -68,7 +69,10 @@ def _refuse_unmeasured(inspection: Inspection) -> None:
     where = inspection.source or "edge"
     told = [s for s in inspection.sections if s.root_u_mm is not None and s.bevel_u_deg is not None]
     if not told:
-        raise InputError(where, f"none of {len(inspection.sections)} sections could be measured: is this a bevel?")
+        raise InputError(
+            where,
+            f"none of {len(inspection.sections)} sections could be measured: {DOUBT}",
+        )
     needs = inspection.requirements
     for name, unit, u, tolerance in (
         ("root face", "mm", [s.root_u_mm for s in told], needs.root_tolerance_mm),
@@ -77,4 +81,4 @@ def _refuse_unmeasured(inspection: Inspection) -> None:
         expanded, width = 2.0 * float(np.median(np.array(u, float))), tolerance[1] - tolerance[0]
         if width > 0 and expanded > MOST_U * width:
             what = f"its {name} is known to {expanded:.3g} {unit} only, the tolerance is {width:.3g} {unit} wide"
-            raise InputError(where, f"{what}: is this a bevel?")
+            raise InputError(where, f"{what}: {DOUBT}")

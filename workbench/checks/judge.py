@@ -11,9 +11,9 @@ from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.clock import clock_offset
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
-from workbench.checks.motion import Consistency, consistency
+from workbench.checks.motion import Consistency, chord_obliquity_deg, consistency
 from workbench.checks.passes import disagreement_mm
-from workbench.checks.profiles import Chain, chains
+from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
 from workbench.checks.sensor import column_pitch_mm, sensor_traces, swapped_share
 from workbench.errors import InputError
@@ -145,19 +145,34 @@ def consistent_conventions(
 
 
 def _consistent(
-    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, most_deg: float
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, most_deg: float, turning: bool = False
 ) -> tuple[tuple[Convention, Consistency], ...]:
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg)
-    tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in known_conventions())
+    known = [one for one in known_conventions() if not turning or _turning([one.name])]
+    near = [one for one in known if _roughly_square(recording, found, hand_eye, one, most_deg)]
+    tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in near)
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
     if as_read.obliquity_deg <= most_deg:
         fits.insert(0, (AS_READ, as_read))
     return tuple(fits)
 
 
+def _roughly_square(
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, reading: Convention, most_deg: float
+) -> bool:
+    """Whether chords of the edge's way stand within `most_deg`, and 10 deg, of square to the laser plane."""
+    few = {number: chain.few() for number, chain in found.items()}
+    poses = _poses(recording, few, hand_eye, reading)
+    return all(chord_obliquity_deg(few[number], poses[number]) < most_deg + 10.0 for number in few)
+
+
 def _poses(
-    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, reading: Convention, shift_s: float = 0.0
+    recording: Recording,
+    found: Mapping[int, Chain] | Mapping[int, Few],
+    hand_eye: Float,
+    reading: Convention,
+    shift_s: float = 0.0,
 ) -> dict[int, Float]:
     """base_from_profiler (k, 4, 4) at the profiles of each chain, under a reading, `shift_s` later."""
     quaternion, position, hand_eye = reading.read(
@@ -320,7 +335,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield check("wiggle_mm", now.wiggle_mm, told, given=given)
     unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
-        readings = _consistent(recording, found, hand_eye, most("obliquity_deg"))
+        only = oblique.passed and varies.passed and twist.passed and unsteady.passed
+        readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
         suspected = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
     hint = f"; suspicion: {_listed(suspected)}" if suspected else ""
     hint += "; or other orientations, axes or a hand-eye pose that are wrong" if suspected else UNKNOWN

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.checks.profiles import Chain
+from workbench.checks.profiles import Chain, Few
 from workbench.units import DEG, Float, Int
 
 REACH = 3  # profiles on each side, for the direction of the way
@@ -75,9 +75,18 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float, flo
     )
 
 
-def _carried_by(chain: Chain, pose: Float) -> tuple[Float, Float, Int]:
+def chord_obliquity_deg(chain: Few, pose: Float) -> float:
+    """Median angle between the chords from place to place and the laser plane's normal; of few profiles of a pass."""
+    chord = np.diff(_carried_by(chain, pose)[0], axis=0)
+    normal = pose[1:, :3, 1] + pose[:-1, :3, 1]
+    size = np.linalg.norm(chord, axis=1) * np.linalg.norm(normal, axis=1)
+    cosine = np.abs(np.einsum("ki,ki->k", chord, normal)) / np.maximum(size, LEAST_MM)
+    return float(np.degrees(np.arccos(np.clip(np.median(cosine), 0.0, 1.0))))
+
+
+def _carried_by(chain: Chain | Few, pose: Float) -> tuple[Float, Float, Int]:
     """Places (k, 3) and directions (k, 3) of the section in the base, and the stretch (k,) that each is in."""
-    point, turn, stretch = chain.track()
+    point, turn, stretch = chain.track
     place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
     across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
     return place, across, stretch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,14 +13,15 @@ FRAMES = (24, 400)  # least and most profiles of a pass that are looked at
 EVERY = 12  # frames between two of them, unless that gives too few or too many
 GRID = 256  # places across the view
 JUMP_STEPS = 8.0  # slope beyond which two neighbouring returns are not one surface
-ROUNDS = 8  # of Gauss and Newton
+ROUNDS = 8  # of Gauss and Newton, at most
+SETTLED = (1e-4, 1e-4, 1e-6)  # mm, mm, rad: motions are then known better than noise lets them
 SHARE = 0.5  # of the places that must agree
 HUBER_SIGMAS = 2.5
 MISFITS, LEAST_MISFIT_MM = 3.0, 0.01  # of the usual misfit: more is another shape, such as a clamp
 STEPS, LEAST_STEP_MM = 8.0, 2.0  # of the usual motion from profile to profile: more is none
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Chain:
     """k profiles of one pass, and the k - 1 motions in the laser plane that lay each on the one before.
 
@@ -36,6 +38,13 @@ class Chain:
     misfit_mm: Float  # (k - 1,) robust standard deviation of what is left, normal to the profile
     turn_u: Float  # (k - 1,) standard uncertainty of the turn by the noise of the profiles, rad; large on round shapes
 
+    def few(self) -> Few:
+        """Up to five of the profiles, evenly along the pass."""
+        at = np.unique(np.linspace(0, len(self.frames) - 1, 5).astype(int))
+        point, turn, stretch = self.track
+        return Few(self.frames[at], (point[at], turn[at], stretch[at]))
+
+    @cached_property
     def track(self) -> tuple[Float, Float, Int]:
         """A point that goes with the section (k, 2), its turn (k,) rad, and the stretch (k,) that it is in.
 
@@ -51,6 +60,14 @@ class Chain:
             point[i + 1] = x - f * (z - z0), z + f * (x - x0)
             angle[i + 1] = angle[i] + f
         return point, angle, np.concatenate([[0], np.cumsum(~self.good)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Few:
+    """Some of a chain's profiles."""
+
+    frames: Int  # (k,)
+    track: tuple[Float, Float, Int]  # as of Chain
 
 
 def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> dict[int, Chain]:
@@ -137,6 +154,8 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
         normal = np.einsum("pij,pik->pjk", weighted, jacobian)
         step = np.linalg.solve(normal + ridge, -np.einsum("pij,pi->pj", weighted, off)[..., None])[..., 0]
         motion += np.clip(step, [-2.0, -2.0, -0.05], [2.0, 2.0, 0.05])
+        if (np.abs(step) < SETTLED).all():
+            break
     agreeing = (usable & (np.abs(off) < 4.0 * np.maximum(spread, 0.01)[:, None])).sum(axis=1)
     both = np.minimum(np.isfinite(before).sum(axis=1), np.isfinite(after).sum(axis=1))
     usual = max(float(np.median(spread)), LEAST_MISFIT_MM)
@@ -161,6 +180,6 @@ def _slopes(surface: Float, pitch: float) -> Float:
 
 def _spread(off: Float, usable: Bool) -> Float:
     """Robust standard deviation a row, from the median of what is usable."""
-    size = np.where(usable, np.abs(off), np.nan)
-    size[~usable.any(axis=1), 0] = np.inf
-    return np.asarray(np.nanmedian(size, axis=1) / 0.6745)
+    size = np.sort(np.where(usable, np.abs(off), np.inf), axis=1)
+    middle = np.maximum(usable.sum(axis=1) - 1, 0) // 2
+    return np.asarray(size[np.arange(len(size)), middle] / 0.6745)

@@ -10,7 +10,7 @@ from workbench.units import AnyArray, Bool, Float
 
 PIECE = 48  # columns of one straight piece
 LAGS = 24
-SAMPLE = 60  # frames
+SAMPLE, FEW = 40, 12  # frames
 LEAST_PIECES = 40
 MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
 BLIND = 0.01  # times the columns' square: of the power beside, what the ends of a piece leave (0.2 to 0.6 of it)
@@ -188,7 +188,7 @@ def _uneven_step(x: AnyArray) -> float:
 
 def swapped_share(x_mm: AnyArray, z_mm: AnyArray) -> float:
     """Share of some profiles of a grid (N, M) whose ranges are evenly spaced while their lateral places are not."""
-    rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
+    rows = np.unique(np.linspace(0, len(z_mm) - 1, FEW).astype(int))
     return float((_evenly(z_mm[rows]) & ~_evenly(x_mm[rows])).mean())
 
 
@@ -205,7 +205,7 @@ def _evenly(grid: AnyArray) -> Bool:
 
 def column_pitch_mm(x_mm: AnyArray) -> float:
     """Mean distance of neighbouring columns of some frames (N, M); NaN: there is none."""
-    return _pitch(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, SAMPLE).astype(int))].astype(np.float64))
+    return _pitch(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, FEW).astype(int))].astype(np.float64))
 
 
 def _pitch(x: Float) -> float:

@@ -19,6 +19,7 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.units import Bool, Float, Int
 
 SAMPLE = 24  # profiles that show which way is up
+FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
 LEAST_RETURNS = 50  # of a profile
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
@@ -117,9 +118,10 @@ def two_plates_share(cloud: Cloud) -> float:
     shows = np.flatnonzero(cloud.keep.sum(axis=1) >= LEAST_RETURNS)
     if not shows.size:
         return 0.0
-    _, profiles, _ = _profiles(cloud, shows[np.unique(np.linspace(0, shows.size - 1, SAMPLE // 2).astype(int))])
-    up = upwards([p[0] for p in profiles], [p[1] for p in profiles])
-    return float(np.mean([_is_groove(x, up * z) for x, z, _ in profiles])) if up else 0.0
+    _, profiles, _ = _profiles(cloud, shows[np.unique(np.linspace(0, shows.size - 1, FEW).astype(int))])
+    thin = [(x[:: 1 + x.size // COLUMNS], z[:: 1 + z.size // COLUMNS]) for x, z, _ in profiles]
+    up = upwards([x for x, _ in thin[::3]], [z for _, z in thin[::3]])
+    return float(np.mean([_is_groove(x, up * z) for x, z in thin])) if up else 0.0
 
 
 def _is_groove(x: Float, y: Float) -> bool:

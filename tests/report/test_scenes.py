@@ -15,7 +15,7 @@ from workbench.report.choose import evenly, telling
 from workbench.report.pack import packed
 from workbench.report.sample import Points
 from workbench.report.scenes import inspection_scene, loop_scene
-from workbench.report.shadings import UNKNOWN, along, always, by_deviation, deviation_mm
+from workbench.report.shadings import UNKNOWN, along, always, by_deviation, deviation_mm, laid_out_faces
 from workbench.units import DEG
 
 NOISE_MM = 0.012  # of the parts in conftest
@@ -98,13 +98,15 @@ def test_deviations_are_noise_about_the_true_faces_and_see_a_wrong_size(dense):
     from tests.report.conftest import angle_deg_at, root_at
 
     points = telling(dense.cloud, dense.edge, 20_000)
-    off = deviation_mm(points, dense.cloud, dense.edge, root_at, angle_deg_at)
+    off = deviation_mm(points, laid_out_faces(points, dense.cloud, dense.edge), root_at, angle_deg_at)
     assert np.isnan(off[points.label == UPPER_SURFACE]).all()
     for face in (ROOT_FACE, BEVEL_FACE):
         known = off[(points.label == face) & np.isfinite(off)]
         assert abs(np.mean(known)) < 5 * NOISE_MM / np.sqrt(len(known)) + 5e-4
         assert np.std(known) < 1.2 * NOISE_MM
-    larger = deviation_mm(points, dense.cloud, dense.edge, lambda s: root_at(s) + 0.1, angle_deg_at)
+    larger = deviation_mm(
+        points, laid_out_faces(points, dense.cloud, dense.edge), lambda s: root_at(s) + 0.1, angle_deg_at
+    )
     on_bevel = points.label == BEVEL_FACE
     np.testing.assert_allclose((larger - off)[on_bevel], -0.1 * np.sin(angle_deg_at(0.0) * DEG), atol=2e-3)
 
@@ -118,9 +120,9 @@ def test_values_along_the_edge_have_no_value_in_gaps():
 
 def test_the_legend_names_the_colours_of_the_palette(dense):
     points = telling(dense.cloud, dense.edge, 10_000)
-    shading = by_deviation("x", points, dense.cloud, dense.edge, always(1.5), always(40.0))
+    shading = by_deviation("x", points, laid_out_faces(points, dense.cloud, dense.edge), always(1.5), always(40.0))
     limit = float(shading.legend[-2][0].split()[0])
-    off = deviation_mm(points, dense.cloud, dense.edge, always(1.5), always(40.0))
+    off = deviation_mm(points, laid_out_faces(points, dense.cloud, dense.edge), always(1.5), always(40.0))
     known = np.isfinite(off)
     assert np.mean(np.abs(off[known]) > limit) < 0.01
     np.testing.assert_allclose(shading.index[known] / 127.0 - 1.0, np.clip(off[known] / limit, -1, 1), atol=0.004)

@@ -16,6 +16,7 @@ from workbench.artefacts import Edge, Section
 from workbench.units import Float
 
 FOOT_STEPS = 3  # Newton steps to the foot point: each divides its error by the radius over the distance
+FOOT_MM = 1e-4  # a step as short is the last: the foot is then known far better
 
 
 def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
@@ -26,8 +27,11 @@ def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
     arc_length = start_mm
     for _ in range(FOOT_STEPS):
         offset, tangent = _offset(position_mm, arc_length, edge)
-        arc_length = arc_length + np.einsum("ij,ij->i", offset, tangent)
-    offset, _ = _offset(position_mm, arc_length, edge)
+        step = np.einsum("ij,ij->i", offset, tangent)
+        arc_length = arc_length + step
+        if not (np.abs(step) > FOOT_MM).any():
+            break
+    offset = position_mm - _on_curve(arc_length, edge)
     u = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.normal))
     v = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.across))
     return np.column_stack([arc_length, u, v])
@@ -54,16 +58,17 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     measured = np.isfinite(edge.position_mm).all(axis=1)
     stations = edge.arc_length_mm[measured]
     inside = np.clip(arc_length, stations[0], stations[-1])
-    beyond = (arc_length - inside)[:, None] * axes_at(inside, edge, edge.tangent)
     if len(stations) == 1:
-        return edge.position_mm[measured] + beyond
-    curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
-    on_curve: Float = curve(inside) + beyond
-    return on_curve
+        on_curve = np.repeat(edge.position_mm[measured], len(inside), axis=0)
+    else:
+        on_curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])(inside)
+    out = np.flatnonzero(inside != arc_length)  # few; NaN stays NaN
+    on_curve[out] += (arc_length - inside)[out, None] * axes_at(inside[out], edge, edge.tangent)
+    return np.asarray(on_curve)
 
 
 def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
     """Unit vectors of the stations, interpolated."""
     mixed = np.column_stack([np.interp(arc_length, edge.arc_length_mm, axis) for axis in vectors.T])
-    unit: Float = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    unit: Float = mixed / np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
     return unit

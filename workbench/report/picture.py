@@ -47,7 +47,7 @@ def picture(view: View) -> bytes:
     if view.axes_length_mm:
         _draw_axes(draw, camera, view.axes * view.axes_length_mm)
     out = io.BytesIO()
-    image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png")
+    image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png", compress_level=4)
     return out.getvalue()
 
 

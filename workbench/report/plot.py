@@ -27,6 +27,7 @@ MARGIN = 0.05  # of the data's span, free on both sides of it
 DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
 FARTHEST_PT = 1e6  # from the sheet, of what is drawn
 SHADES = 31  # of a dot's opacity
+PACKED = 3  # zlib's level: a third of the time of level 6 for a tenth more bytes
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 TICKS_EACH_PT = {"x": 62.0, "y": 26.0}  # room that a tick's label needs
 
@@ -748,15 +749,23 @@ def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: f
     off, cover = off[:, cover > 0.0], cover[cover > 0.0]
     x, y = (np.floor(place[:, k]).astype(np.int64)[:, None] + off[1 - k] for k in (0, 1))
     inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    weights = np.broadcast_to(cover, x.shape)[inside]
-    weight = np.bincount((y * columns + x)[inside], weights, minlength=rows * columns)
+    weights, x, y = np.broadcast_to(cover, x.shape)[inside], x[inside], y[inside]
+    if not len(x):
+        return ""
+    x0, y0 = int(x.min()), int(y.min())  # the picture holds what has dots, no more
+    wide, high = int(x.max()) + 1 - x0, int(y.max()) + 1 - y0
+    weight = np.bincount((y - y0) * wide + (x - x0), weights, minlength=high * wide)
     opacity = 1.0 - (1.0 - min(alpha, 0.999)) ** weight
-    image = Image.frombytes("P", (columns, rows), np.round(SHADES * opacity).astype(np.uint8).tobytes())
+    image = Image.frombytes("P", (wide, high), np.round(SHADES * opacity).astype(np.uint8).tobytes())
     image.putpalette(rgb(ink) * (SHADES + 1))
     out = io.BytesIO()
-    image.save(out, "png", transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1)))
+    image.save(
+        out, "png", compress_level=PACKED, transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1))
+    )
     data = base64.b64encode(out.getvalue()).decode()
+    across, down = width / columns, height / rows
     return (
-        f'<image x="{_n(left)}" y="{_n(top)}" width="{_n(width)}" height="{_n(height)}" preserveAspectRatio="none" '
+        f'<image x="{_n(left + x0 * across)}" y="{_n(top + y0 * down)}" width="{_n(wide * across)}" '
+        f'height="{_n(high * down)}" preserveAspectRatio="none" '
         f'href="data:image/png;base64,{data}"/>'
     )

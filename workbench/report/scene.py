@@ -68,8 +68,8 @@ def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Floa
     right = np.cross(up, look)
     right /= np.linalg.norm(right)
     screen = np.array([right, np.cross(look, right), look])
-    seen = points_mm @ screen.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    seen = screen @ points_mm.T
+    low, high = seen.min(axis=1), seen.max(axis=1)
     return screen, low, high + np.array([0.0, ROOM_ABOVE * (high[0] - low[0]), 0.0])
 
 

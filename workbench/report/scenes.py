@@ -15,7 +15,7 @@ from workbench.report.procedure import station_frame
 from workbench.report.ramp import feed_colours, layer_colours
 from workbench.report.sample import Points
 from workbench.report.section_views import of_interest
-from workbench.report.shadings import Along, along, always, by_deviation, by_face
+from workbench.report.shadings import Along, along, always, by_deviation, by_face, laid_out_faces
 from workbench.report.strokes import both_edges, fitted_lines, lower_edge, tool_axes
 from workbench.units import AnyArray, Float
 
@@ -28,7 +28,8 @@ def inspection_scene(cloud: Cloud, edge: Edge, inspection: Inspection, budget: i
         ("deviation from the measured faces", along(s, profile.root_mm), along(s, profile.bevel_deg)),
         ("deviation from the nominal faces", always(asked.root_nominal_mm), always(asked.bevel_nominal_deg)),
     )
-    shadings = [by_deviation(name, points, cloud, edge, root, bevel) for name, root, bevel in faces]
+    laid = laid_out_faces(points, cloud, edge)
+    shadings = [by_deviation(name, points, laid, root, bevel) for name, root, bevel in faces]
     strokes = (fitted_lines(points, inspection.sections), lower_edge(profile))
     marks = section_marks(points, inspection.sections)
     return Scene(
@@ -55,7 +56,7 @@ def loop_scene(
         return Scene(nothing.position_mm, (), strokes, section_marks(nothing, sections, rows), axes)
     points, planned = telling(cloud, edge, budget), planned_bevel(toolpath, edge)
     root, bevel = along(planned.arc_length_mm, planned.root_mm), along(planned.arc_length_mm, planned.bevel_deg)
-    off = by_deviation("deviation from the planned faces", points, cloud, edge, root, bevel)
+    off = by_deviation("deviation from the planned faces", points, laid_out_faces(points, cloud, edge), root, bevel)
     marks = section_marks(points, sections, rows)
     return Scene(points.position_mm, (off, by_face(points, faces_seen(edge))), strokes, marks, axes)
 

@@ -70,15 +70,16 @@ def plane_corners(points: Points, sections: tuple[Section, ...], least_mm: float
 
 def faces_extent(points: Points, sections: tuple[Section, ...]) -> Float:
     """(2, 2) lowest and highest (u, v) of root and bevel face, as most sections have them."""
-    sizes = [size for size in (_faces_about(points, section) for section in sections) if size is not None]
+    faces = points.position_mm[np.isin(points.label, (ROOT_FACE, BEVEL_FACE))]
+    sizes = [size for size in (_faces_about(faces, section) for section in sections) if size is not None]
     return np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
 
 
-def _faces_about(points: Points, section: Section) -> Float | None:
+def _faces_about(faces_mm: Float, section: Section) -> Float | None:
     """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
-    offset = points.position_mm - section.origin_mm
-    near = (np.abs(offset @ section.tangent) < SLAB_MM) & np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
-    if not near.any():
+    at = faces_mm @ section.tangent - section.origin_mm @ section.tangent
+    near = np.flatnonzero(np.abs(at) < SLAB_MM)
+    if not len(near):
         return None
-    uv = offset[near] @ np.column_stack([section.normal, section.across])
+    uv = (faces_mm[near] - section.origin_mm) @ np.column_stack([section.normal, section.across])
     return np.array([uv.min(axis=0), uv.max(axis=0)])

@@ -25,9 +25,9 @@ def by_face(points: Points, names: list[tuple[str, str]]) -> Shading:
     return Shading("face", points.label.astype(np.uint8), face_shades(), tuple(names))
 
 
-def by_deviation(name: str, points: Points, cloud: Cloud, edge: Edge, root_mm: Along, bevel_deg: Along) -> Shading:
+def by_deviation(name: str, points: Points, laid: Float, root_mm: Along, bevel_deg: Along) -> Shading:
     """How far root and bevel face lie outside faces of that root face and bevel angle, which go with the arc length."""
-    off = deviation_mm(points, cloud, edge, root_mm, bevel_deg)
+    off = deviation_mm(points, laid, root_mm, bevel_deg)
     known = np.isfinite(off)
     limit = round_limit(np.abs(off[known])) if known.any() else 0.05
     index = np.full(len(off), UNKNOWN, np.uint8)
@@ -36,14 +36,23 @@ def by_deviation(name: str, points: Points, cloud: Cloud, edge: Edge, root_mm: A
     return Shading(name, index, palette.astype(np.uint8), _legend(limit, palette))
 
 
-def deviation_mm(points: Points, cloud: Cloud, edge: Edge, root_mm: Along, bevel_deg: Along) -> Float:
-    """(n,) distance outwards from the faces; NaN off root and bevel face, and where root or angle are not known."""
+def laid_out_faces(points: Points, cloud: Cloud, edge: Edge) -> Float:
+    """(n, 3) arc length, u and v of the points of root and bevel face; NaN for all others."""
     face = np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
-    start = frame_arc_length_mm(cloud, edge)[points.frame[face]]
-    s, u, v = developed(points.position_mm[face], start, edge).T
+    laid = np.full((len(face), 3), np.nan)
+    laid[face] = developed(points.position_mm[face], frame_arc_length_mm(cloud, edge)[points.frame[face]], edge)
+    return laid
+
+
+def deviation_mm(points: Points, laid: Float, root_mm: Along, bevel_deg: Along) -> Float:
+    """(n,) distance outwards from the faces; NaN off root and bevel face, and where root or angle are not known.
+
+    laid: from `laid_out_faces`.
+    """
     off = np.full(len(points.label), np.nan)
-    uv, on_bevel = np.column_stack([u, v]), points.label[face] == BEVEL_FACE
-    off[face] = outside_mm(uv, on_bevel, root_mm(s), bevel_deg(s) * DEG)
+    face = np.flatnonzero(np.isfinite(laid[:, 0]))
+    s, uv = laid[face, 0], laid[face, 1:]
+    off[face] = outside_mm(uv, points.label[face] == BEVEL_FACE, root_mm(s), bevel_deg(s) * DEG)
     return off
 
 

@@ -113,7 +113,10 @@ def test_the_tool_that_errs_as_measured_comes_where_it_was_planned(scan: Raw, pl
 
 
 def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw, plan: Toolpath) -> None:
-    """The cut lies 0.2 mm deeper; the tool gave way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm."""
+    """The cut lies 0.2 mm deeper; the tool gives way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm.
+
+    The layer before gave way by twice that under 1 mm: the last one met h = 0.5 + g(1) - g(h), more than 0.5 mm.
+    """
     final = plan.layers[-1]
     width = np.where(final.cutting, final.width_mm, np.nan)
     gave = PathDeflection(
@@ -133,12 +136,16 @@ def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw,
     assert plan.finishing is not None
     load = 0.3 / 0.5 * plan.finishing.layers[-1].width_mm[found.cut] / final.width_mm[found.cut]
     assert load == pytest.approx(0.6 * 1.14, abs=0.02)  # the face is wider
-    assert found.shift_mm[found.cut] == pytest.approx(0.2 + 0.1 * (1 - load), abs=0.004)
+    full, planned, before = (layer.width_mm[found.cut] for layer in (plan.finishing.layers[-1], final, plan.layers[-2]))
+    wider = 0.2 / 0.5 * (full - planned)  # the first cut's face than planned: it lies deeper
+    as_cut = 1 + wider / planned
+    met = (0.5 + 0.2 * before / planned * (1 + wider / before)) / (1 + 0.2 * as_cut)  # h = 0.5 + g(before) - g(h)
+    assert found.shift_mm[found.cut] == pytest.approx(0.2 + 0.2 * met * as_cut - 0.1 * load, abs=0.006)
     assert found.stock_mm[found.cut] == pytest.approx(0.3, abs=0.004)
     _, unknown = correct(cut, plan, **QUIET)
     assert unknown.shift_mm[found.cut] == pytest.approx(0.2, abs=0.004)
     more = np.sqrt(unknown.displacement_u_mm**2 - correct(cut, plan, yield_share=0, **QUIET)[1].displacement_u_mm ** 2)
-    assert more[found.cut] == pytest.approx(0.1 * 0.5 * (1 - load) / math.sqrt(3), abs=0.001)
+    assert more[found.cut] == pytest.approx(0.1 * 0.5 * (1 - load / as_cut) / math.sqrt(3), abs=0.001)
     with pytest.raises(InputError, match="of the first path"):
         correct(cut, plan, PathDeflection({}))
 

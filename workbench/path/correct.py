@@ -26,6 +26,7 @@ LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's cons
 NEAR_MM = 10.0  # farther from the plan's lower edge an inspected place belongs to another edge
 LEAST_PLACES = 5  # that were cut and measured
 YIELD_U = 0.3  # relative standard uncertainty of a predicted giving way: of force and stiffness together
+BALANCING = 30  # rounds of stock and giving way, each halfway to the next: far below a micrometre
 LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
 
 
@@ -60,6 +61,10 @@ def correct(
             ge=0, le=1, description="share of the stock's height by which tool and robot give way, where not predicted"
         ),
     ] = 0.1,
+    wear_mm: Annotated[
+        float,
+        Field(ge=0, le=1, description="what the cutter's radius may lose from the first cut to the finishing pass"),
+    ] = 0.02,
     most_moved_mm: Annotated[
         float, Field(gt=0, le=10, description="by which the edge may lie beside where the first scan saw it")
     ] = 0.3,
@@ -89,6 +94,7 @@ def correct(
         repeatability_deg: the same of the tool's tilt.
         repeatability_length_mm: correlation length of both along the path.
         yield_share: by how much cutter and robot may give way, over the height of the stock, where nothing predicts it.
+        wear_mm: what the cutter's radius may lose between the two; a cutter that is changed or measured: 0.
         most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
 
     Raises:
@@ -119,11 +125,13 @@ def correct(
     turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
     evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
     expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
-    by = np.where(shift.significant, -expected.value, 0.0)
+    made = expected.significant
+    expected = replace(expected, u=np.hypot(expected.u, wear_mm / math.sqrt(3.0)))
+    by = np.where(made, -expected.value, 0.0)
     tilt = np.where(turn.significant, -turn.value, 0.0)
     finishing = finishing if evened else _without_first(finishing)
     path, comes = _corrected(finishing, frames_at, by, tilt)
-    stock = _stock(toolpath.finish_allowance_mm, shift, turn, tilt, finish)
+    stock = _stock(toolpath.finish_allowance_mm, shift.value if made else 0.0, turn, tilt, finish)
     found = PathCorrection(
         arc_length_mm=finish.arc_length_mm,
         cut=finish.cutting,
@@ -141,7 +149,7 @@ def correct(
         moved_mm=moved,
         variation_mm=shift.variation,
         comes=comes,
-        reason=_reason(shift, turn, by, tilt, finish.cutting),
+        reason=_reason(shift, made, turn, by, tilt, finish.cutting),
         warnings=finishing.warnings,
     )
     checks = _checks(cut, found, shift, finish, most_moved_mm, toolpath.depth_of_cut_mm)
@@ -222,22 +230,39 @@ def _under_load(
 ) -> Estimate:
     """The shift as the finishing pass will show it: its load over that of the first cut's last layer is not 1.
 
-    Load goes with the face's width and with a power of the height of the stock. That is less where the cut went too
-    deep; what stands too high is `evened` by a layer of its own, which gives way otherwise and leaves another height.
+    Load goes with the width of the face as cut, which a face that lies high does not reach, and with a power of the
+    height h of the stock; so does the giving way g. With what repeats whatever the load, c, the first cut lies at
+    d = c + g(h1), the finishing pass at c + g(h). The layer before gave way too, so h1 = allowance + g(before) - g(h1).
+    The corrected pass finds h = allowance + d, less what a layer of its own, where what stands too high is `evened`,
+    has taken: e = d + g(h) - g(e).
     """
     final, at, allowance = toolpath.layers[-1], finish.arc_length_mm, toolpath.finish_allowance_mm
-    wider, over = _width(finish, at) / _width(final, at), shift.value / allowance
+    planned, full, d = _width(final, at), _width(finish, at), shift.value
+    narrower = d * (full - planned) / allowance  # by which the first cut's face is, mm
+    as_cut = np.maximum(1.0 - narrower / planned, 0.0)
     if predicted is None:
-        load = wider * (1.0 + np.clip(over, -1.0, 0.0))
+        load = full / planned * (1.0 + np.clip(d / allowance, -1.0, 0.0)) / np.maximum(as_cut, 0.5)
         return replace(shift, u=np.hypot(shift.u, yield_share * allowance * (load - 1.0) / math.sqrt(3.0)))
-    gives, power = _gives_way(final, predicted), _power(toolpath, predicted)
-    here = np.interp(at, final.arc_length_mm[final.cutting], gives[final.cutting])
-    height = 1.0 + np.clip(over, -1.0, 0.0)
-    if evened:
-        left = 1.0 + here / allowance * (np.maximum(over, 0.0) ** power - 1.0)
-        height = np.where(over > 0.0, np.clip(left, 0.0, 2.0), height)
-    more = here * (wider * height**power - 1.0)
-    return replace(shift, value=shift.value + more, u=np.hypot(shift.u, YIELD_U * more))
+    power, layer = _power(toolpath, predicted), toolpath.layers[max(len(toolpath.layers) - 2, 0)]
+    here, before = (_along(one, _gives_way(one, predicted), at) for one in (final, layer))
+    before = before * np.maximum(1.0 - narrower / _width(layer, at), 0.0)
+
+    def gives(height: Float) -> Float:
+        return here * np.maximum(height / allowance, 0.0) ** power
+
+    first, taken, height = np.full(at.shape, allowance), np.maximum(d, 0.0) * evened, allowance + np.minimum(d, 0.0)
+    for _ in range(BALANCING):
+        first = 0.5 * (first + allowance + before - as_cut * gives(first))
+        if evened:
+            taken = 0.5 * (taken + np.maximum(d + full / planned * gives(height) - gives(taken), 0.0))
+        height = np.maximum(allowance + d - taken, 0.0)
+    more = full / planned * gives(height) - as_cut * gives(first)
+    return replace(shift, value=d + more, u=np.hypot(shift.u, YIELD_U * more))
+
+
+def _along(layer: Layer, values: Float, at: Float) -> Float:
+    """Values (k,) of a layer's points where it cuts, at arc lengths (m,); those beside where it does not."""
+    return np.interp(at, layer.arc_length_mm[layer.cutting], values[layer.cutting])
 
 
 def _gives_way(layer: Layer, predicted: PathDeflection) -> Float:
@@ -271,7 +296,7 @@ def _power(toolpath: Toolpath, predicted: PathDeflection) -> float:
 
 def _width(layer: Layer, at: Float) -> Float:
     """Width of the face (m,) at arc lengths `at`, that beside where nothing is cut."""
-    return np.interp(at, layer.arc_length_mm[layer.cutting], layer.width_mm[layer.cutting])
+    return _along(layer, layer.width_mm, at)
 
 
 def _without_first(path: Toolpath) -> Toolpath:
@@ -300,12 +325,12 @@ def _unmoved(path: Toolpath) -> PathDeflection:
     return PathDeflection({layer.index: np.zeros_like(layer.position_mm) for layer in path.layers})
 
 
-def _stock(allowance_mm: float, shift: Estimate, turn: Estimate, tilt: Float, finish: Layer) -> Float:
+def _stock(allowance_mm: float, shift_mm: Float | float, turn: Estimate, tilt: Float, finish: Layer) -> Float:
     """What the finishing pass will remove (k,), the least of both ends of its face.
 
     Uncorrected, the pass is displaced as the cut was and removes the allowance; corrected, what the cut left too much.
     """
-    low = allowance_mm + (shift.value if shift.significant else 0.0)
+    low = allowance_mm + shift_mm
     high = low - (turn.value if tilt.any() else 0.0) * finish.width_mm
     return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
 
@@ -378,14 +403,14 @@ def _off_plan(found: PathCorrection, shift: Estimate, wrong: Bool, pick: Callabl
     )
 
 
-def _reason(shift: Estimate, turn: Estimate, by: Float, tilt: Float, cut: Bool) -> str:
+def _reason(shift: Estimate, shifted: bool, turn: Estimate, by: Float, tilt: Float, cut: Bool) -> str:
     """What is corrected, in words."""
     said = []
-    for name, found, made, unit, scale, places in (
-        ("shift", shift, by, "mm", 1.0, 3),
-        ("tilt", turn, tilt, "deg", DEG, 3),
+    for name, found, significant, made, unit, scale, places in (
+        ("shift", shift, shifted, by, "mm", 1.0, 3),
+        ("tilt", turn, turn.significant, tilt, "deg", DEG, 3),
     ):
-        if found.significant:
+        if significant:
             low, high = made[cut].min() / scale, made[cut].max() / scale
             said.append(f"{name} corrected by {low:+.{places}f} to {high:+.{places}f} {unit}")
         else:

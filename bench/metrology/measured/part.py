@@ -101,7 +101,8 @@ def _both_loops(
     clock.lap("simulation")
     found = sections(segment(denoise(fuse(again)), root_nominal_mm=first.root_mm))
     predicted = _predicted(raw, first, seed) if cell.gives_way else None
-    path, correction = correct(found, first, predicted, repeatability_mm=cell.noise_mm)
+    told = LARGEST_WEAR_MM if cell.wears else 0.0
+    path, correction = correct(found, first, predicted, repeatability_mm=cell.noise_mm, wear_mm=told)
     finishing = feed(path, cloud, edge)
     gate = check(finishing, edge, cloud, None, correction)
     clock.lap("correction")

@@ -275,3 +275,26 @@ def test_edges_that_cannot_be_planned_for(raw: Callable[..., Raw]) -> None:
     unknown = np.full_like(edge.position_mm, np.nan)
     with pytest.raises(InputError, match="upper edge was seen nowhere"):
         layers(replace(edge, upper_position_mm=unknown), scan.cloud)
+
+
+def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
+    """Where the edge's own uncertainty is beyond the tolerance the cutter is lifted; a stretch of it is told."""
+    scan = raw()
+    at = scan.edge.arc_length_mm
+    for name, much in (("normal_u", np.radians(0.7)), ("tangent_u", np.radians(14.0))):
+        unknown = np.where((at > 25) & (at < 40), much, 0.0)
+        path = layers(replace(scan.edge, **{name: unknown}), scan.cloud)
+        final = path.layers[-1]
+        inside = (final.arc_length_mm > 25.5) & (final.arc_length_mm < 39.5)
+        assert not final.cutting[inside].any()
+        assert final.cutting[(final.arc_length_mm > 3) & (final.arc_length_mm < 18)].all()
+        assert any("does not tell the edge well enough" in told for told in path.warnings)
+        assert (
+            layers(replace(scan.edge, **{name: unknown}), scan.cloud, bevel_tolerance_deg=29)
+            .layers[-1]
+            .cutting[inside]
+            .all()
+        )
+    vague = replace(scan.edge, position_u_mm=np.tile([0.4, 0.02], (at.size, 1)))
+    with pytest.raises(InputError, match="known well enough on 0 % of its length"):
+        layers(vague, scan.cloud)

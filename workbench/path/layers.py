@@ -16,6 +16,7 @@ from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.refusals import (
+    known_well,
     refuse_allowance,
     refuse_cutter,
     refuse_partial_view,
@@ -57,6 +58,10 @@ def layers(
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
     ] = 10.0,
     least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
+    root_tolerance_mm: Annotated[
+        float, Field(gt=0, le=10, description="of the root: the edge is not cut where 1.645 u is more")
+    ] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="of the bevel: likewise")] = 1.0,
 ) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
@@ -86,7 +91,9 @@ def layers(
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
-        least_seen_share: an edge seen on less of its length is refused.
+        least_seen_share: an edge seen, or known well enough, on less of its length is refused.
+        root_tolerance_mm: where the guard band of the edge's place (1.645 u) is larger it is not cut.
+        bevel_tolerance_deg: the same of the end face's direction, from which the bevel angle counts.
 
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
@@ -94,10 +101,11 @@ def layers(
     """
     refuse_partial_view(edge, least_seen_share)
     bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
+    refuse_small_root(edge, bevel)
+    edge = known_well(edge, bevel, root_tolerance_mm, bevel_tolerance_deg, least_seen_share)
     course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
-    refuse_small_root(edge, bevel)
     refuse_allowance(course, at, bevel, finish_allowance_mm, depth_of_cut_mm)
     cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
     refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from workbench.artefacts import Cutter, Edge, RawEdge
 from workbench.errors import InputError
 from workbench.path.course import Course
-from workbench.path.plan import stretch_factor
+from workbench.path.plan import cut_stretches, stretch_factor
 from workbench.path.section import LEAST_DEPTH_MM, Bevel
-from workbench.units import Bool, Float
+from workbench.units import DEG, Bool, Float
 
 LEAST_STRETCH = 0.02  # of the axis' course per length of edge
+GUARD = 1.645  # times u that a value must lie within its limits (ISO 14253-1), as an inspection judges it
 LEAST_ROOT_MM = 0.05  # to which good robots repeat
 MOST_KNOWN_MM = 1.0  # no edge is milled that is known to less
 SMALL_ROOT = 3.0  # expanded uncertainties of the lower edge across it
@@ -27,6 +30,37 @@ def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:
             f"seen on {100 * share:.0f} % of its length only, expected at least "
             f"{100 * least_seen_share:.0f} % (least_seen_share)",
         )
+
+
+def known_well(
+    edge: RawEdge, bevel: Bevel, root_tolerance_mm: float, bevel_tolerance_deg: float, least_seen_share: float
+) -> RawEdge:
+    """The edge without the stations at which a bevel cut right on its nominal values could not be told to pass.
+
+    Place: along the bevel's normal, as a change of the root face. Angle: the end face's turn about the edge; a heading
+    that is off by d shows the angle in an oblique section, which changes it by d^2 sin(2 angle) / 4.
+
+    Raises:
+        InputError: too little of the edge is left.
+    """
+    u = np.hypot(edge.position_u_mm, 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm)
+    root_mm = GUARD * np.hypot(*(u * bevel.normal).T) / np.sin(bevel.angle)
+    oblique = (GUARD * edge.tangent_u) ** 2 * np.sin(2.0 * bevel.angle) / 4.0
+    angle_deg = (GUARD * edge.normal_u + oblique) / DEG
+    known = edge.seen & (root_mm <= root_tolerance_mm) & (angle_deg <= bevel_tolerance_deg)
+    share = float(np.mean(known))
+    if share < least_seen_share:
+        raise InputError(
+            edge.source or "edge",
+            f"known well enough on {100 * share:.0f} % of its length only, expected at least "
+            f"{100 * least_seen_share:.0f} % (least_seen_share): typically to "
+            f"{np.median(root_mm[edge.seen]):.2g} mm of root and {np.median(angle_deg[edge.seen]):.2g} deg of bevel "
+            f"(1.645 u), where root_tolerance_mm is {root_tolerance_mm:g} and "
+            f"bevel_tolerance_deg {bevel_tolerance_deg:g}",
+        )
+    lost = ", ".join(f"{a:.0f} to {b:.0f}" for a, b in cut_stretches(edge.arc_length_mm, edge.seen & ~known))
+    told = (f"arc length {lost} mm: not cut, the scan does not tell the edge well enough",) if lost else ()
+    return replace(edge, seen=known, warnings=edge.warnings + told)
 
 
 def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:

@@ -99,7 +99,7 @@ figure
 # %% [markdown]
 # ## Figure 14: feed
 #
-# Slow in the material, fast in the air: the darker the slower.
+# Slow in the material, fast in travel moves: the darker the slower.
 
 # %%
 toolpath = run("plan_bevel")["Toolpath"]  # the last one: after path.feed

@@ -50,7 +50,7 @@ def part(root_mm: float, verdict: str) -> Inspection:
 
 def test_blind_and_corrected_stand_side_by_side() -> None:
     chapter = correction(found(), part(2.75, "fail"), part(1.51, "pass"), part(2.07, "fail"))
-    assert "Blind against corrected" in chapter.html
+    assert "Without and with correction" in chapter.html
     assert "+0.570" in chapter.html
     assert "+0.010" in chapter.html
     assert "blind: root off by +0.570 mm in the mean; corrected: root off by +0.010 mm" in chapter.summary
@@ -62,7 +62,7 @@ def test_blind_and_corrected_stand_side_by_side() -> None:
 def test_before_the_finishing_pass_there_is_the_correction_alone() -> None:
     first = part(2.75, "fail")
     chapter = correction(found(), first, first, first)
-    assert "Blind against corrected" not in chapter.html
+    assert "Without and with correction" not in chapter.html
     assert chapter.html.count("data:image/svg+xml") == 1
     assert "0.310 to 0.310 mm" in chapter.html
 

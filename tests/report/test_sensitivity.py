@@ -55,7 +55,7 @@ def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
     assert root["improve_first"] == "hand-eye"  # 0.41 mm: the paper's
     assert not root["holds"]
     assert told["corrected", "root face"]["holds"]
-    assert told["corrected", "root face"]["improve_first"] == "robot, what does not"
+    assert told["corrected", "root face"]["improve_first"] == "robot, random"
     assert "hand-eye" in results.last(Chapter).summary
     bad_tool = load(None, inputs={"tool_mm": 1.0})
     found = next(one for one in bad_tool if isinstance(one, Document) and one.name == "sensitivity.json")

@@ -32,7 +32,7 @@ def correction(
         if one is not None and one is not first
     }
     return Chapter(
-        title="Measure, cut, measure, correct",
+        title="Measured correction",
         html=correction_html(correction, finished),
         verdict="fail" if correction.refused else "",
         summary=correction_summary(correction, finished),

@@ -102,9 +102,9 @@ def sensitivity(
     links = (
         Link("sensor", "the scanned edge", sensor_mm, sensor_deg, 0.0, "the measurement of the cut takes its place"),
         Link("hand-eye", known, eye / math.sqrt(3.0), hand_eye_deg, 0.0, "both scans and both cuts share it"),
-        Link("robot, what repeats", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
+        Link("robot, systematic", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
         Link(
-            "robot, what does not",
+            "robot, random",
             "given",
             robot_repeatability_mm,
             0.0,
@@ -163,7 +163,7 @@ def sensitivity(
         ],
     }
     return (
-        Chapter("Which link costs how much", html, summary=summary),
+        Chapter("Error budget of the milled bevel", html, summary=summary),
         Document("sensitivity.json", strict_json(document)),
     )
 

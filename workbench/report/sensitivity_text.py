@@ -10,7 +10,7 @@ from workbench.report.template import render
 
 def sensitivity_html(links: Sequence[Link], blind: Sequence[Need], corrected: Sequence[Need]) -> tuple[str, str]:
     """The chapter, and the loop in one line."""
-    ways = [("Milled blindly", blind), ("Corrected by a measured cut", corrected)]
+    ways = [("Milled without correction", blind), ("Corrected by a measured cut", corrected)]
     tables = [
         {
             "title": f"{title}: {need.name}",
@@ -22,20 +22,22 @@ def sensitivity_html(links: Sequence[Link], blind: Sequence[Need], corrected: Se
         for need in needs
     ]
     left = [(link.name, link.source, f"{link.left:.2f}", link.why_left) for link in links]
-    root = f"root: 2 u = {2 * blind[0].total:.2f} mm blind, {2 * corrected[0].total:.2f} mm corrected"
-    first = f"improve first: {links[blind[0].worst].name} blind, {links[corrected[0].worst].name} corrected"
+    root = f"root face: U = {2 * blind[0].total:.2f} mm without correction, {2 * corrected[0].total:.2f} mm with it"
+    first = (
+        f"largest contribution: {links[blind[0].worst].name} without, {links[corrected[0].worst].name} with correction"
+    )
     return render("sensitivity.html.j2", tables=tables, left=left), f"{root}; {first}"
 
 
 def _verdict(need: Need, links: Sequence[Link]) -> str:
-    holds = "fits into" if need.holds else "does not fit into"
-    said = f"2 u = {2 * need.total:.3f} {need.unit} {holds} the tolerance of {need.half_width:g} {need.unit}"
+    holds = "is within" if need.holds else "exceeds"
+    said = f"U = 2 u = {2 * need.total:.3f} {need.unit} {holds} the tolerance of ± {need.half_width:g} {need.unit}"
     first, allowed = links[need.worst].name, need.allowed(need.worst)
     if need.holds:
-        return f"{said}. Most of it comes from: {first}."
+        return f"{said}. Largest contribution: {first}."
     if allowed is None:
-        return f"{said}. Improve first: {first}; alone it does not suffice."
-    return f"{said}. Improve first: {first}; it suffices at u = {allowed:.3f} {need.unit}."
+        return f"{said}. Largest contribution: {first}; reducing it alone is not enough."
+    return f"{said}. Largest contribution: {first}; within the tolerance at u = {allowed:.3f} {need.unit}."
 
 
 def _row(link: Link, need: Need, k: int) -> tuple[str, ...]:

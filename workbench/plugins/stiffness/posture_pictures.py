@@ -95,7 +95,7 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         below.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         for axes, (name, values, limit) in zip(others, kept, strict=True):
             axes.plot(values, lw=1.1)
-            axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="asked for")
+            axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="required")
             axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))
             axes.set_ylabel(name)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)

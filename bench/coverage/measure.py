@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.coverage.parts import is_raw, part
-from workbench.artefacts import Recording
+from workbench.artefacts import ROUNDING, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
 from workbench.errors import WorkbenchError
@@ -42,6 +42,7 @@ class Result:
     checks_failed: list[str] = field(default_factory=list)
     error: dict[str, Any] = field(default_factory=dict)  # quantity -> (k,) value less truth
     u: dict[str, Any] = field(default_factory=dict)  # quantity -> (k,)
+    unseen_mm: float = 0.0  # of the root size's u: a rounding that the view does not show
     wanted: Any = None  # (k,) the truth is seen there
     covered: float = math.nan  # raw edge: share of the seen edge that was measured
 
@@ -98,6 +99,7 @@ def compare_milled(result: Result, inspection: Any, truth: Any) -> None:
         "bevel_deg": column("bevel_deg") - truth.bevel_deg_at(origin),
     }
     result.u = {"root_mm": column("root_u_mm"), "bevel_deg": column("bevel_u_deg")}
+    result.unseen_mm = next((s.root_u_mm for s in inspection.uncertainty.sources if s.name == ROUNDING), 0.0)
     wrong = (away > MISPLACED_MM) & np.isfinite(result.error["root_mm"])
     result.error["root_mm"][wrong] = away[wrong]
 

@@ -13,7 +13,7 @@ from bench.metrology.others import PEERS
 from bench.metrology.part_result import PartResult, numbers
 from bench.metrology.places import clear_of_boundaries, parameter_at
 from bench.metrology.rays import exact_rays, informative
-from workbench.artefacts import Inspection, Recording, Requirements
+from workbench.artefacts import ROUNDING, Inspection, Recording, Requirements
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import WorkbenchError
@@ -106,6 +106,7 @@ def compare(result: PartResult, inspection: Inspection, truth: Truth) -> None:
     found, profile = inspection.sections, inspection.profile
     origins = np.array([s.origin_mm for s in found])
     result.root_mm, result.root_u_mm = [s.root_mm for s in found], [s.root_u_mm for s in found]
+    result.root_unseen_u_mm = next((s.root_u_mm for s in inspection.uncertainty.sources if s.name == ROUNDING), 0.0)
     result.bevel_deg, result.bevel_u_deg = [s.bevel_deg for s in found], [s.bevel_u_deg for s in found]
     result.root_true_mm = numbers(truth.root_mm_at(origins))
     result.bevel_true_deg = numbers(truth.bevel_deg_at(origins))

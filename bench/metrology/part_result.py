@@ -22,6 +22,7 @@ class PartResult:
     seen_share: float = 1.0  # of the part's edge, by truth
     root_mm: Numbers = field(default_factory=list)
     root_u_mm: Numbers = field(default_factory=list)
+    root_unseen_u_mm: float = 0.0  # part of root_u_mm: a rounding that the view does not show
     root_true_mm: Numbers = field(default_factory=list)
     root_bound_mm: Numbers = field(default_factory=list)
     bevel_deg: Numbers = field(default_factory=list)

@@ -62,7 +62,9 @@ def quantity(results: list[PartResult], name: str, unit: str, goal: float) -> Qu
     worst = np.array([greatest_error(r, name, unit) for r in results])
     inside = [(e <= 2 * w)[np.isfinite(e)] for e, w in zip(error, u, strict=True)]
     low, high = coverage_interval(inside)
-    ratio = np.concatenate(u) / np.concatenate(bound)
+    unseen = [r.root_unseen_u_mm if name == "root" else 0.0 for r in results]  # the bound is that of noise alone
+    noise = [np.sqrt(np.maximum(w**2 - v**2, 0.0)) for w, v in zip(u, unseen, strict=True)]
+    ratio = np.concatenate(noise) / np.concatenate(bound)
     ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
     return Quantity(
         p95=percentile(worst, 95),

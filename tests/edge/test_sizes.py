@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import GTC
 import numpy as np
 import pytest
 
@@ -82,6 +83,22 @@ def test_directions_and_end_add_up_as_a_trial_of_the_section_says(beta_deg: floa
     root, bevel = budget(beta, u)
     assert root.u == pytest.approx(np.std(corner - end), rel=0.02)
     assert bevel.u == pytest.approx(np.std(a - b), rel=0.02)
+
+
+@pytest.mark.parametrize("beta_deg", [30.0, 40.0, 60.0])
+def test_the_budget_is_that_of_an_independent_calculator(beta_deg: float) -> None:
+    """GTC differentiates the section's own geometry; the budget has its derivatives from the method's page."""
+    beta, u = np.radians(beta_deg), {"root": 2e-3, "bevel": 3e-4, "end": 2e-3}
+    turn_root, turn_bevel, end = (GTC.ureal(0.0, u[name]) for name in ("root", "bevel", "end"))
+    dx, dz = ROOT_MM + LEVER_MM * np.cos(beta) - 0.5 * ROOT_MM, -LEVER_MM * np.sin(beta)
+    a, b = turn_root, -beta + turn_bevel
+    corner = (dx * GTC.sin(b) - dz * GTC.cos(b)) / (GTC.cos(a) * GTC.sin(b) - GTC.sin(a) * GTC.cos(b))
+    root, bevel = budget(beta, u)
+    assert root.u == pytest.approx(GTC.uncertainty(corner + 0.5 * ROOT_MM - end), rel=0.02)
+    assert bevel.u == pytest.approx(GTC.uncertainty(a - b), rel=0.02)
+    np.testing.assert_allclose(root.u_by_source[END], GTC.component(corner - end, end), rtol=0.02)
+    both = np.hypot(GTC.component(corner, turn_root), GTC.component(corner, turn_bevel))
+    np.testing.assert_allclose(root.u_by_source[DIRECTIONS], both, rtol=0.02)
 
 
 @pytest.mark.parametrize("runs", [(0.2, 0.35), (-0.3, 0.1), (0.0, 0.4)])

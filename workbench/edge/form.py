@@ -138,7 +138,15 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
 
 
 def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
-    """The rounding of a face's free end, from how deep its last returns lie under its line in the frames `here` (N,).
+    """The rounding of a face's free end, by the pass that shows it best, in the frames `here` (N,)."""
+    passes = np.unique(cloud.pass_index[here])
+    found = [_rounding_of_pass(cloud, rim, here & (cloud.pass_index == p)) for p in passes]
+    known = [one for one in found if one is not NO_ROUNDING]
+    return min(known, key=lambda one: (one.radius_mm == 0.0, one.u_mm), default=NO_ROUNDING)
+
+
+def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
+    """The same of one pass, from how deep the face's last returns lie under its line.
 
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
     angle of incidence that the sensor still returns: at u = R sin(incidence - inclination) along the line, R - u before

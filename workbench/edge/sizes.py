@@ -7,7 +7,7 @@ import numpy as np
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
 from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
-from workbench.units import DEG, Float
+from workbench.units import DEG, Bool, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
@@ -33,7 +33,10 @@ def sizes(
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
-    loose = np.maximum(sudden(at, root, end_u), departure_mm(measured, s))
+    frames = np.sort(measured.upper_s[np.isfinite(measured.upper_s)])
+    after = np.searchsorted(frames, s).clip(1, frames.size - 1)
+    seen = np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM
+    loose = np.maximum(sudden(at, root, end_u, seen=seen), departure_mm(measured, s))
     # What obliquity makes of the root size's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
@@ -47,26 +50,34 @@ def sizes(
         DECLARED: end_u_mm * whole,
     }
     angle = {
-        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST)),
+        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)),
         TANGENT: tangent_u * leverage,
         FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
     }
     return Quantity(root, root_u), Quantity(beta, angle)
 
 
-def sudden(at: Float, value: Float, u: Float, least: float = SUDDEN_MM, least_slope: float = SUDDEN_SLOPE) -> Float:
+def sudden(
+    at: Float,
+    value: Float,
+    u: Float,
+    least: float = SUDDEN_MM,
+    least_slope: float = SUDDEN_SLOPE,
+    seen: Bool | bool = True,
+) -> Float:
     """By how much a size (m,) may be off where it changes suddenly at stations `at` (m,) mm; 0 elsewhere.
 
     A change by `least`, steeper than `least_slope` a mm and than is usual on the edge. The end of the face may be lost
     on one side of it, covered, or stand out in its plane, a second return may stand for the face: nothing tells which.
-    What lies off the level of most of the edge is uncertain by all of that; where no level has most of it, all is.
+    What is not `seen` may change as it likes. What lies off the level of most of the edge is uncertain by all of that;
+    where no level has most of it, all is.
     """
     out = np.zeros(at.size)
     if at.size < 3:
         return out
     reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
     slope = np.abs(np.gradient(value, at))
-    steep = np.flatnonzero(slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope))))
+    steep = np.flatnonzero(seen & (slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope)))))
     if not steep.size:
         return out
     level, level_now = np.zeros(at.size), 0.0

@@ -11,9 +11,9 @@ from workbench.checks.motion import section_turns, twisted
 from workbench.checks.profiles import Chain
 from workbench.units import DEG, Float
 
-STEP_S = 0.005  # for the derivative of the poses
+STEP_S = 0.04  # for the derivative of the poses: over less it is their noise
 DEGREE = 5  # of what the plate itself may do along the edge: a slow twist
-LEAST_RATE = 0.5 * DEG  # per second, of the turning that is not slow: with less nothing tells
+LEAST_RATE = 2.0 * DEG  # per second, of the turning that is not slow: with less 5 ms turn the section by 0.01 deg
 
 
 @dataclass(frozen=True, slots=True)

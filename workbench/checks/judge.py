@@ -33,7 +33,7 @@ NOT_JUDGED = Check(
 )
 STANDING_MM = 1e-6  # of way from frame to frame
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
-OBLIQUE_DEG = 6.0  # from here on a small twist is looked into
+OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
 TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it

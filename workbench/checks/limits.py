@@ -106,7 +106,7 @@ LIMITS: dict[str, Limit] = {
     "convention_twist_deg": Limit(
         0.25,
         "the same, where another reading of the orientations explains most of it; below 1.2 deg only if that "
-        "reading also halves an obliquity of 6 deg and more",
+        "reading also halves an obliquity of 10 deg and more",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
     "wiggle_mm": Limit(

@@ -271,6 +271,8 @@ def _end_along(
     use = corner | (silhouette if not _covered(s, corner) else _alone(s, corner, silhouette))
     spread = np.hypot(sigma, vibration)
     middle = np.where(use, outward * m + 0.5 * step, np.nan)
+    if not (np.isfinite(middle) & np.isfinite(s)).any():
+        raise InputError(cloud.source, "no frame shows where the end face ends: is upper_side right?")
     course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, (2, 3), together_mm=together)
     if whole and (use & silhouette).any():
         column = np.where(silhouette, ends.column, 0).astype(np.int64)

@@ -52,8 +52,9 @@ def bound_kernel(
     half: AnyArray,
     around: AnyArray,
     pairs: AnyArray,
+    most: float,
 ) -> AnyArray:
-    """See `clearance_bound_mm`; `around` (S,): radius of the sphere around each volume."""
+    """See `clearance_bound_mm`; `around` (S,): radius of the sphere around each volume; `most` is enough to know."""
     found = np.empty(len(joints))
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
     turn[8] = table[:3]
@@ -61,7 +62,7 @@ def bound_kernel(
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, is_box, ends, pose)
-        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs, FAR_MM)
+        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs, most)
     return found
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import bound_kernel, near_kernel, pairs_kernel
+from workbench.robot.bound_kernels import FAR_MM, bound_kernel, near_kernel, pairs_kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
@@ -52,10 +52,13 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     )
 
 
-def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0) -> Float:
+def clearance_bound_mm(
+    cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM
+) -> Float:
     """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and turntable angles (n,), rad.
 
-    Free without further look: more than SAFE_MM and the cell's margin. Negative or small: ask `CollisionModel`.
+    Free without further look: more than SAFE_MM and the cell's margin. Negative or small: ask `CollisionModel`. What is
+    farther apart than `most_mm` need not be known, and takes less time.
     """
     q = np.ascontiguousarray(joints, float).reshape(-1, 6)
     v, table = volumes, np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
@@ -74,6 +77,7 @@ def clearance_bound_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turn
             v.half_mm,
             v.around_mm,
             v.pairs,
+            most_mm,
         )
     )
 

@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from workbench.robot.bounds import bounding_volumes, near_pairs
+from workbench.robot.bounds import SAFE_MM, bounding_volumes, clearance_bound_mm, near_pairs
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import motions
@@ -27,11 +27,13 @@ class CollisionScreen:
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is nearer than the margin, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
-        near = near_pairs(self.cell, self._volumes, joints, turntable)
-        open_ = np.flatnonzero(near.any(axis=1))
+        need = self.cell.margin_mm + SAFE_MM
+        open_ = np.flatnonzero(
+            ~(clearance_bound_mm(self.cell, self._volumes, joints, turntable, need + SAFE_MM) > need)
+        )
         if not len(open_):
             return found
-        near = near[open_]
+        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_])
         moved = motions(self.cell.chain, joints[open_])
         angles, which = np.unique(turntable[open_], return_inverse=True)
         tables = [turntable_pose(self.cell, angle) for angle in angles.tolist()]

@@ -66,11 +66,20 @@ def figure_html(picture: bytes, words: str, caption: str = "", colours: Iterable
     """A picture, SVG or PNG, with what it shows in words, a caption, and a key of (colour, name)."""
     kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
     address = f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
-    key = "".join(
-        f'<span class="key"><i style="background:{colour}"></i>{escape(name)}</span>' for colour, name in colours
-    )
+    key = _key(colours)
     below = f"<figcaption>{key}{escape(caption)}</figcaption>" if key or caption else ""
     return f'<figure><img src="{address}" alt="{escape(words)}"/>{below}</figure>'
+
+
+def key_html(colours: Iterable[tuple[str, str]]) -> str:
+    """A key of (colour, name), for several pictures."""
+    return f'<p class="note">{_key(colours)}</p>'
+
+
+def _key(colours: Iterable[tuple[str, str]]) -> str:
+    return "".join(
+        f'<span class="key"><i style="background:{colour}"></i>{escape(name)}</span>' for colour, name in colours
+    )
 
 
 def panels_html(pictures: Iterable[tuple[bytes, str]]) -> str:

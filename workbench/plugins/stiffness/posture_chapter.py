@@ -7,8 +7,10 @@ import numpy as np
 from workbench.api import DEG, Cell, Chapter, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
 from workbench.plugins.stiffness.posture_pictures import along_picture, map_picture
-from workbench.plugins.stiffness.robot_picture import robot_picture
+from workbench.plugins.stiffness.robot_picture import key_of, robot_picture
 from workbench.plugins.stiffness.standing import Case, Found
+
+CELL_MM, CLOSE_UP_MM = 3600.0, 500.0  # what the pictures of the robot show
 
 
 def posture_chapter(cell: Cell, found: Found) -> Chapter:
@@ -95,5 +97,11 @@ def _robots(cell: Cell, found: Found) -> str:
     drawn = []
     for name, joints, table, _ in views:
         path = (found.points.turned(cell, np.array([table])) @ found.points.base_from_point)[found.points.cutting]
-        drawn.append((robot_picture(cell, joints, table, path[:, :3, 3], middle, 3600.0), name.capitalize()))
-    return pieces.panels_html(drawn)
+        way = path[:, :3, 3]
+        near = (way.min(axis=0) + way.max(axis=0)) / 2
+        close_up = max(CLOSE_UP_MM, 1.6 * float(np.ptp(way, axis=0).max()))
+        drawn.append((robot_picture(cell, joints, table, way, middle, CELL_MM), name.capitalize()))
+        drawn.append(
+            (robot_picture(cell, joints, table, way, near, close_up), f"{name.capitalize()}, close to the path")
+        )
+    return pieces.panels_html(drawn) + pieces.key_html(key_of(cell))

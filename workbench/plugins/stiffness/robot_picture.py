@@ -8,29 +8,47 @@ import numpy as np
 
 from workbench.api import Cell, Float, cell_triangles, pieces
 
-COLOURS = {"tool": "#c8553d", "turntable": "#7a8b99", "workpiece": "#b59b6a"}
-ROBOT, AROUND = "#e8a33d", "#b9c2c9"
+COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#7a8b99", "workpiece": "#b59b6a"}  # as view-cell's
+ROBOT, AROUND, PATH = "#e8a33d", "#b9c2c9", "#d11f1f"
+NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
+HUGE_MM = 7200.0  # a body that is larger, a floor or an envelope, is left out: it hides the others
+
+
+def key_of(cell: Cell) -> list[tuple[str, str]]:
+    """Colours and what they mean, of what stands in the cell."""
+    bodies = {shape.body for shape in cell.shapes}
+    others = bodies - _robot(cell) - set(COLOURS) - {"envelope", "floor"}
+    found = [(ROBOT, "robot"), *((COLOURS[body], name) for body, name in NAMES.items() if body in bodies)]
+    return [*found, *([(AROUND, ", ".join(sorted(others)))] if others else []), (PATH, "path")]
+
+
+def _robot(cell: Cell) -> set[str]:
+    return {shape.body for shape in cell.shapes if 0 <= shape.link <= 6 and shape.body not in COLOURS}
 
 
 def robot_picture(
     cell: Cell, joints: Float, turntable: float, path_mm: Float, middle_mm: Float, size_mm: float
 ) -> bytes:
-    """A PNG of the cell; the path (n, 3) is drawn through everything. The floor is left out: it hides nothing."""
+    """A PNG of the cell; the path (n, 3) is drawn through everything. What is huge is left out."""
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    robot = {shape.body for shape in cell.shapes if 0 <= shape.link <= 6 and shape.body != "tool"}
+    robot = _robot(cell)
     figure = Figure(figsize=(4.6, 4.2))
     axes: Any = figure.add_axes((0, 0, 1, 1), projection="3d")
     faces, colours = [], []
-    for body, triangles in cell_triangles(cell, joints, turntable):
-        if np.ptp(triangles.reshape(-1, 3), axis=0).max() > 2 * size_mm:
+    made = cell_triangles(cell, joints, turntable)
+    huge = {body for body, triangles in made if np.ptp(triangles.reshape(-1, 3), axis=0).max() > HUGE_MM}
+    for body, triangles in made:
+        away = np.abs(triangles - middle_mm).max(axis=2).min(axis=1)  # of each triangle's nearest corner
+        triangles = triangles[away < 0.75 * size_mm]
+        if not len(triangles) or body in huge:
             continue
         faces.append(triangles)
         colour = COLOURS.get(body, ROBOT if body in robot else AROUND)
         colours += [colour] * len(triangles)
     axes.add_collection3d(Poly3DCollection(np.concatenate(faces), facecolors=colours, shade=True, linewidths=0))
-    axes.plot(*path_mm.T, color="#1b4965", lw=2.5, zorder=1e6)
+    axes.plot(*path_mm.T, color=PATH, lw=1.4, zorder=1e6)
     for name, at in zip(("xlim", "ylim", "zlim"), middle_mm, strict=True):
         getattr(axes, f"set_{name}")(at - size_mm / 2, at + size_mm / 2)
     axes.set_box_aspect((1, 1, 1), zoom=1.5)

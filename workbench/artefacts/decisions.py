@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -43,13 +44,14 @@ class Gate:
         return "; ".join(self.loosened) if self.passed else self.reason
 
 
-class RobotCell:
+class RobotCell(ABC):
     """What a pipeline has where it knows the robot: only there programs are written, and they are judged in it."""
 
     __slots__ = ()
     unchecked: tuple[str, ...] = ()  # what its file does not say of it, so that nothing can look at it
     unseen: tuple[str, ...] = ()  # what stands in it and was not shown: programs say so
 
+    @abstractmethod
     def judge(
         self,
         program: ProgramMoves,
@@ -65,4 +67,4 @@ class RobotCell:
             tolerance_mm: by which it may leave that path.
             configuration: of joint angles (6,) in this cell, as the program's dialect counts it.
         """
-        raise NotImplementedError
+        ...

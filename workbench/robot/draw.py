@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from workbench.robot.draw_notes import FORWARD_MM, GRID, INK, PAPER, add_frames, add_gaps, add_grid, add_names
+from workbench.robot.draw_notes import FORWARD_MM, GRID, INK, PAPER, Notes, add_frames, add_gaps, add_grid, add_names
 from workbench.robot.picture import CellPicture
 from workbench.units import Float
 
@@ -45,16 +45,18 @@ def draw(view: CellPicture, path: Path) -> None:
         note = f"{name}; grid {spacing:.0f} mm"
         _scene(plotter, view, low, high, f"{view.caption}\n{note}" if i == 0 else note)
         add_grid(plotter, low, high, spacing, screen[2])
-        add_frames(plotter, view, ("base", "turntable", "cutter"), screen, float((high - low).max()))
-        add_gaps(plotter, view, screen, float((high - low).max()))
+        notes = Notes(plotter, screen, 4 * plotter.camera.parallel_scale / HEIGHT_PX)
+        add_frames(notes, view, ("base", "turntable", "cutter"), float((high - low).max()))
+        add_gaps(notes, view, float((high - low).max()))
         if i == 0:
-            add_names(plotter, view, screen, high - low)
+            add_names(notes, view, high - low)
     plotter.subplot(1, 1)
     near, far = _tool_bounds(view)
     screen = _look(plotter, np.array(VIEWS[0][1]), np.array(VIEWS[0][2]), near, far)
     _scene(plotter, view, low, high, "tool; axes x vermilion, y green, z blue")
-    add_frames(plotter, view, TOOL, screen, 1.5 * float((far - near).max()))
-    add_gaps(plotter, view, screen, 1.5 * float((far - near).max()))
+    notes = Notes(plotter, screen, 4 * plotter.camera.parallel_scale / HEIGHT_PX)
+    add_frames(notes, view, TOOL, 1.5 * float((far - near).max()))
+    add_gaps(notes, view, 1.5 * float((far - near).max()))
     plotter.enable_anti_aliasing("ssaa")
     plotter.screenshot(str(path))
     plotter.close()

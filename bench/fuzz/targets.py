@@ -140,6 +140,44 @@ def _source(path: Path) -> object:
     return read_source(path, no_mapping())
 
 
+def _with(**parts: object) -> Callable[[Path], object]:
+    """A reader of sources with a mapping whose one part is about the file."""
+
+    def read(path: Path) -> object:
+        from workbench.importing.kinds import read_source
+        from workbench.importing.mapping import Mapping
+
+        given = {"format": "import-mapping", "version": 1, **parts}
+        return read_source(path, Mapping.model_validate(given).model_copy(update={"base_dir": ROOT}))
+
+    return read
+
+
+def _draft(path: Path) -> object:
+    from workbench.importing.draft import drafted
+
+    return drafted([path])
+
+
+def _forces(path: Path) -> object:
+    from workbench.importing.kistler import read_forces
+
+    return read_forces(path)
+
+
+def _seven_corners(path: Path) -> object:
+    from workbench.export.corners import read_corners
+    from workbench.importing.text import decoded
+
+    return read_corners(decoded(path.read_bytes()), str(path))
+
+
+def _tracker(path: Path) -> object:
+    from workbench.cloud.readers import READERS
+
+    return READERS[".asc"](path)
+
+
 def _bag(path: Path) -> object:
     from workbench.importing import bags
     from workbench.importing.mapping import Mapping
@@ -172,6 +210,16 @@ def _points(path: Path) -> object:
     return read_points(path)
 
 
+JOINTS = {
+    "files": "*",
+    "columns": ["j1", "j2", "j3", "j4", "j5", "j6"],
+    "angle_unit": "deg",
+    "time": "t",
+    "time_unit": "s",
+    "urdf": "data/robot/irb6700_150_320.urdf",
+    "base_frame": "base_link",
+    "flange_frame": "tool0",
+}
 TARGETS = (
     Target("pipeline", _pipeline, ("pipelines/*.json",), beside=("../data",)),
     Target("recipe", _recipe, ("data/synthetic/*edge.json", "data/synthetic/sphere.json")),
@@ -193,6 +241,16 @@ TARGETS = (
     Target("gocator", _source, ()),
     Target("gopxl", _source, ()),
     Target("keyence", _source, ()),
+    Target("height_map", _with(height_map={"files": "*", "x_pitch": 0.1, "y_pitch": 0.4, "z_scale": 0.001}), (), 0.1),
+    Target("height_grid", _source, ()),
+    Target("arrays", _source, (), 0.1),
+    Target("organised", _source, (), 0.003),
+    Target("joints", _with(joints=JOINTS), (), 0.1),
+    Target("stamps", _with(stamps={"files": "*", "time_unit": "ms", "of": "profiles"}), ()),
+    Target("draft", _draft, (), 0.1),
+    Target("forces", _forces, ()),
+    Target("seven_corners", _seven_corners, ()),
+    Target("tracker", _tracker, ()),
     Target("bag", _bag, (), 0.02),
     Target("cloud", _cloud, (), 0.003),
     Target("inspection", _inspection, ()),

@@ -16,6 +16,7 @@ from workbench.importing.mapping_formats import ArraysPart
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames
 from workbench.scan.checks import normalised
+from workbench.scan.trial import CPU_SECONDS, survives
 from workbench.units import AnyArray, Float
 
 NAME = "arrays (.npy, .npz, .mat)"
@@ -32,6 +33,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "pose_time": ("pose_time", "pose_time_s", "robot_time"),
 }
 MOST_BYTES = 2**32
+BYTES_A_SECOND = 10_000_000  # a compressed file is read several times as fast
 TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
 
 
@@ -104,6 +106,9 @@ def _matlab(path: Path) -> dict[str, Any]:
     with open(path, "rb") as file:
         newer = b"MATLAB 7.3" in file.read(128)
     if not newer:
+        seconds = CPU_SECONDS + path.stat().st_size // BYTES_A_SECOND
+        if not survives(lambda: loadmat(path), seconds):  # its compiled reader crashes on some damaged files
+            raise InputError(str(path), "expected a whole MATLAB file: its reader crashed")
         return {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
     import h5py
 

@@ -14,6 +14,7 @@ from workbench.importing.grid import bounded, without
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_tables import LENGTH_MM
 from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.scan.trial import survives
 from workbench.units import AnyArray, Float
 
 NAME = "height map (TIFF, PNG)"
@@ -74,6 +75,12 @@ def pixels(path: Path) -> AnyArray:
 def _tiff(path: Path, size: int) -> AnyArray:
     import tifffile
 
+    def shape() -> object:
+        with tifffile.TiffFile(path) as file:
+            return file.series[0].shape
+
+    if not survives(shape):  # directories that lead round in a damaged file
+        raise InputError(str(path), "expected a whole image: its directories do not come to an end")
     with tifffile.TiffFile(path) as file:
         series = file.series[0]
         _check_size(path, int(np.prod(series.shape)), size)

@@ -20,7 +20,7 @@ from workbench.importing import kistler
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
-from workbench.importing.text import as_utf8, first_bytes, head_text
+from workbench.importing.text import decoded, first_bytes, head_text
 from workbench.look.foreign import frames_alone, poses_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.sample import chosen_of, shades_of
@@ -71,7 +71,7 @@ def _other(file: Path) -> Seen | None:
         return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
     if not recognised(head):
         return None
-    seven = read_corners(as_utf8(file.read_bytes(), str(file)).decode(), str(file))
+    seven = read_corners(decoded(file.read_bytes()), str(file))
     at = seven.corners_mm
     sizes = [
         f"{name}: {value.min():.3f} to {value.max():.3f} mm, median {np.median(value):.3f}"

@@ -14,8 +14,8 @@ from collections.abc import Callable
 CPU_SECONDS = 2  # of the child; a whole file's tables take a hundredth of one
 
 
-def survives(action: Callable[[], object]) -> bool:
-    """Whether `action` comes back, with a result or an exception, rather than crash or run for ever.
+def survives(action: Callable[[], object], seconds: int = CPU_SECONDS) -> bool:
+    """Whether `action` comes back within its processor time, with a result or an exception, rather than crash.
 
     True without trial where processes cannot be forked.
     """
@@ -24,7 +24,7 @@ def survives(action: Callable[[], object]) -> bool:
     child = os.fork()
     if child == 0:
         try:
-            _confine()
+            _confine(seconds)
             with contextlib.suppress(Exception):
                 action()
         finally:
@@ -32,11 +32,11 @@ def survives(action: Callable[[], object]) -> bool:
     return not os.WIFSIGNALED(os.waitpid(child, 0)[1])
 
 
-def _confine() -> None:
-    """No core file, no message of a crash, no more than CPU_SECONDS."""
+def _confine(seconds: int) -> None:
+    """No core file, no message of a crash, no more than so much processor time."""
     import resource
 
     faulthandler.disable()
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))

@@ -278,11 +278,17 @@ def cases(command: Command, scratch: Path, kills: int, rng: random.Random) -> Co
 
 def _judged(command: Command, place: Path, before: object, new: object) -> str:
     after = command.state(place)
-    if after is None:
-        return "changing" if _changing(place) else "BROKEN"
-    if after == before:
+    if after is None and _changing(place):
+        return "changing"
+    if after == before and after is not None:
         return "the old results whole" if before else "none"
-    return "the new results whole" if after == new else "none" if not after else "BROKEN: a mixture"
+    if after == new:
+        return "the new results whole"
+    if after in ("", {}):
+        return "none"
+    there = sorted(str(path.relative_to(place.parent)) for path in place.parent.rglob("*"))
+    print(f"{command.name}: BROKEN: {'a mixture' if after else 'not whole'}: {there}", flush=True)
+    return "BROKEN"
 
 
 def _changing(place: Path) -> bool:

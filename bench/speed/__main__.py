@@ -17,21 +17,23 @@ PAGE = Path("docs/benchmarks.md")
 PICTURED = 10  # million points
 
 
-def inspecting(sizes: list[int], folder: Path, also_largest: bool) -> Iterator[Row]:
+def inspecting(sizes: list[int], folder: Path, also_largest: bool, open3d: bool = True) -> Iterator[Row]:
     """Recordings of several sizes from file to inspection."""
     paths = {}
     for size in sizes:
         print(f"simulating {size} M points", file=sys.stderr, flush=True)
         paths[size] = simulated(size, folder)
-    yield from rows.first_run(paths[sizes[0]], folder / "kernels")
-    yield from rows.starting()
-    for size in sizes:
-        yield from rows.fusing(size)
-    yield from rows.memory(sizes[-1], paths[sizes[-1]])
     times: rows.Times = {}
     for size, path in paths.items():
         yield from rows.reading(size, path, times)
     yield from rows.linearity(times)
+    yield from rows.memory(sizes[-1], paths[sizes[-1]])
+    if not open3d:
+        return
+    yield from rows.first_run(paths[sizes[0]], folder / "kernels")
+    yield from rows.starting()
+    for size in sizes:
+        yield from rows.fusing(size)
     yield from rows.picture(paths[min(sizes, key=lambda size: abs(size - PICTURED))])
     yield from rows.routes(paths, times, also_largest)
 
@@ -46,7 +48,9 @@ GROUPS = {
 }
 
 
-def measure(groups: list[str], sizes: list[int], parts: int, folder: Path, also_largest: bool) -> Iterator[Row]:
+def measure(
+    groups: list[str], sizes: list[int], parts: int, folder: Path, also_largest: bool, open3d: bool
+) -> Iterator[Row]:
     """Rows of the groups asked for."""
     for name in groups:
         group = GROUPS[name]
@@ -55,7 +59,7 @@ def measure(groups: list[str], sizes: list[int], parts: int, folder: Path, also_
         elif name == "batch":
             yield from batch_rows.batches(parts)
         else:
-            yield from inspecting(sizes, folder, also_largest)
+            yield from inspecting(sizes, folder, also_largest, open3d)
 
 
 def main() -> None:
@@ -64,12 +68,15 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=1000, help="of the batches")
     parser.add_argument("--all", action="store_true", help="run Open3D at the largest size too (many minutes, 12 GB)")
     parser.add_argument("--rows", nargs="+", choices=GROUPS, help="only these rows; the page is then not written")
+    parser.add_argument("--without-open3d", action="store_true", help="leave its rows and those on pictures out")
+    parser.add_argument("--folder", type=Path, help="keep the recordings here for the next time (1 GB)")
     parser.add_argument("--out", type=Path, help="the page to write (docs/benchmarks.md, if all rows are measured)")
     arguments = parser.parse_args()
     found = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = arguments.folder or scratch
         groups, sizes = arguments.rows or list(GROUPS), sorted(arguments.sizes)
-        for row in measure(groups, sizes, arguments.parts, Path(folder), arguments.all):
+        for row in measure(groups, sizes, arguments.parts, Path(folder), arguments.all, not arguments.without_open3d):
             found.append(row)
             print(line(row), flush=True)
     page = arguments.out or (None if arguments.rows else PAGE)

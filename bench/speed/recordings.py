@@ -55,8 +55,10 @@ def recipe(million_points: int) -> dict[str, Any]:
 
 
 def simulated(million_points: int, folder: Path) -> Path:
-    """The recording as `workbench simulate` writes it (gzip and shuffle, chunks of 64 frames)."""
+    """The recording as `workbench simulate` writes it (gzip and shuffle, chunks of 64 frames); kept if it is there."""
     path = folder / f"{million_points}m.h5"
+    if path.exists():
+        return path
     write_simulation(parse_recipe(recipe(million_points)), path)
     return path
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import OutputError
+from workbench.pipeline.exchange import OLD as OLD_NAME
 from workbench.pipeline.lock import locked
 from workbench.pipeline.output import OutputDirectory
 
@@ -197,3 +198,20 @@ def test_the_lock_of_a_killed_run_goes_and_that_of_a_running_one_stays(tmp_path:
     lock.touch()
     with out.reserved():
         assert not lock.exists()
+
+
+def test_a_run_killed_while_it_tidies_up_leaves_its_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both sets have a file of one name; the old one is gone from the staged directory, the rest of that is not."""
+    both = {**NEW, "plate.csv": b"new"}
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+
+    def killed(staged: Path, **_: object) -> None:
+        (staged / f"plate.csv{OLD_NAME}").unlink()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("workbench.pipeline.output.shutil.rmtree", killed)
+        out.publish(both)
+    with out.reserved():
+        assert tree(tmp_path / "out") == both

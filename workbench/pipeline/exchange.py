@@ -32,6 +32,8 @@ def exchange(staged: Path, target: Path, old: list[str], new: list[str]) -> None
     except OSError:
         _put_back(staged, target, old, new)
         raise
+    finally:
+        _moved(staged)
 
 
 def clear_killed_runs(target: Path, *, beside: bool = True) -> None:
@@ -43,6 +45,7 @@ def clear_killed_runs(target: Path, *, beside: bool = True) -> None:
         for staged in place.glob(f"{glob.escape(staged_prefix(target))}*"):
             with suppress(FileNotFoundError, ValueError):  # ValueError: killed before the first file moved
                 _change_places(staged, target, *_names(staged))
+                _moved(staged)
             shutil.rmtree(staged, ignore_errors=True)
 
 
@@ -62,6 +65,11 @@ def _change_places(staged: Path, target: Path, old: list[str], new: list[str]) -
     for name in new:
         if (staged / name).exists():
             os.rename(staged / name, target / name)
+
+
+def _moved(staged: Path) -> None:
+    """The staged directory goes now; the next run must not take what is left of it for a set on its way."""
+    (staged / MOVING).unlink()
 
 
 def _put_back(staged: Path, target: Path, old: list[str], new: list[str]) -> None:

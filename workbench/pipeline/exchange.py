@@ -31,9 +31,9 @@ def exchange(staged: Path, target: Path, old: list[str], new: list[str]) -> None
         _change_places(staged, target, old, new)
     except OSError:
         _put_back(staged, target, old, new)
-        raise
-    finally:
         _moved(staged)
+        raise
+    _moved(staged)
 
 
 def clear_killed_runs(target: Path, *, beside: bool = True) -> None:

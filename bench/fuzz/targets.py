@@ -172,12 +172,6 @@ def _seven_corners(path: Path) -> object:
     return read_corners(decoded(path.read_bytes()), str(path))
 
 
-def _tracker(path: Path) -> object:
-    from workbench.cloud.readers import READERS
-
-    return READERS[".asc"](path)
-
-
 def _bag(path: Path) -> object:
     from workbench.importing import bags
     from workbench.importing.mapping import Mapping
@@ -250,7 +244,6 @@ TARGETS = (
     Target("draft", _draft, (), 0.1),
     Target("forces", _forces, ()),
     Target("seven_corners", _seven_corners, ()),
-    Target("tracker", _tracker, ()),
     Target("bag", _bag, (), 0.02),
     Target("cloud", _cloud, (), 0.003),
     Target("inspection", _inspection, ()),

@@ -19,6 +19,7 @@ from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import sudden
+from workbench.errors import InputError
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
@@ -73,7 +74,11 @@ def segment_raw(
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     along, sense = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, along, sense)
-    measured = measure_raw_edge(cloud, found)
+    try:
+        measured = measure_raw_edge(cloud, found)
+    except np.linalg.LinAlgError:
+        told = "its passes do not determine one smooth edge: do they overlap?"
+        raise InputError(cloud.source, told) from None
     edge = _edge(cloud, found, measured, robot_noise_mm)
     return replace(edge, checks=(*edge.checks, plates))
 

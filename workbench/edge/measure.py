@@ -256,16 +256,17 @@ def _as_ends(cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float
     column = ends.step**2 / 12.0
     shown = size.frame_factor * (ends.sigma**2 + column) - column
     sigma = np.sqrt(np.maximum(np.maximum(ends.sigma**2 * excess, shown), LEAST_SIGMA_MM**2))
-    low, step, sigma, weight = settled(ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
-    on = np.flatnonzero(np.isfinite(upper_s) & np.isfinite(low) & np.isfinite(sigma))
+    freed = settled(upper_s, ends.low, ends.step, sigma, tracked.end_column, cloud.pass_index)
+    on = np.flatnonzero(np.isfinite(upper_s) & np.isfinite(freed.low) & np.isfinite(freed.sigma))
     on = on[np.argsort(upper_s[on], kind="stable")]
     return Ends(
         upper_s[on],
-        low[on],
-        step[on],
-        np.maximum(sigma[on], LEAST_SIGMA_MM),
+        freed.low[on],
+        freed.step[on],
+        np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
-        share * weight[on],
+        share * freed.weight[on],
         ends.fill[on],
         ends.fill_sigma[on],
+        freed.doubt[on],
     )

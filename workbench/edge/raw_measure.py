@@ -276,11 +276,21 @@ def _end_along(
     course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, (2, 3), together_mm=together)
     if whole and (use & silhouette).any():
         column = np.where(silhouette, ends.column, 0).astype(np.int64)
-        low, wide, noise, weight = settled(outward * m, step, spread, column, cloud.pass_index)
-        on = np.flatnonzero(use & course.kept & np.isfinite(low) & np.isfinite(noise))
+        freed = settled(s, outward * m, step, spread, column, cloud.pass_index)
+        on = np.flatnonzero(use & course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
         on = on[np.argsort(s[on], kind="stable")]
         unknown = np.full(on.size, np.nan)
-        known = Ends(s[on], low[on], wide[on], np.maximum(noise[on], 1e-3), missing[on], weight[on], unknown, unknown)
+        known = Ends(
+            s[on],
+            freed.low[on],
+            freed.step[on],
+            np.maximum(freed.sigma[on], 1e-3),
+            missing[on],
+            freed.weight[on],
+            unknown,
+            unknown,
+            freed.doubt[on],
+        )
         course = find_end(known, course, together, (2, 3)).course
     rounding = NO_ROUNDING
     if whole and not rough and not _covered(s, corner):

@@ -479,6 +479,7 @@ class _Measured:
             np.ones(s.size),
             np.full(s.size, np.nan),
             np.full(s.size, np.nan),
+            np.zeros(s.size),
         )
         found = find_end(ends, rough)
         near = np.full(self.s.size, np.nan)

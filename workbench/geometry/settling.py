@@ -3,62 +3,70 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.kernels import kernel
+from workbench.geometry.course import fit_course
 from workbench.units import Float, Int
 
-SETTLE_FRAMES = 31
-SETTLE_GAP = 4  # frames that may be missing between neighbours
+LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
-SHARED_NOISE = 0.2  # of the variance, left by smoothing over them
+ALIKE = 15.0  # frames at most that count as one: returns are lost in each by itself
+BLOCKS = 60  # of a pass, by whose middle columns it is told whether the end passes from column to column
+PASSED = 5.0  # odds, for each column passed, that the columns moved against a smooth end: noise to a column's step
 
 
-def settled(low: Float, step: Float, sigma: Float, column: Int, group: Int) -> tuple[Float, Float, Float, Float]:
-    """`low` and `step` (n,) freed of noise that neighbouring frames do not share; what remains of it, mm; and weights.
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledEnds:
+    """The last return in each of n frames, freed of noise that neighbouring frames do not share."""
+
+    low: Float  # (n,) mm
+    step: Float  # (n,) mm
+    sigma: Float  # (n,) what remains of the noise, mm
+    weight: Float  # (n,) what the frame counts
+    doubt: Float  # (n,) probability that the end waves with `low`, and the columns stand still against it
+
+
+def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group: Int) -> SettledEnds:
+    """Ends freed of noise that neighbouring frames do not share.
 
     Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
-    where between two columns the end lies. Frames in order of time, column (n,) of the last return counted outwards:
-    low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter is taken off.
-    What remains is shared by neighbours: while the end passes one limit of a column slowly, they say one thing, and it
-    may lie on the limit in all of them; `low` and `step` then leave room for the noise.
+    where between two columns the end lies. Frames at arc lengths s (n,), column (n,) of the last return counted
+    outwards: low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter
+    about its course is taken off. What remains is shared by neighbours: while the end passes one limit of a column
+    slowly, they say one thing, and it may lie on the limit in all of them; `low` and `step` then leave room for it.
+
+    A `low` that waves while its column stays the same has two readings: the columns move against an even end, or the
+    end waves and the columns stand still against it. Every column that is passed speaks for the first.
     """
     low, step, sigma, weight = low.copy(), step.copy(), sigma.copy(), np.ones(low.size)
+    doubt = np.zeros(low.size)
     for g in np.unique(group):
-        mine = np.flatnonzero((group == g) & np.isfinite(low) & (step > 0))
-        if mine.size < 2 * SETTLE_FRAMES:
+        mine = np.flatnonzero((group == g) & np.isfinite(low) & np.isfinite(s) & np.isfinite(sigma) & (step > 0))
+        if mine.size < LEAST_FRAMES:
             continue
-        course = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
-        smooth, drift = np.empty(mine.size), np.empty(mine.size)
-        for part in np.split(np.arange(mine.size), np.flatnonzero(np.diff(mine) > SETTLE_GAP) + 1):
-            smooth[part], drift[part] = _running_line(course[part], min(SETTLE_FRAMES, part.size))
-        rough = course - smooth
+        moved = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
+        course = fit_course(s[mine], moved, sigma[mine] ** 2)
+        rough = moved - course.value(s[mine])
         spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
-        noise = float(np.median(sigma[mine]) ** 2) * (1.0 - 2.25 / SETTLE_FRAMES)
+        noise = float(np.median(sigma[mine]) ** 2)
         share = min(1.0, noise / max(spread, 1e-12))
         low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
-        sigma[mine] *= math.sqrt(max(1.0 - share, SHARED_NOISE))
-        alike = np.clip(2.0 * sigma[mine] / np.maximum(np.abs(drift), 1e-9), 1.0, 0.5 * SETTLE_FRAMES)
+        shared = course.u(s[mine])
+        sigma[mine] = np.minimum(np.hypot(math.sqrt(1.0 - share) * sigma[mine], shared), sigma[mine])
+        drift = np.abs(course.slope(s[mine])) * max(float(np.ptp(s[mine])) / mine.size, 1e-9)  # from frame to frame
+        alike = np.clip(2.0 * shared / np.maximum(drift, 1e-9), 1.0, ALIKE)
         weight[mine] = 1.0 / (1.0 + share**2 * (alike - 1.0))
         room = LIMIT_SIGMAS * sigma[mine] * (1.0 - weight[mine])
         low[mine] -= room
         step[mine] += 2.0 * room
-    return low, step, sigma, weight
+        doubt[mine] = 1.0 / (1.0 + PASSED ** _passed(column[mine]))
+    return SettledEnds(low, step, sigma, weight, doubt)
 
 
-@kernel
-def _running_line(y: Float, window: int) -> tuple[Float, Float]:
-    """Value and slope at each place of the line through the `window` places around it (shifted inwards at the ends)."""
-    out, slopes = np.empty(y.size), np.empty(y.size)
-    half = window // 2
-    for i in range(y.size):
-        first = min(max(i - half, 0), y.size - window)
-        my = y[first : first + window].mean()
-        mx = 0.5 * (window - 1)
-        sxy = 0.0
-        for k in range(window):
-            sxy += (k - mx) * (y[first + k] - my)
-        slopes[i] = sxy / max(window * (window * window - 1.0) / 12.0, 1.0)
-        out[i] = my + slopes[i] * (i - first - mx)
-    return out, slopes
+def _passed(column: Int) -> int:
+    """How many columns the end passes along a pass; single lost returns are none."""
+    block = np.arange(column.size) * BLOCKS // column.size
+    middle = [np.median(column[block == b]).round() for b in np.unique(block)]
+    return np.unique(middle).size - 1

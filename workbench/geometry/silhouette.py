@@ -10,7 +10,7 @@ the one estimator, `geometry.course`, as a value with a variance (expectation pr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class Ends:
     weight: Float  # (n,) what the frame counts: below 1 where neighbours share their noise
     fill: Float  # (n,) share of the last pixel that the face fills, by its brightness; NaN: not known
     fill_sigma: Float  # (n,) its standard uncertainty
+    doubt: Float  # (n,) probability that the end waves with `low`, rather than the columns against it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +89,7 @@ def find_end(
             logs,
         )
         mean, variance = _sites(logs, grid, prior)
-        said = variance * _said_again(logs, grid)
+        said = variance * _overstated(logs, grid, variance)
         course = fit_course(place, about + mean, said, orders=orders, unseen=unseen, together_mm=together_mm)
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     about = course.value(ends.s)
@@ -96,7 +97,17 @@ def find_end(
     departure = np.zeros(place.size)
     for k in np.flatnonzero(contradicted):
         departure[k] = np.median((ends.low + 0.5 * ends.step - about)[cell == k])
-    return EndCourse(course, place, contradicted, departure)
+    return EndCourse(_doubted(course, place, ends, cell), place, contradicted, departure)
+
+
+def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:
+    """The course with what its reading leaves open: the end may lie in the middle of each cell's column step."""
+    count = np.bincount(cell)
+    apart = np.bincount(cell, ends.low + 0.5 * ends.step) / count - course.value(place)
+    other = apart**2 + np.bincount(cell, ends.step**2) / count / 12.0
+    doubt = np.interp(course.at_mm, place, np.bincount(cell, ends.doubt) / count)
+    more = doubt * (np.interp(course.at_mm, place, other) - course.variance)
+    return replace(course, variance=course.variance + np.maximum(more, 0.0))
 
 
 def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
@@ -107,19 +118,19 @@ def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
     return np.clip(mean / variance / added, grid[0], grid[-1]), 1.0 / added
 
 
-def _said_again(logs: Float, grid: Float) -> Float:
-    """Factor (c,) of each cell's variance by which the cells around say the same again, at least 1 (eq. (9)).
+def _overstated(logs: Float, grid: Float, variance: Float) -> Float:
+    """Factor (c,), at least 1, by which cells of these variances claim more together than they know (eq. (9)).
 
-    Independent cells know sqrt(k) times better together than alone; cells at one phase of the columns know no more.
+    Independent cells know what the sum of their weights says; cells at one phase of the columns know no more than one.
     """
-    alone = _moments(logs, grid)[1]
     out = np.ones(len(logs))
     total = np.concatenate([np.zeros((1, grid.size)), np.cumsum(logs, axis=0)])
+    claimed = np.concatenate([[0.0], np.cumsum(1.0 / variance)])
     number = np.arange(len(logs))
     for cells in 2 ** np.arange(2, max(3, len(logs).bit_length() + 2)):
         first, last = np.maximum(number - cells // 2, 0), np.minimum(number + cells // 2, len(logs))
-        together = _moments(total[last] - total[first], grid)[1]
-        out = np.maximum(out, (last - first) * together / alone)
+        known = _moments(total[last] - total[first], grid)[1]
+        out = np.maximum(out, known * (claimed[last] - claimed[first]))
     return out
 
 

@@ -297,3 +297,30 @@ def test_values_without_noise_are_all_kept() -> None:
     s = np.arange(0.0, 60.0, 0.3)
     for values in (np.full(s.size, 1.7), 1.7 + 0.01 * s, 1e6 + 0.01 * s):
         assert fit_course(s, values).kept.all()
+
+
+@pytest.mark.parametrize("length", [3.0, 8.0, 20.0])
+@pytest.mark.parametrize("orders", [(1, 2), (2, 3)])
+def test_values_that_leave_the_course_together_are_followed_or_uncertain(
+    length: float, orders: tuple[int, int]
+) -> None:
+    """A notch of many frames is no stray: what the course does not follow stands in its u."""
+    s = np.arange(0.0, 120.0, 0.33)
+    truth = 0.8 * (np.abs(s - 60.0) < 0.5 * length)
+    y = truth + np.random.default_rng(77).normal(0.0, 0.004, s.size)
+    course = fit_course(s, y, np.full(s.size, 0.004**2), orders=orders)
+    inside = np.abs(s - 60.0) < 0.5 * length - 0.3
+    assert (np.abs(course.value(s) - truth)[inside] < 3.0 * course.u(s)[inside]).all()
+    far = np.abs(s - 60.0) > 0.5 * length + 25.0
+    assert (course.u(s)[far] < 0.05).all()
+
+
+def test_single_strays_leave_no_trace() -> None:
+    s = np.arange(0.0, 120.0, 0.33)
+    rng = np.random.default_rng(78)
+    y = rng.normal(0.0, 0.004, s.size)
+    stray = rng.choice(s.size, 12, replace=False)
+    clean = fit_course(s, y, np.full(s.size, 0.004**2))
+    spoilt = fit_course(s, y + np.isin(np.arange(s.size), stray) * 0.5, np.full(s.size, 0.004**2))
+    np.testing.assert_allclose(spoilt.value(s), clean.value(s), rtol=0, atol=3.0 * clean.u(s).max())
+    assert spoilt.u(s).max() < 2.0 * clean.u(s).max()

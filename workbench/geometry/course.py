@@ -25,6 +25,7 @@ LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
 NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; times that their weights settle
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
+AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
 LEAST_FACTOR = 1e-12  # of noise: exact values have none
@@ -130,7 +131,39 @@ def fit_course(
             break
         bins = binned(s, y, variance, group, bin_mm, kept)
         course = _fit(s, bins, stated, orders, course.stiffness, unseen, bin_mm)
-    return course
+    return _unfollowed(course, s, y, variance, group, bin_mm)
+
+
+def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None, bin_mm: float) -> Course:
+    """The course, uncertain by all that the values of a bin leave it by together, dropped or not.
+
+    Strays are single values. Where the middle of a bin lies off by more than neighbours differ and other bins lie
+    off, there is a notch, a step, or lost returns: nothing here tells which.
+    """
+    values, _, passes, seen = _as_values(s, y, variance, group)
+    on = np.flatnonzero(seen)
+    number = _number(s[on], passes[on], bin_mm)
+    off = values[on] - course.value(s[on]).reshape(on.size, -1)
+    departure = np.stack([_middles(number, component) for component in off.T], axis=1)
+    order = np.lexsort((s[on], passes[on]))
+    scatter = float(np.median(np.linalg.norm(np.diff(off[order], axis=0), axis=1))) if on.size > 1 else 0.0
+    size = np.linalg.norm(departure, axis=1)
+    usual = float(np.median(size)) / 0.6745
+    stray = np.bincount(number) < LEAST_VALUES
+    told = np.flatnonzero(~stray & (size > OUTLIER_SIGMAS * usual) & (size > AGREED * scatter))
+    value_variance, slope_variance = course.variance.copy(), course.slope_variance.copy()
+    for k in told:
+        here = np.abs(course.at_mm - float(s[on[number == k]].mean())) <= bin_mm
+        value_variance[here] = np.maximum(value_variance[here], course.variance[here] + size[k] ** 2)
+        slope_variance[here] = np.maximum(slope_variance[here], course.slope_variance[here] + (size[k] / bin_mm) ** 2)
+    return replace(course, variance=value_variance, slope_variance=slope_variance)
+
+
+def _middles(number: Int, value: Float) -> Float:
+    """Median (b,) of the values (n,) of each bin, the lower one of two."""
+    order = np.lexsort((value, number))
+    count = np.bincount(number)
+    return np.asarray(value[order][np.cumsum(count) - count + (count - 1) // 2])
 
 
 def _fit(

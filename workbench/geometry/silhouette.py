@@ -28,6 +28,7 @@ ROUNDS = 4
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
+SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
 FAR_SIGMAS = 7.0
 
 
@@ -53,7 +54,7 @@ class EndCourse:
     course: Course  # mm
     s: Float  # (c,) middle of each stretch of edge, mm
     contradicted: Bool  # (c,) most frames there say something else than the course
-    departure: Float  # (c,) how far their middle lies off it there, mm; 0 elsewhere
+    departure: Float  # (c,) how far their middle lies off it there, mm; halved from cell to cell beside it; 0 elsewhere
 
 
 def find_end(
@@ -97,7 +98,17 @@ def find_end(
     departure = np.zeros(place.size)
     for k in np.flatnonzero(contradicted):
         departure[k] = np.median((ends.low + 0.5 * ends.step - about)[cell == k])
-    return EndCourse(_doubted(course, place, ends, cell), place, contradicted, departure)
+    return EndCourse(_doubted(course, place, ends, cell), place, contradicted, _beside(departure))
+
+
+def _beside(departure: Float) -> Float:
+    """Departures (c,) and what a spline's swing makes of them over SWING_CELLS beside, halved from cell to cell."""
+    out = departure.copy()
+    for away in range(1, SWING_CELLS + 1):
+        for moved in (np.roll(departure, away), np.roll(departure, -away)):
+            moved[:away] = moved[-away:] = 0.0
+            out = np.where(0.5**away * np.abs(moved) > np.abs(out), 0.5**away * moved, out)
+    return out
 
 
 def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:

@@ -33,9 +33,9 @@ FORBIDDEN_MODULES = {
     "ssl",
 }
 MAY = {  # who may do what docs/security.md tells of
-    "subprocess": {"batch/processes.py", "cloud/read.py", "compare/mesh_file.py", "offscreen.py"},
+    "subprocess": {"batch/processes.py", "children.py", "cloud/read.py", "compare/mesh_file.py", "offscreen.py"},
     "multiprocessing": {"batch/processes.py", "batch/worker.py"},
-    "os.fork": {"scan/trial.py"},
+    "os.fork": {"pipeline/follow.py", "scan/trial.py"},
     "http.server": {"view/server.py"},
     "webbrowser": {"view/server.py"},
     "socket": set(),
@@ -45,13 +45,14 @@ MAY = {  # who may do what docs/security.md tells of
     "importlib": {
         "__init__.py",
         "artefacts/showing.py",
+        "children.py",
         "importing/kinds.py",
         "look/regions.py",
         "pipeline/registry.py",
         "pipeline/run.py",
         "pipeline/sources.py",
     },
-    "pickle": {"kernels.py", "pipeline/cache.py"},
+    "pickle": {"children.py", "kernels.py", "pipeline/cache.py"},
     "ctypes": {"offscreen.py"},
     "xml.etree.ElementTree": {"export/qif.py", "importing/sick.py", "robot/urdf.py"},
 }

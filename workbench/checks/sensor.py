@@ -43,7 +43,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
     """Look at some frames of a grid (N, M)."""
     rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
-    step_z, step_x, pitch = _step(z_mm[rows]), _uneven_step(x_mm[rows]), _pitch(x)
+    x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
+    step_z, step_x, pitch = _step(z_mm[rows]), _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
     pieces_z = pieces_z[enough]

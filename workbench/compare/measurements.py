@@ -7,11 +7,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from workbench.artefacts import Requirements
 from workbench.compare.study_rows import plain_rows, study_rows
 from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.result_files.contract import RequirementsRow
 
 ONLY = "all"  # the part, the operator, where none is named
 NUMBERS = ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())
@@ -95,7 +98,7 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
     )
 
 
-def _limits(wanted: Requirements, where: str) -> dict[str, tuple[float, float]]:
+def _limits(wanted: RequirementsRow, where: str) -> dict[str, tuple[float, float]]:
     """Limits of the values: nominal and deviations added up."""
     found = {}
     for name in CHARACTERISTICS:

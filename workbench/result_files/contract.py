@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_config
 
-from workbench.artefacts import UNKNOWN_PART, Check, Part, Requirements, Uncertainty, Verdict
+from workbench.artefacts import UNKNOWN_PART, Check, Part, Uncertainty, UncertaintySource, Verdict
 from workbench.result_files.base import (
     Matrix,
     Matrix6,
@@ -22,6 +22,18 @@ from workbench.result_files.base import (
     UnknownU,
     Vector,
 )
+
+for artefact in (Check, Part, Uncertainty, UncertaintySource):  # they have no place for further keys: `document` has
+    with_config(ConfigDict(extra="ignore"))(artefact)
+
+
+class RequirementsRow(Row):
+    """What the part must satisfy: nominal values and deviations from them, lower <= 0 <= upper."""
+
+    root_nominal_mm: Number
+    root_tolerance_mm: tuple[Number, Number]
+    bevel_nominal_deg: Number
+    bevel_tolerance_deg: tuple[Number, Number]
 
 
 class SectionRow(Row):
@@ -70,7 +82,7 @@ class InspectionFile(ResultFile):
     reason: str
     guard_factor: NotNegative
     part: Part | None = None
-    requirements: Requirements
+    requirements: RequirementsRow
     uncertainty: Uncertainty | None = None
     checks: list[Check] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)

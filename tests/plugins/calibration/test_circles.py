@@ -52,7 +52,10 @@ def test_noise_that_neighbours_share_widens_the_covariance(rng: np.random.Genera
     plain = frames_at(rng, centre, noise_mm=1e-6)
     white = rng.normal(0, 0.02, (60, 1203))
     smooth = sum(white[:, k : k + 1200] for k in range(4)) / 2  # correlation 3/4 between neighbours
-    found = circles(dataclasses.replace(plain, z_mm=(plain.z_mm + smooth).astype(np.float32)))
+    smoothed = dataclasses.replace(plain, z_mm=(plain.z_mm + smooth).astype(np.float32))
+    with pytest.raises(InputError, match="averaged its profiles over 4 columns"):
+        circles(smoothed)
+    found = circles(smoothed, limits={"mean_columns": 5.0})
     assert found.correlation == pytest.approx(0.75, abs=0.05)
     error = found.circle - truth(centre)
     squared = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance), error)
@@ -108,7 +111,7 @@ def test_a_larger_ball_is_not_the_sphere(rng: np.random.Generator) -> None:
     centre = postures(rng, 3)[1]
     made = Cell(*[np.tile(np.eye(4), (3, 1, 1))] * 2, centre=centre * [1, 0.3, 1], radius=2 * RADIUS)
     with pytest.raises(InputError, match="no arc of the sphere in any frame"):
-        circles(recording(rng, made))
+        circles(recording(rng, made), limits={"reach_mm": (0.0, 30000.0)})
 
 
 def test_an_ordinary_recording_is_refused(rng: np.random.Generator) -> None:

@@ -48,9 +48,9 @@ def test_results_rest_on_the_source_that_they_name():
 
 
 def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
-    """One clamped part that is mostly hidden: refused and told; status 1, since no goal was reached."""
-    chosen = ["--studies", "planning", "--conditions", "raw_clamps", "--parts", "1", "--seed", "0"]
+    """One part whose rough end face is not known well enough: refused and told; status 1: no goal was reached."""
+    chosen = ["--studies", "planning", "--conditions", "raw_rough", "--parts", "1", "--seed", "0"]
     assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "raw_clamps, seed 0: refused: edge: seen on" in printed
-    assert (tmp_path / "planning" / "raw_clamps.jsonl").exists()
+    assert "raw_rough, seed 0: refused: synthetic: known well enough on" in printed
+    assert (tmp_path / "planning" / "raw_rough.jsonl").exists()

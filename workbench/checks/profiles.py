@@ -19,6 +19,7 @@ SHARE = 0.5  # of the places that must agree
 HUBER_SIGMAS = 2.5
 MISFITS, LEAST_MISFIT_MM = 3.0, 0.01  # of the usual misfit: more is another shape, such as a clamp
 STEPS, LEAST_STEP_MM = 8.0, 2.0  # of the usual motion from profile to profile: more is none
+LEAST_TURN = 0.03  # rad; likewise of the usual turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +163,8 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     moved = np.hypot(motion[:, 0], motion[:, 1])
     good = (agreeing >= np.maximum(SHARE * both, 8)) & (spread < MISFITS * usual)
     good &= moved < max(LEAST_STEP_MM, STEPS * float(np.median(moved)))
+    turned = np.abs(motion[:, 2])
+    good &= turned < max(LEAST_TURN, STEPS * float(np.median(turned)))
     variance = np.linalg.inv(normal + 1e-9 * ridge)[:, 2, 2]
     return Chain(
         frames, np.array([x0, z0]), motion[:, 0], motion[:, 1], motion[:, 2], good, spread, spread * np.sqrt(variance)

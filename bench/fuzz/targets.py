@@ -199,7 +199,7 @@ def _study(path: Path) -> object:
 
 
 def _points(path: Path) -> object:
-    from workbench.compare.reference_file import read_points
+    from workbench.compare.reference_fits import read_points
 
     return read_points(path)
 

@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.batch.cover import MOST_PARTS, cover
-from workbench.batch.fleet import fleet_files, page, worst_counts, worst_text
+from workbench.batch.fleet import MOST_PARTS, cover, fleet_files, page, worst_counts, worst_text
 from workbench.batch.fleet_table import characteristics, least_margin, worst_first
 from workbench.batch.record import Record
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.batch.names import parts, safe_name
+from workbench.batch.run import parts, safe_name
 from workbench.errors import InputError
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from workbench import Pipeline
 from workbench.batch import run_batch
-from workbench.batch.folders import LocalFolder
+from workbench.batch.part import LocalFolder
 from workbench.errors import InputError, OutputError, PipelineError
 
 Write = Callable[..., str]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from workbench.artefacts import Part, Uncertainty, UncertaintySource
-from workbench.batch.cover import MOST_PARTS
+from workbench.batch.fleet import MOST_PARTS
 from workbench.batch.fleet import page as fleet_page
 from workbench.batch.record import Record
 from workbench.cloud import denoise

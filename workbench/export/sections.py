@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import io
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Document, Edge, Inspection
-from workbench.export.section_dxf import sections_dxf
+from workbench.artefacts import FACE_NAMES, Cloud, Document, Edge, Inspection, Section
 from workbench.export.section_shapes import SectionShape, section_shape
 from workbench.stage import stage
 
@@ -69,3 +70,101 @@ def _rows(shape: SectionShape) -> list[str]:
         x, y, z = section.origin_mm + u * section.normal + v * section.across
         rows.append(f"{start},{name},,,,{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}")
     return rows
+
+
+# Sections as a DXF drawing: a block a section, side by side, in millimetres.
+
+LAYERS = {
+    "unlabelled": 9,
+    "root face": 1,
+    "bevel face": 5,
+    "upper surface": 8,
+    "lower surface": 8,
+    "fit": 7,
+    "corners": 6,
+    "dimensions": 3,
+    "text": 7,
+}  # name -> AutoCAD colour index
+CORNER_MM, TEXT_MM, GAP_MM = 0.05, 0.35, 5.0
+DIMENSION_MM = 0.8  # of the dimension line, off the root face
+DIMENSIONS = {
+    "dimlfac": 1.0,
+    "dimtxt": 0.25,
+    "dimasz": 0.15,
+    "dimexe": 0.1,
+    "dimexo": 0.05,
+    "dimgap": 0.06,
+    "dimdec": 3,
+    "dimadec": 2,
+}
+
+
+def sections_dxf(shapes: list[SectionShape]) -> bytes:
+    """The drawing (DXF R2010, ASCII). A section's x axis is its normal, y goes across, origin the lower edge."""
+    from ezdxf._options import options
+
+    varying, out = options.write_fixed_meta_data_for_testing, io.StringIO()
+    try:  # no time of writing, no random identity: the same sections give the same bytes
+        options.write_fixed_meta_data_for_testing = True
+        _drawing(shapes).write(out)
+    finally:
+        options.write_fixed_meta_data_for_testing = varying
+    return out.getvalue().encode()
+
+
+def _drawing(shapes: list[SectionShape]) -> Any:
+    from ezdxf import filemanagement, units
+
+    drawing = filemanagement.new("R2010", setup=True, units=units.MM)
+    for name, colour in LAYERS.items():
+        drawing.layers.add(name, color=colour)
+    right = 0.0
+    for shape in shapes:
+        block = drawing.blocks.new(f"section_{shape.section.index}")
+        _draw(block, shape)
+        left, stop = _extent(shape)
+        drawing.modelspace().add_blockref(block.name, (right - left, 0.0))
+        right += stop - left + GAP_MM
+    return drawing
+
+
+def _draw(block: Any, shape: SectionShape) -> None:
+    for (u, v), face in zip(shape.place_mm.tolist(), shape.points.face.tolist(), strict=True):
+        block.add_point((u, v), dxfattribs={"layer": FACE_NAMES[face]})
+    root, bevel = shape.root_line_mm, shape.bevel_line_mm
+    if root is not None and bevel is not None:
+        for line in (root, bevel):
+            block.add_line(*line.tolist(), dxfattribs={"layer": "fit"})
+        for corner in root.tolist():
+            block.add_circle(corner, CORNER_MM, dxfattribs={"layer": "corners"})
+        attributes = {"layer": "dimensions"}
+        block.add_aligned_dim(*root.tolist(), DIMENSION_MM * -1.0, override=DIMENSIONS, dxfattribs=attributes).render()
+        block.add_angular_dim_3p(  # between the root face, carried on upwards, and the bevel
+            root[1] + np.array([0.0, 2.0 * DIMENSION_MM]),
+            root[1],
+            root[1] + np.array([0.0, 1.0]),
+            bevel[1],
+            override=DIMENSIONS,
+            dxfattribs=attributes,
+        ).render()
+    for number, text in enumerate(_texts(shape.section)):
+        block.add_text(text, height=TEXT_MM, dxfattribs={"layer": "text"}).set_placement(
+            (_extent(shape)[0], -1.5 * TEXT_MM * (number + 3))
+        )
+
+
+def _texts(section: Section) -> list[str]:
+    lines = [f"section {section.index} at {section.arc_length_mm:.2f} mm: {section.verdict}"]
+    if section.root_mm is None or section.bevel_deg is None:
+        return [*lines, section.reason]
+    return [
+        *lines,
+        f"root {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
+        f"bevel {section.bevel_deg:.2f} deg, u {section.bevel_u_deg:.2f} deg",
+    ]
+
+
+def _extent(shape: SectionShape) -> tuple[float, float]:
+    """Least and greatest x of a section, mm."""
+    u = shape.place_mm[:, 0]
+    return float(u.min(initial=-1.0)), float(u.max(initial=1.0)) + DIMENSION_MM

@@ -299,17 +299,21 @@ def test_values_without_noise_are_all_kept() -> None:
         assert fit_course(s, values).kept.all()
 
 
+@pytest.mark.parametrize("pitch", [0.1, 0.33, 0.6, 1.0, 2.0])
 @pytest.mark.parametrize("length", [3.0, 8.0, 20.0])
 @pytest.mark.parametrize("orders", [(1, 2), (2, 3)])
 def test_values_that_leave_the_course_together_are_followed_or_uncertain(
-    length: float, orders: tuple[int, int]
+    length: float, orders: tuple[int, int], pitch: float
 ) -> None:
-    """A notch of many frames is no stray: what the course does not follow stands in its u."""
-    s = np.arange(0.0, 120.0, 0.33)
+    """A notch of some frames, however far apart, is no stray: what the course does not follow stands in its u."""
+    if length < 4.0 * pitch:
+        pytest.skip("one or two frames may be strays")
+    s = np.arange(0.0, 120.0, pitch)
     truth = 0.8 * (np.abs(s - 60.0) < 0.5 * length)
     y = truth + np.random.default_rng(77).normal(0.0, 0.004, s.size)
     course = fit_course(s, y, np.full(s.size, 0.004**2), orders=orders)
-    inside = np.abs(s - 60.0) < 0.5 * length - 0.3
+    inside = np.abs(s - 60.0) < 0.5 * length - max(0.3, 1.5 * pitch)  # one frame at each end may be a stray
+    assert inside.any()
     assert (np.abs(course.value(s) - truth)[inside] < 3.0 * course.u(s)[inside]).all()
     far = np.abs(s - 60.0) > 0.5 * length + 25.0
     assert (course.u(s)[far] < 0.05).all()

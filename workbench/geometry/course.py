@@ -131,39 +131,41 @@ def fit_course(
             break
         bins = binned(s, y, variance, group, bin_mm, kept)
         course = _fit(s, bins, stated, orders, course.stiffness, unseen, bin_mm)
-    return _unfollowed(course, s, y, variance, group, bin_mm)
+    return _unfollowed(course, s, y, variance, group)
 
 
-def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None, bin_mm: float) -> Course:
-    """The course, uncertain by all that the values of a bin leave it by together, dropped or not.
+def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None) -> Course:
+    """The course, uncertain by all that successive values leave it by together, dropped or not.
 
-    Strays are single values. Where the middle of a bin lies off by more than neighbours differ and other bins lie
-    off, there is a notch, a step, or lost returns: nothing here tells which.
+    Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
+    lie off, there is a notch, a step, or lost returns: nothing here tells which.
     """
     values, _, passes, seen = _as_values(s, y, variance, group)
-    on = np.flatnonzero(seen)
-    number = _number(s[on], passes[on], bin_mm)
-    off = values[on] - course.value(s[on]).reshape(on.size, -1)
-    departure = np.stack([_middles(number, component) for component in off.T], axis=1)
-    order = np.lexsort((s[on], passes[on]))
-    scatter = float(np.median(np.linalg.norm(np.diff(off[order], axis=0), axis=1))) if on.size > 1 else 0.0
-    size = np.linalg.norm(departure, axis=1)
-    usual = float(np.median(size)) / 0.6745
-    stray = np.bincount(number) < LEAST_VALUES
-    told = np.flatnonzero(~stray & (size > OUTLIER_SIGMAS * usual) & (size > AGREED * scatter))
-    value_variance, slope_variance = course.variance.copy(), course.slope_variance.copy()
-    for k in told:
-        here = np.abs(course.at_mm - float(s[on[number == k]].mean())) <= bin_mm
-        value_variance[here] = np.maximum(value_variance[here], course.variance[here] + size[k] ** 2)
-        slope_variance[here] = np.maximum(slope_variance[here], course.slope_variance[here] + (size[k] / bin_mm) ** 2)
-    return replace(course, variance=value_variance, slope_variance=slope_variance)
+    departure = np.zeros(course.at_mm.size)
+    for p in np.unique(passes[seen]):
+        mine = np.flatnonzero(seen & (passes == p))
+        if mine.size < LEAST_VALUES:
+            continue
+        mine = mine[np.argsort(s[mine], kind="stable")]
+        off = values[mine] - course.value(s[mine]).reshape(mine.size, -1)
+        size = np.median(_neighbours(np.linalg.norm(off, axis=1), LEAST_VALUES), axis=-1)
+        scatter = float(np.median(np.linalg.norm(np.diff(off, axis=0), axis=1)))
+        limit = max(AGREED * scatter, OUTLIER_SIGMAS * float(np.median(size)) / 0.6745)
+        station = np.searchsorted(course.at_mm, s[mine]).clip(0, course.at_mm.size - 1)
+        np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
+    departure = _neighbours(departure, 5).max(axis=-1)  # knots are four stations apart
+    apart = float(course.at_mm[-1] - course.at_mm[0]) / (course.at_mm.size - 1)
+    return replace(
+        course,
+        variance=course.variance + departure**2,
+        slope_variance=course.slope_variance + (departure / (2.0 * apart)) ** 2,
+    )
 
 
-def _middles(number: Int, value: Float) -> Float:
-    """Median (b,) of the values (n,) of each bin, the lower one of two."""
-    order = np.lexsort((value, number))
-    count = np.bincount(number)
-    return np.asarray(value[order][np.cumsum(count) - count + (count - 1) // 2])
+def _neighbours(value: Float, count: int) -> Float:
+    """Each of values (n,) with those around it (n, count), an odd number; shifted inwards at the ends."""
+    first = np.clip(np.arange(len(value)) - count // 2, 0, max(len(value) - count, 0))
+    return value[np.minimum(first[:, None] + np.arange(count), len(value) - 1)]
 
 
 def _fit(

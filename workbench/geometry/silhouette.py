@@ -104,10 +104,10 @@ def find_end(
 def _beside(departure: Float) -> Float:
     """Departures (c,) and what a spline's swing makes of them over SWING_CELLS beside, halved from cell to cell."""
     out = departure.copy()
-    for away in range(1, SWING_CELLS + 1):
-        for moved in (np.roll(departure, away), np.roll(departure, -away)):
-            moved[:away] = moved[-away:] = 0.0
-            out = np.where(0.5**away * np.abs(moved) > np.abs(out), 0.5**away * moved, out)
+    for away in range(1, min(SWING_CELLS, departure.size - 1) + 1):
+        for beside, here in ((departure[:-away], out[away:]), (departure[away:], out[:-away])):
+            share = 0.5**away * beside
+            np.copyto(here, share, where=np.abs(share) > np.abs(here))
     return out
 
 

@@ -317,6 +317,7 @@ def test_values_that_leave_the_course_together_are_followed_or_uncertain(
     assert (np.abs(course.value(s) - truth)[inside] < 3.0 * course.u(s)[inside]).all()
     far = np.abs(s - 60.0) > 0.5 * length + 25.0
     assert (course.u(s)[far] < 0.05).all()
+    assert (np.abs(course.value(s))[far] < 3.0 * course.u(s)[far]).mean() > 0.99
 
 
 def test_single_strays_leave_no_trace() -> None:

@@ -27,6 +27,7 @@ NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; tim
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
+SWING = 4  # pieces of the spline beside what it leaves out, over which it swings
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
 LEAST_FACTOR = 1e-12  # of noise: exact values have none
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
@@ -131,10 +132,10 @@ def fit_course(
             break
         bins = binned(s, y, variance, group, bin_mm, kept)
         course = _fit(s, bins, stated, orders, course.stiffness, unseen, bin_mm)
-    return _unfollowed(course, s, y, variance, group)
+    return _unfollowed(course, bins, s, y, variance, group)
 
 
-def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None) -> Course:
+def _unfollowed(course: Course, bins: Bins, s: Float, y: Float, variance: Float | None, group: Int | None) -> Course:
     """The course, uncertain by all that successive values leave it by together, dropped or not.
 
     Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
@@ -153,6 +154,9 @@ def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, grou
         limit = max(AGREED * scatter, OUTLIER_SIGMAS * float(np.median(size)) / 0.6745)
         station = np.searchsorted(course.at_mm, s[mine]).clip(0, course.at_mm.size - 1)
         np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
+    if not departure.any():
+        return course
+    course = _misfit_elsewhere(course, bins, _neighbours(departure, 8 * SWING + 1).max(axis=-1) > 0.0)
     departure = _neighbours(departure, 5).max(axis=-1)  # knots are four stations apart
     apart = float(course.at_mm[-1] - course.at_mm[0]) / (course.at_mm.size - 1)
     return replace(
@@ -162,10 +166,24 @@ def _unfollowed(course: Course, s: Float, y: Float, variance: Float | None, grou
     )
 
 
+def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
+    """The course, its u raised by the whole misfit only at the stations `beside` (k,) what it leaves out."""
+    bins, _ = _aligned(bins)
+    away = np.interp(bins.s, course.at_mm, beside.astype(float)) == 0.0
+    if not away.any():
+        return course
+    left = (bins.y - course.value(bins.s).reshape(bins.y.shape))[away]
+    weight = 1.0 / (bins.variance[away] * course.noise_factor)
+    raised = max(1.0, course.misfit)
+    spent = float((weight * np.interp(bins.s[away], course.at_mm, course.variance)).sum()) / raised
+    lower = np.where(beside, 1.0, min(max(1.0, _misfit(left, weight, bins.group[away], spent)) / raised, 1.0))
+    return replace(course, variance=course.variance * lower, slope_variance=course.slope_variance * lower)
+
+
 def _neighbours(value: Float, count: int) -> Float:
     """Each of values (n,) with those around it (n, count), an odd number; shifted inwards at the ends."""
     first = np.clip(np.arange(len(value)) - count // 2, 0, max(len(value) - count, 0))
-    return value[np.minimum(first[:, None] + np.arange(count), len(value) - 1)]
+    return np.asarray(value[np.minimum(first[:, None] + np.arange(count), len(value) - 1)])
 
 
 def _fit(

@@ -168,3 +168,20 @@ def test_reading_does_not_change_the_chain() -> None:
     before = chain.copy()
     list(candidates(chain, np.zeros(2, bool), ROOT_MM, BEVEL_DEG * DEG))
     np.testing.assert_array_equal(chain, before)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("offset_mm", [0.27, -0.27])
+def test_a_face_goes_on_beyond_second_returns(side: int, offset_mm: float) -> None:
+    """A ghost in the middle of the bevel leaves a piece beside the upper surface, which could pass for a root face."""
+    corners = outline(root_mm=1.6, bevel_deg=42.7)
+    x, z = profile(corners, 55.0, side, 1, table=False)
+    view = np.array([math.cos(55.0 * DEG), math.sin(55.0 * DEG)])
+    ends = np.sort(side * (corners[1:3] @ [view[1], -view[0]]) + 3.0)
+    share = (x - ends[0]) / (ends[1] - ends[0])
+    lower = share if side > 0 else 1.0 - share
+    z = z + offset_mm * ((lower > 0.25) & (lower < 0.5))
+    found = min(candidates(straight_faces(x, z), np.array([False, False]), 2.0, 45.0 * DEG), key=lambda one: one.score)
+    assert (found.side, found.sense) == (side, 1)
+    corner = (found.root[1] - found.bevel[1]) / (found.bevel[0] - found.root[0])
+    assert abs(corner - (side * float(corners[2] @ [view[1], -view[0]]) + 3.0)) < 0.03

@@ -11,12 +11,13 @@ from workbench.edge.identify import Candidate, candidates, vote
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
-from workbench.geometry.chains import straight_faces
+from workbench.geometry.chains import noise_sigma, straight_faces
 from workbench.geometry.faces import FaceLines
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 KEY_FRAMES = 120  # a pass; the faces are followed between them
 KEY_SPACING = 5  # frames between key frames at the least
+FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
 MAX_LINES = 64  # straight lines kept of one profile
 LABELS = np.array([UPPER_SURFACE, BEVEL_FACE, ROOT_FACE, LOWER_SURFACE])  # in the order of geometry.tracking
 
@@ -182,7 +183,7 @@ def _follow_pass(
     fitting = (beyond >= common).all(axis=1)
     keys, states = keys[fitting], states[fitting].copy()
     states[:, [0, 3], 2] = common
-    sigma = np.full(4, 0.03)
+    sigma = _first_sigmas(x[keys], z[keys], keep[keys], states)
     for chosen in (keys, np.arange(x.shape[0])):
         n = chosen.size
         sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
@@ -194,6 +195,19 @@ def _follow_pass(
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)
     return sums, end, seen, labels, np.tile(sigma, (n, 1)), np.full(n, common[1])
+
+
+def _first_sigmas(x: Float32, z: Float32, keep: Bool, states: Float) -> Float:
+    """Range noise (4,) of each face by what neighbouring returns differ: ghosts and bows hardly count.
+
+    x, z, keep (k, M): key frames, states (k, 4, 4): their lines. At most FIRST_SIGMA_MM, at least a third of it.
+    """
+    out = np.full(4, FIRST_SIGMA_MM)
+    for f in np.flatnonzero(states[0, :, 2] > 0):
+        off = z - states[:, f, :1] * x - states[:, f, 1:2]
+        found = [noise_sigma(r[on]) for r, on in zip(off, keep & (np.abs(off) < NEAR_LINE_MM), strict=True)]
+        out[f] = np.clip(np.median(found), FIRST_SIGMA_MM / 3.0, FIRST_SIGMA_MM)
+    return out
 
 
 def _face_lines(sums: Float, seen: Bool) -> FaceLines:

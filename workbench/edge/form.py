@@ -84,6 +84,8 @@ def _misfit(
     first, last = np.nanmin(x, axis=1), np.nanmax(x, axis=1)
     place = np.minimum((x - first[:, None]) / np.maximum(last - first, 1e-9)[:, None] * PLACES, PLACES - 1e-9)
     width = float(np.median((last - first) * lean))
+    wide = max(1, round(float(np.median(on.sum(axis=1))) / PLACES))
+    column = np.broadcast_to(np.arange(x.shape[1]) // wide, x.shape)
     s = s_frames[frames]
     stretch = np.floor((s - s.min()) / STRETCH_MM).astype(np.int64)
     value, middle = [], []
@@ -91,7 +93,7 @@ def _misfit(
         mine = stretch == k
         if mine.sum() < min(LEAST_FRAMES, frames.size):
             continue
-        value.append(_excess(off[mine], place[mine]))
+        value.append(max(_excess(off[mine], place[mine]), _excess(off[mine], column[mine])))
         middle.append(float(s[mine].mean()))
     if not value:
         return np.zeros(at.size), width
@@ -99,18 +101,27 @@ def _misfit(
 
 
 def _excess(off: Float, place: Float) -> float:
-    """Mean square of the pooled residuals (f, M) by place beyond what the frames' own scatter makes of it, mm^2."""
+    """Mean square of residuals (f, M), pooled by `place` (f, M), beyond what the frames' scatter makes of it, mm^2."""
     seen = np.isfinite(off)
     frame, _ = np.nonzero(seen)
-    key = frame * PLACES + place[seen].astype(np.int64)
-    count = np.bincount(key, minlength=len(off) * PLACES).reshape(len(off), PLACES)
-    with np.errstate(invalid="ignore"):
-        mean = np.bincount(key, off[seen], minlength=len(off) * PLACES).reshape(len(off), PLACES) / count
-    frames = np.maximum(np.isfinite(mean).sum(axis=0), 2)
+    number = place[seen].astype(np.int64)
+    number -= number.min()
+    places = int(number.max()) + 1
+    key = frame * places + number
+    count = np.bincount(key, minlength=len(off) * places).reshape(len(off), places)
+    total = np.bincount(key, off[seen], minlength=len(off) * places).reshape(len(off), places)
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    frames = (count > 0).sum(axis=0)
+    common = frames > 0.5 * LEAST_FRAMES
+    if not common.any():
+        return 0.0
+    frames, mean = frames[common], mean[:, common]
     pooled = np.nanmean(mean, axis=0)
     noise = np.nanvar(mean, axis=0) / (frames - 1)
+    share = frames / frames.sum()
     free = PLACES - 2  # two of the places' freedom went into the line
-    shown = float((pooled**2 - noise).sum()) / free - 2.0 * float(noise.mean()) / math.sqrt(PLACES)
+    shown = float(share @ (pooled**2 - noise)) * PLACES / free
+    shown -= 2.0 * float(share @ noise) / math.sqrt(PLACES)
     return max(shown, 0.0) * free / (free - 2)  # so few places know a variance no better (Student)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
+from workbench.geometry.chains import COUNT, LAST, OFFSET, SLOPE, X0, X1
 from workbench.units import DEG, Bool, Float
 
 JOIN_MM = 0.6  # faces whose lines cross within this distance of both their ends meet in a corner
@@ -22,6 +22,7 @@ ANGLE_SIGMA = 8.0 * DEG  # how far a bevel may be from nominal, with the laser p
 WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
 WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
+GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond returns that lie so far beside it
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
 
@@ -69,6 +70,39 @@ def _corners(chain: Float) -> list[tuple[int, int]]:
     return pairs
 
 
+def whole_faces(chain: Float) -> Float:
+    """The chain with each face in one piece that goes on, along one line, beyond second returns (ghosts) of it.
+
+    Between two pieces of one face lie only returns beside their line; else each piece would pass for a narrow face.
+    """
+    i = 0
+    while i < len(chain):
+        for k in range(min(i + 4, len(chain) - 1), i + 1, -1):
+            a, b = chain[i], chain[k]
+            middle = 0.5 * np.array([a[X0] + a[X1], b[X0] + b[X1]])
+            if middle[1] <= middle[0]:
+                continue
+            height = a[SLOPE] * middle[0] + a[OFFSET], b[SLOPE] * middle[1] + b[OFFSET]
+            slope = (height[1] - height[0]) / (middle[1] - middle[0])
+            offset = height[0] - slope * middle[0]
+            gap = 0.5 * (a[X1] + b[X0])
+            lean = 1.0 / math.hypot(1.0, slope)
+            apart = abs((a[SLOPE] - b[SLOPE]) * gap + a[OFFSET] - b[OFFSET]) * lean
+            turned = max(abs(math.atan(one[SLOPE]) - math.atan(slope)) for one in (a, b))
+            between = chain[i + 1 : k]
+            ends = between[:, [X0, X1]]
+            beside = np.abs(between[:, [SLOPE]] * ends + between[:, [OFFSET]] - slope * ends - offset).max() * lean
+            if apart < SAME_MM and turned < SAME_ANGLE and beside < GHOST_MM:
+                joint = a.copy()
+                joint[[SLOPE, OFFSET, X1, LAST]] = slope, offset, b[X1], b[LAST]
+                joint[COUNT] += b[COUNT]
+                chain = np.concatenate([chain[:i], joint[None], chain[k + 1 :]])
+                break
+        else:
+            i += 1
+    return chain
+
+
 def _off(angle: float, expected: float) -> float:
     return 0.5 * ((angle - expected) / ANGLE_SIGMA) ** 2
 
@@ -78,6 +112,7 @@ def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: f
 
     cut (2,): whether the field of view ends the chain's first and its last face.
     """
+    chain = whole_faces(chain)
     corners = _corners(chain)
     after = dict(corners)
     before = {j: i for i, j in corners}

@@ -13,6 +13,7 @@ def part(
     seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01, inspected: float = 0.004
 ) -> MeasuredResult:
     places = {"root_mm": root, "root_blind_mm": blind, "bevel_deg": bevel, "correction_u_mm": u}
+    places |= {"bevel_blind_deg": bevel + 0.1, "correction_u_deg": 0.02}
     sections = {
         "root_mm": root + inspected,
         "root_u_mm": 0.005,
@@ -51,6 +52,7 @@ def test_figures_of_known_parts() -> None:
         ({"root": 0.9, "blind": 1.2}, "repeating: 12 cut too deep"),
         ({"inspected": 0.02}, "repeating: inspected root within 2u"),
         ({"u": 0.001}, "repeating: finished root within 2u of the correction"),
+        ({"bevel": 40.06}, "repeating: finished bevel within 2u of the correction"),
     ],
 )
 def test_what_falls_short_is_said(changed: dict[str, float], words: str) -> None:
@@ -60,4 +62,12 @@ def test_what_falls_short_is_said(changed: dict[str, float], words: str) -> None
 
 
 def test_conditions_are_those_of_the_cells() -> None:
-    assert MEASURED_CONDITIONS == ("repeating", "not_repeating", "not_repeating_0.05", "deflection", "wear")
+    assert MEASURED_CONDITIONS == (
+        "repeating",
+        "not_repeating",
+        "not_repeating_0.05",
+        "deflection",
+        "wear",
+        "turned",
+        "all",
+    )

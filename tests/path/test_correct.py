@@ -172,7 +172,7 @@ def test_what_the_robot_repeats_is_corrected_place_by_place_and_what_it_does_not
     assert found.shift_mm[inner] == pytest.approx(-expected[inner], abs=0.015)
     assert found.variation_mm > 0.02
     _, left = correct(cut, plan, repeatability_mm=0.1)
-    assert left.variation_mm == 0.0
+    assert left.variation_mm < 0.01
     assert np.abs(left.shift_mm).max() < 0.05
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from workbench.artefacts.checks import Check
@@ -65,6 +66,8 @@ class EdgeProfile:
     root_u_mm: Float  # (n,)
     bevel_deg: Float  # (n,)
     bevel_u_deg: Float  # (n,)
+    root_u_by_source_mm: Mapping[str, Float] = field(default_factory=dict)  # (n,) each; squares add; empty: not told
+    bevel_u_by_source_deg: Mapping[str, Float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,7 +113,17 @@ def _no_bevel(at_mm: Float) -> list[str]:
 def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
     """Root size and bevel angle at every station of the edge; NaN where it was not seen."""
     values = (edge.root.value, edge.root.u, edge.bevel.value / DEG, edge.bevel.u / DEG)
-    return EdgeProfile(edge.arc_length_mm, edge.position_mm, *(np.where(seen, v, np.nan) for v in values))
+    root, root_u, bevel, bevel_u = (np.where(seen, v, np.nan) for v in values)
+    return EdgeProfile(
+        edge.arc_length_mm,
+        edge.position_mm,
+        root,
+        root_u,
+        bevel,
+        bevel_u,
+        {name: np.where(seen, u, np.nan) for name, u in edge.root.u_by_source.items()},
+        {name: np.where(seen, u / DEG, np.nan) for name, u in edge.bevel.u_by_source.items()},
+    )
 
 
 def _section(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -11,7 +11,18 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
-from workbench.artefacts import Check, Inspection, Layer, PathCorrection, PathDeflection, Toolpath
+from workbench.artefacts import (
+    DECLARED,
+    DIRECTIONS,
+    END,
+    ROUNDING,
+    Check,
+    Inspection,
+    Layer,
+    PathCorrection,
+    PathDeflection,
+    Toolpath,
+)
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.displacement import Estimate, estimate
@@ -20,10 +31,12 @@ from workbench.path.plan import KEY_POINT_MM, cut_stretches
 from workbench.path.poses import Poses, poses_of
 from workbench.path.section import LEAST_DEPTH_MM
 from workbench.stage import stage
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Int
 
 LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's constant errors may have
+VARYING_MM, VARYING = 1.0, 0.1 * DEG  # three times what repeats along the way and is not constant: gears, arc minutes
 NEAR_MM = 10.0  # farther from the plan's lower edge an inspected place belongs to another edge
+ROOT_3 = math.sqrt(3.0)
 LEAST_PLACES = 5  # that were cut and measured
 YIELD_U = 0.3  # relative standard uncertainty of a predicted giving way: of force and stiffness together
 BALANCING = 30  # rounds of stock and giving way, each halfway to the next: far below a micrometre
@@ -36,10 +49,19 @@ class Cut:
 
     arc_length_mm: Float  # (n,) as planned
     root_mm: Float  # (n,)
-    root_u_mm: Float  # (n,)
+    root_u: SharedU  # mm, but for where the lower edge lies
+    edge_u_mm: float  # of that, what of it one scan of the whole edge may have wrong
     angle: Float  # (n,) rad
-    angle_u: Float  # (n,) rad
-    moved_mm: Float  # (n,) the lower edge beside the plan's, along b
+    angle_u: SharedU  # rad
+    moved_mm: Float  # (n, 2) the lower edge beside the plan's: along b, along m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedU:
+    """Standard uncertainties at n places, and what of them may be one error of the whole edge."""
+
+    local: Float  # (n,)
+    shared: float
 
 
 @stage("path.correct")
@@ -108,25 +130,27 @@ def correct(
     at = np.clip(finish.arc_length_mm, 0.0, toolpath.edge_length_mm)
     frames, frames_at = poses_of(toolpath, final), poses_of(finishing, finish)
 
-    def along(values: Float, u: Float, axes: Float, axes_at: Float, largest: float, unrepeated: float) -> Estimate:
-        here = np.stack([np.interp(cut.arc_length_mm, final.arc_length_mm, column) for column in axes.T], axis=1)
-        return estimate(cut.arc_length_mm, values, u, here, at, axes_at, largest, unrepeated, repeatability_length_mm)
-
-    moved = float(np.median(cut.moved_mm))
     sine = math.sin(bevel)
-    shift = along(
-        (cut.root_mm - toolpath.root_mm) * sine,
-        np.hypot(cut.root_u_mm * sine, moved / math.sqrt(3.0)),
-        -frames.x,
-        -frames_at.x,
-        LARGEST_MM,
-        repeatability_mm,
-    )
-    turn = along(cut.angle - bevel, cut.angle_u, frames.y, frames_at.y, LARGEST, repeatability_deg * DEG)
+    moved, aside = (float(one) for one in np.median(cut.moved_mm, axis=0))
+    # Both scans see the same lower edge: by how much their views of it may differ, its place in both tells.
+    edge_u = min(math.sqrt(2.0) * cut.edge_u_mm, math.hypot(aside, math.sqrt(2.0) * repeatability_mm))
+    root_u = SharedU(cut.root_u.local * sine, math.hypot(math.hypot(cut.root_u.shared, edge_u) * sine, moved / ROOT_3))
+
+    def along(
+        values: Float, u: SharedU, axes: Float, axes_at: Float, largest: float, varying: float, unrepeated: float
+    ) -> Estimate:
+        s, length = cut.arc_length_mm, repeatability_length_mm
+        here = np.stack([np.interp(s, final.arc_length_mm, column) for column in axes.T], axis=1)
+        found = estimate(s, values, u.local, here, at, axes_at, largest, varying, unrepeated, length)
+        return found.less_sure(u.shared)
+
+    lies, angle_off, tilts = (cut.root_mm - toolpath.root_mm) * sine, cut.angle - bevel, repeatability_deg * DEG
+    shift = along(lies, root_u, -frames.x, -frames_at.x, LARGEST_MM, VARYING_MM, repeatability_mm)
+    turn = along(angle_off, cut.angle_u, frames.y, frames_at.y, LARGEST, VARYING, tilts)
     evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
     expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
     made = expected.significant
-    expected = replace(expected, u=np.hypot(expected.u, wear_mm / math.sqrt(3.0)))
+    expected = expected.less_sure(wear_mm / ROOT_3)
     by = np.where(made, -expected.value, 0.0)
     tilt = np.where(turn.significant, -turn.value, 0.0)
     finishing = finishing if evened else _without_first(finishing)
@@ -196,15 +220,39 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
     arc = (final.arc_length_mm[at] + along)[here]
     if np.median(np.diff(arc)) < 0.0:
         raise InputError("inspection", "the inspected edge runs against the planned one: is upper_side reversed?")
-    keep = np.flatnonzero(known)[here]
+    keep, off = np.flatnonzero(known)[here], off[here]
+    root, edge = profile.root_u_by_source_mm, (END, ROUNDING, DECLARED)
+    angle = {name: u * DEG for name, u in profile.bevel_u_by_source_deg.items()}
     return Cut(
         arc,
         profile.root_mm[keep],
-        profile.root_u_mm[keep],
+        _shared_u(root, profile.root_u_mm, edge, keep),
+        _usual(root, edge, keep),
         profile.bevel_deg[keep] * DEG,
-        profile.bevel_u_deg[keep] * DEG,
-        (off * b[at]).sum(axis=1)[here],
+        _shared_u(angle, profile.bevel_u_deg * DEG, (), keep),
+        np.stack([(off * axis[at[here]]).sum(axis=1) for axis in (b, across)], axis=1),
     )
+
+
+def _shared_u(by_source: Mapping[str, Float], u: Float, apart: tuple[str, ...], keep: Int) -> SharedU:
+    """What is local and what is shared of u (n,) at places `keep`, but for the sources that count `apart`.
+
+    The directions of the faces and the end of the root face are told anew by the frames of every stretch; where u is
+    larger than is usual along the edge, that is local too. Without sources all of it may be both.
+    """
+    if not by_source:
+        return SharedU(u[keep], float(np.median(u[keep])))
+    shared = [name for name in by_source if name != DIRECTIONS and name not in apart]
+    local = np.hypot(_together(by_source, (END, DIRECTIONS), keep), _together(by_source, tuple(shared), keep))
+    return SharedU(local, _usual(by_source, tuple(shared), keep))
+
+
+def _together(by_source: Mapping[str, Float], names: tuple[str, ...], keep: Int) -> Float:
+    return np.sqrt(sum((by_source[name][keep] ** 2 for name in names if name in by_source), np.zeros(keep.size)))
+
+
+def _usual(by_source: Mapping[str, Float], names: tuple[str, ...], keep: Int) -> float:
+    return float(np.median(_together(by_source, names, keep)))
 
 
 def _well_inside(layer: Layer, radius_mm: float) -> Bool:
@@ -242,7 +290,7 @@ def _under_load(
     as_cut = np.maximum(1.0 - narrower / planned, 0.0)
     if predicted is None:
         load = full / planned * (1.0 + np.clip(d / allowance, -1.0, 0.0)) / np.maximum(as_cut, 0.5)
-        return replace(shift, u=np.hypot(shift.u, yield_share * allowance * (load - 1.0) / math.sqrt(3.0)))
+        return shift.less_sure(yield_share * allowance * (load - 1.0) / ROOT_3)
     power, layer = _power(toolpath, predicted), toolpath.layers[max(len(toolpath.layers) - 2, 0)]
     here, before = (_along(one, _gives_way(one, predicted), at) for one in (final, layer))
     before = before * np.maximum(1.0 - narrower / _width(layer, at), 0.0)
@@ -257,7 +305,7 @@ def _under_load(
             taken = 0.5 * (taken + np.maximum(d + full / planned * gives(height) - gives(taken), 0.0))
         height = np.maximum(allowance + d - taken, 0.0)
     more = full / planned * gives(height) - as_cut * gives(first)
-    return replace(shift, value=d + more, u=np.hypot(shift.u, YIELD_U * more))
+    return replace(shift, value=d + more).less_sure(YIELD_U * more)
 
 
 def _along(layer: Layer, values: Float, at: Float) -> Float:
@@ -339,9 +387,10 @@ def _checks(
     cut: Cut, found: PathCorrection, shift: Estimate, finish: Layer, most_moved_mm: float, depth_of_cut_mm: float
 ) -> tuple[Check, ...]:
     """What must hold for a correction: the part lies where it lay, enough was measured, the allowance suffices."""
-    typical, worst = float(np.median(np.abs(cut.moved_mm))), int(np.argmax(np.abs(cut.moved_mm)))
+    aside = np.abs(cut.moved_mm[:, 0])
+    typical, worst = float(np.median(aside)), int(np.argmax(aside))
     moved = (
-        f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {abs(cut.moved_mm[worst]):.2f} mm "
+        f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {aside[worst]:.2f} mm "
         f"at arc length {cut.arc_length_mm[worst]:.1f} mm: has the part moved, or is this another one?"
     )
     gap = cKDTree(cut.arc_length_mm[:, None]).query(finish.arc_length_mm[finish.cutting, None])[0]

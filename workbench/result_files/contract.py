@@ -62,6 +62,8 @@ class ProfileColumns(Row):
     root_u_mm: list[UnknownU]
     bevel_deg: list[Unknown]
     bevel_u_deg: list[UnknownU] | None = None
+    root_u_by_source_mm: dict[str, list[UnknownU]] | None = None
+    bevel_u_by_source_deg: dict[str, list[UnknownU]] | None = None
 
 
 def _each_once(rows: list[Any]) -> list[Any]:

@@ -31,6 +31,7 @@ SHAPES = ("raw_straight", "raw_arc", "raw_wavy")
 ALLOWANCE_MM = 0.5
 LARGEST_TOOL_ERROR_MM = 0.6
 HAND_EYE_MM = 0.4  # root mean square of its length
+LARGEST_TURN_DEG = 0.3  # of the tool, about any axis
 LARGEST_WEAR_MM = 0.05  # in the first cut
 FINISHING_WEAR = 0.5  # of that, in the finishing pass: much for a layer or two of several
 BALANCING = 6  # rounds of force and deflection, each halfway to the next: within some micrometres
@@ -46,6 +47,7 @@ class Cell:
     repeating_mm: float
     gives_way: bool = False
     wears: bool = False
+    turned: bool = False
 
 
 CELLS = {
@@ -54,7 +56,19 @@ CELLS = {
     "not_repeating_0.05": Cell(0.05, 0.0),
     "deflection": Cell(0.003, 0.03, gives_way=True),
     "wear": Cell(0.003, 0.03, wears=True),
+    "turned": Cell(0.003, 0.03, turned=True),
+    "all": Cell(0.02, 0.03, gives_way=True, wears=True, turned=True),
 }
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is wrong with the tool of one part, beyond what the robot does."""
+
+    offset_mm: Float  # (3,)
+    turn_deg: Float  # (3,) rotation vector
+    wear_mm: float
+    seed: int  # of the robot's error
 
 
 def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> MeasuredResult:
@@ -65,11 +79,13 @@ def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> 
     drawn = random_recipe(shape, seed)
     hand_eye = drawn.robot.model_copy(update={"hand_eye_error_mm": HAND_EYE_MM / math.sqrt(3.0)})
     recipe = drawn.model_copy(update={"robot": hand_eye})
-    direction = rng.normal(size=3)
-    offset = rng.uniform(0.0, LARGEST_TOOL_ERROR_MM) * direction / np.linalg.norm(direction)
-    wear = float(rng.uniform(0.0, LARGEST_WEAR_MM)) if CELLS[condition].wears else 0.0
+    cell = CELLS[condition]
+    offset = _any_direction(rng, LARGEST_TOOL_ERROR_MM)
+    wear = float(rng.uniform(0.0, LARGEST_WEAR_MM)) if cell.wears else 0.0
+    drawn_seed = int(rng.integers(2**31))
+    turn = _any_direction(rng, LARGEST_TURN_DEG) if cell.turned else np.zeros(3)
     try:
-        _both_loops(result, recipe, CELLS[condition], offset, wear, int(rng.integers(2**31)))
+        _both_loops(result, recipe, cell, Errors(offset, turn, wear, drawn_seed))
     except WorkbenchError as error:
         result.refused = str(error)
     except Exception as error:
@@ -77,9 +93,12 @@ def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> 
     return result
 
 
-def _both_loops(
-    result: MeasuredResult, recipe: Recipe, cell: Cell, offset_mm: Float, wear_mm: float, seed: int
-) -> None:
+def _any_direction(rng: np.random.Generator, most: float) -> Float:
+    direction = rng.normal(size=3)
+    return np.asarray(rng.uniform(0.0, most) * direction / np.linalg.norm(direction))
+
+
+def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, errors: Errors) -> None:
     clock = Clock(result.seconds)
     recording, truth = simulate_recording(recipe)
     result.seen_share = float(truth.seen.mean())
@@ -94,13 +113,13 @@ def _both_loops(
         result.refused = f"path.check: {gate.reason}"
         return
     raw = Workpiece(recipe)
-    whole = milled_truth(_milled(raw, blind, cell, offset_mm, wear_mm, 0.0, seed))
-    rough = _milled(raw, first, cell, offset_mm, wear_mm, 0.0, seed)
+    whole = milled_truth(_milled(raw, blind, cell, errors))
+    rough = _milled(raw, first, cell, errors)
     clock.lap("milling")
     again = scan(rough)
     clock.lap("simulation")
     found = sections(segment(denoise(fuse(again)), root_nominal_mm=first.root_mm))
-    predicted = _predicted(raw, first, seed) if cell.gives_way else None
+    predicted = _predicted(raw, first, errors.seed) if cell.gives_way else None
     told = LARGEST_WEAR_MM if cell.wears else 0.0
     path, correction = correct(found, first, predicted, repeatability_mm=cell.noise_mm, wear_mm=told)
     finishing = feed(path, cloud, edge)
@@ -114,7 +133,7 @@ def _both_loops(
     if not gate.passed:
         result.refused = f"path.check of the finishing pass: {gate.reason}"
         return
-    done = _milled(rough, finishing, cell, offset_mm, FINISHING_WEAR * wear_mm, wear_mm, seed)
+    done = _milled(rough, finishing, cell, errors, finishing=True)
     clock.lap("milling")
     last = scan(done)
     clock.lap("simulation")
@@ -123,22 +142,21 @@ def _both_loops(
     compare(result, whole, milled_truth(done), correction, first, inspection, truth)
 
 
-def _milled(
-    part: Workpiece, path: Toolpath, cell: Cell, offset_mm: Float, wear_mm: float, worn_mm: float, seed: int
-) -> Workpiece:
+def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:
     """The part milled; where the cell gives way, by the force of what the cutter then meets: in balance."""
     wrong: dict[str, Any] = {
-        "offset_mm": tuple(float(v) for v in offset_mm),
+        "offset_mm": tuple(errors.offset_mm.tolist()),
+        "rotation_deg": tuple(errors.turn_deg.tolist()),
         "robot_noise_mm": cell.noise_mm,
         "robot_repeating_mm": cell.repeating_mm,
-        "wear_mm": wear_mm,
-        "worn_mm": worn_mm,
-        "seed": seed,
+        "wear_mm": (FINISHING_WEAR if finishing else 1.0) * errors.wear_mm,
+        "worn_mm": errors.wear_mm if finishing else 0.0,
+        "seed": errors.seed,
     }
     done, engagement = mill(part, path, **wrong)
     bending: PathDeflection | None = None
     for _ in range(BALANCING if cell.gives_way else 0):
-        now = give_way(path, engagement, seed).by_layer_mm
+        now = give_way(path, engagement, errors.seed).by_layer_mm
         if bending is not None:
             now = {index: 0.5 * (moved + bending.by_layer_mm[index]) for index, moved in now.items()}
         bending = PathDeflection(now)
@@ -174,7 +192,9 @@ def compare(
     at = np.stack([np.interp(places, s, column) for column in final.position_mm.T], axis=1)
     columns = {
         "root_blind_mm": blind.root_mm_at(at),
+        "bevel_blind_deg": blind.bevel_deg_at(at),
         "correction_u_mm": np.interp(places, s, correction.displacement_u_mm),
+        "correction_u_deg": np.interp(places, s, correction.turn_u) / DEG,
     }
     if done is not None:
         columns |= {"root_mm": done.root_mm_at(at), "bevel_deg": done.bevel_deg_at(at)}

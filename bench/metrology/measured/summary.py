@@ -34,10 +34,12 @@ class MeasuredSummary:
     crashed: list[MeasuredResult]
     blind: Float  # |root - 1.5| mm: median, 95th percentile, worst
     corrected: Float  # the same of the finished parts
-    bevel: Float  # |bevel - 40| deg
+    blind_bevel: Float  # |bevel - 40| deg, likewise
+    bevel: Float  # of the finished parts
     goal_mm: float
     floor_mm: float  # 95th percentile of what the robot alone does to a root face in one run: nothing can be better
     predicted: Cover  # finished root beside what correction and repeatability say, along b, mm
+    predicted_turn: Cover  # finished bevel angle beside what the correction says, deg
     root_cover: Cover
     bevel_cover: Cover
     too_deep: list[int]  # seeds of parts below the root's tolerance that a blind run would have left in it
@@ -55,6 +57,7 @@ class MeasuredSummary:
             (self.root_cover.surely_not_covered, "inspected root within 2u"),
             (self.bevel_cover.surely_not_covered, "inspected bevel within 2u"),
             (self.predicted.surely_not_covered, "finished root within 2u of the correction"),
+            (self.predicted_turn.surely_not_covered, "finished bevel within 2u of the correction"),
         ]
         return [f"{self.condition}: {words}" for wrong, words in checks if wrong]
 
@@ -74,6 +77,7 @@ def summarise_measured(condition: str, results: list[MeasuredResult]) -> Measure
         crashed=[r for r in results if r.crashed],
         blind=_three(_pooled(good, "places", "root_blind_mm") - ROOT_MM),
         corrected=_three(_pooled(good, "places", "root_mm") - ROOT_MM),
+        blind_bevel=_three(_pooled(good, "places", "bevel_blind_deg") - BEVEL_DEG),
         bevel=_three(_pooled(good, "places", "bevel_deg") - BEVEL_DEG),
         goal_mm=LOUD_P95_MM if cell.noise_mm >= LOUD_MM else ROOT_P95_MM,
         floor_mm=1.96 * cell.noise_mm / SINE,
@@ -83,6 +87,9 @@ def summarise_measured(condition: str, results: list[MeasuredResult]) -> Measure
                 np.hypot(_column(r, "places", "correction_u_mm"), cell.noise_mm),
             )
             for r in good
+        ),
+        predicted_turn=cover(
+            (_column(r, "places", "bevel_deg") - BEVEL_DEG, _column(r, "places", "correction_u_deg")) for r in good
         ),
         root_cover=_cover(good, "root", "mm"),
         bevel_cover=_cover(good, "bevel", "deg"),

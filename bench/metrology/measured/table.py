@@ -33,21 +33,37 @@ def measured_tables(summaries: list[MeasuredSummary], command: str) -> str:
 def accuracy(summaries: list[MeasuredSummary]) -> list[str]:
     head = ["condition", "parts", "finished", "beyond the allowance", "refused", "blind, abs(root - 1.5), mm"]
     head += ["corrected, abs(root - 1.5), mm", "goal (95 %)", "the robot alone (95 %)"]
-    head += [f"corrected, abs(bevel - 40), deg (goal {BEVEL_P95_DEG:g})", "too deep: blind, corrected", "s a part"]
+    head += [
+        "blind, abs(bevel - 40), deg",
+        f"corrected, abs(bevel - 40), deg (goal {BEVEL_P95_DEG:g})",
+        "too deep: blind, corrected",
+        "s a part",
+    ]
     rows = []
     for s in summaries:
         row = [s.condition, f"{s.parts}", f"{s.finished}", f"{len(s.beyond)}", f"{len(s.refused)}", three(s.blind, 3)]
-        row += [three(s.corrected, 3), f"{s.goal_mm:g}", f"{s.floor_mm:.3f}", three(s.bevel, 3)]
-        rows.append([*row, f"{s.blind_too_deep}, {len(s.too_deep)}", f"{s.seconds:.1f}"])
+        row += [three(s.corrected, 3), f"{s.goal_mm:g}", f"{s.floor_mm:.3f}", three(s.blind_bevel, 3)]
+        rows.append([*row, three(s.bevel, 3), f"{s.blind_too_deep}, {len(s.too_deep)}", f"{s.seconds:.1f}"])
     return markdown(head, rows)
 
 
 def uncertainty(summaries: list[MeasuredSummary]) -> list[str]:
     head = ["condition"]
-    for name, unit in (("finished, along b", "mm"), ("inspected root", "mm"), ("inspected bevel", "deg")):
+    for name, unit in (
+        ("finished, along b", "mm"),
+        ("finished, bevel", "deg"),
+        ("inspected root", "mm"),
+        ("inspected bevel", "deg"),
+    ):
         head += [f"{name}: within 2u, %", "95 % interval", f"mean, RMS error, {unit}", f"mean u, {unit}"]
     rows = [
-        [s.condition, *covered(s.predicted, 3), *covered(s.root_cover, 4), *covered(s.bevel_cover, 3)]
+        [
+            s.condition,
+            *covered(s.predicted, 3),
+            *covered(s.predicted_turn, 3),
+            *covered(s.root_cover, 4),
+            *covered(s.bevel_cover, 3),
+        ]
         for s in summaries
     ]
     return markdown(head, rows)

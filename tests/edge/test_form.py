@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from workbench.edge.form import PLACES, _excess
+from workbench.edge.form import INCIDENCES, PLACES, _excess, _known_depths, _quarter_circle
 from workbench.units import Float
 
 FRAMES, COLUMNS, SIGMA = 100, 45, 0.012
@@ -45,3 +45,49 @@ def test_noise_alone_is_no_form() -> None:
         off, place, column = residuals(np.zeros(120), 10.0 + np.linspace(0.0, 40.0, FRAMES), rng)
         found.append(max(_excess(off, place), _excess(off, column)))
     assert np.sqrt(np.median(found)) < 0.1 * SIGMA
+
+
+def depths(radius: float, inclination: float, incidence: float, bow: float, rng: np.random.Generator) -> Float:
+    """Depths (f, 30) under the line of returns of a face with a rounded end, the last one first: rays met one by one.
+
+    Places are lateral to the rays, heights along them; columns 0.05 mm apart at any phase.
+    """
+    tangent = np.array([math.cos(inclination), math.sin(inclination)])
+    normal = np.array([-tangent[1], tangent[0]])  # into the material, away from the sensor
+    centre = -radius * tangent + radius * normal  # the virtual edge lies at 0
+    turn = incidence - inclination
+    end = float((centre + radius * (math.sin(turn) * tangent - math.cos(turn) * normal))[0])
+    out = np.empty((400, 30))
+    for i in range(len(out)):
+        place = end - 0.05 * (np.arange(30) + rng.random())
+        leaves = float((-radius * tangent)[0])
+        root = np.sqrt(np.maximum(radius**2 - (place - centre[0]) ** 2, 0.0))
+        height = np.where(place < leaves, place * math.tan(inclination), centre[1] - root)
+        depth = (height - place * math.tan(inclination)) * math.cos(inclination)
+        share = (place - place[-1]) / (place[0] - place[-1])
+        out[i] = depth + bow * 4.0 * share * (share - 1.0) + rng.normal(0.0, 0.01, 30)
+    return out
+
+
+@pytest.mark.parametrize("inclination_deg", [25.0, 45.0])
+def test_a_rounding_is_told_by_its_depths(inclination_deg: float) -> None:
+    rng = np.random.default_rng(8)
+    edges = np.arange(31.0) * 0.05 / math.cos(math.radians(inclination_deg))
+    inclination = math.radians(inclination_deg)
+    for radius in (0.2, 0.4):
+        found = depths(radius, inclination, math.radians(84.0), 0.0, rng)
+        is_proven, told, beyond, u, _ = _quarter_circle(_known_depths(found, edges), edges, inclination, INCIDENCES)
+        turn = math.radians(84.0) - inclination
+        true = radius * (1.0 - math.sin(turn) + (1.0 - math.cos(turn)) * math.tan(inclination))
+        assert is_proven
+        assert 0.5 * radius < told < 2.0 * radius
+        assert abs(beyond - true) < 3.0 * u
+
+
+@pytest.mark.parametrize("bow_mm", [-0.04, 0.04])
+def test_a_bow_is_no_rounding(bow_mm: float) -> None:
+    """The last returns of a bowed face lie under its line too."""
+    edges = np.arange(31.0) * 0.05 / math.cos(1.0)
+    found = depths(1e-9, 1.0, math.radians(84.0), bow_mm, np.random.default_rng(9))
+    is_proven, *_ = _quarter_circle(_known_depths(found, edges), edges, 1.0, INCIDENCES)
+    assert not is_proven

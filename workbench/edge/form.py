@@ -23,8 +23,10 @@ LEAST_FRAMES = 20  # in a stretch
 # A misfit of rms e counts as three independent errors e on the face: their line turns by 2.1 e over the face's width
 # and its ends move by 1.2 e (straight line through three points).
 TURN, OFFSET = 2.1, 1.2
-# A rounded end: the last returns of the root face, how sure their depth must be, and what is taken for possible.
-LAST, OUTSIDE_MM = 6, 0.9
+# A rounded end: the last returns of the root face, each alone, then pooled, how sure their depth must be, and what is
+# taken for possible.
+LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 8
+PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a rounding
 PROOF, DEPTH_U_MM = 3.0, 0.0005
 LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 60
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 2.0))  # greatest angle of incidence at which a return is kept
@@ -148,56 +150,71 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
     return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner | tracked.end_is_mixed)
 
 
-def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
-    """The rounding of a face's free end, by the pass that shows it best, in the frames `here` (N,)."""
+def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float = MOST_RADIUS_MM) -> Rounding:
+    """The rounding of a face's free end, by the pass that shows it best, in the frames `here` (N,).
+
+    most_mm: greatest radius that is declared for one that the view does not show.
+    """
     passes = np.unique(cloud.pass_index[here])
-    found = [_rounding_of_pass(cloud, rim, here & (cloud.pass_index == p)) for p in passes]
+    found = [_rounding_of_pass(cloud, rim, here & (cloud.pass_index == p), most_mm) for p in passes]
     known = [one for one in found if one is not NO_ROUNDING]
     return min(known, key=lambda one: (one.radius_mm == 0.0, one.u_mm), default=NO_ROUNDING)
 
 
-def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool) -> Rounding:
+def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) -> Rounding:
     """The same of one pass, from how deep the face's last returns lie under its line.
 
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
-    angle of incidence that the sensor still returns: at u = R sin(incidence - inclination) along the line, R - u before
-    the virtual edge with a surface square to the face. Both are averaged over what the depths allow: before, the edge
-    is as likely sharp as rounded, and radii of all orders of size are alike likely. Where the rays graze the face, a
-    rounding leaves the view before it leaves the line, and only its u tells of it.
+    angle of incidence that the sensor still returns (eq. (12)). Both are averaged over what the depths allow: before,
+    the edge is as likely sharp as rounded, and radii of all orders of size are alike likely. Where the rays graze the
+    face, a rounding leaves the view before it leaves the line, and only its u tells of it.
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
     if frames.size < LEAST_FRAMES:
         return NO_ROUNDING
-    found = [_last_returns(cloud, rim, int(i)) for i in frames]
-    depth = np.array([d for d, _ in found if d.size == LAST])
-    if len(depth) < LEAST_FRAMES:
-        return NO_ROUNDING
-    level = np.sort(depth, axis=0)
-    cut = len(depth) // 20
-    mean = level[cut : len(depth) - cut].mean(axis=0)
-    u = np.sqrt(np.var(depth, axis=0) / len(depth)) + DEPTH_U_MM
-    slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
     step = float(np.median(rim.step_mm[frames]))
-    is_proven = mean[0] >= PROOF * u[0]
-    incidences = INCIDENCES if is_proven else INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
-    radius, missing, missing_u = _quarter_circle(mean, u, step, math.atan(slope), incidences)
+    slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
+    width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) * math.hypot(1.0, slope)
+    edges = _groups(min(width, DEEP_MM) / step)
+    found = [_last_returns(cloud, rim, int(i), edges) for i in frames]
+    depth = np.array([d for d, _ in found])
+    depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
+    depth = depth[np.isfinite(depth).all(axis=1)]
+    if len(depth) < LEAST_FRAMES or depth.shape[1] < LEAST_GROUPS:
+        return NO_ROUNDING
+    edges = edges[: depth.shape[1] + 1]
+    known = _known_depths(depth, edges * step)
+    inclination = math.atan(slope)
+    is_proven, radius, missing, missing_u, fall = _quarter_circle(known, edges * step, inclination, INCIDENCES)
     if not is_proven:  # one that would not show is in u
+        seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
+        _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, most_mm)
         return Rounding(u_mm=math.hypot(missing, missing_u))
     further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
-    rounded = float((mean > PROOF * u).sum()) * step / math.hypot(1.0, slope)
+    on = fall > PROOF * np.sqrt(np.diag(known.noise))
+    rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
     return Rounding(radius, further + missing, missing_u, rounded)
 
 
-def _last_returns(cloud: Cloud, rim: FaceRim, i: int) -> tuple[Float, int]:
-    """Depths (LAST,) of frame i's last returns under the face's line, last first, mm; how many lie beyond it."""
+def _groups(columns: float) -> Float:
+    """Limits (g + 1,), in columns before the last return, of what is pooled: LAST columns each alone, then tenths."""
+    wide = max(1.0, (columns - LAST) / 10.0)
+    return np.concatenate([np.arange(LAST), np.arange(LAST, max(columns, LAST) + 1e-9, wide)])
+
+
+def _last_returns(cloud: Cloud, rim: FaceRim, i: int, edges: Float) -> tuple[Float, int]:
+    """Mean depths (g,) under the line of frame i's returns, grouped by how many columns they lie before the last.
+
+    And how many lie beyond those on the line.
+    """
     face, step = rim.face, float(rim.step_mm[i])
     slope = face.sxz[i] / face.sxx[i]
     lean = math.hypot(1.0, slope)
     x, z, keep = cloud.x_mm[i].astype(float), cloud.z_mm[i].astype(float), cloud.keep[i]
     v = rim.side[i] * (x - rim.end_x_mm[i]) * lean
     below = (z - face.z_mean[i] - slope * (x - face.x_mean[i])) / lean * rim.sense[i]
-    inside = np.flatnonzero(keep & (v <= 1e-6) & (v > -2.0 * LAST * step))
+    inside = np.flatnonzero(keep & (v <= 1e-6) & (v > -edges[-1] * step) & (np.abs(below) < STEP_MM))
     order = np.flatnonzero(keep & (v > 1e-6) & (v < OUTSIDE_MM))
     order = order[np.argsort(v[order], kind="stable")]
     kept: list[int] = []
@@ -208,28 +225,73 @@ def _last_returns(cloud: Cloud, rim: FaceRim, i: int) -> tuple[Float, int]:
         kept.append(int(j))
         before, level = float(v[j]), max(float(below[j]), 0.0)
     both = np.concatenate([inside, np.array(kept, np.int64)])
-    return below[both[np.argsort(-v[both])]][:LAST], len(kept)
+    group = np.searchsorted(edges, (before - v[both]) / step + 0.5, side="right") - 1
+    on = (group >= 0) & (group < edges.size - 1)
+    count = np.bincount(group[on], minlength=edges.size - 1)
+    total = np.bincount(group[on], below[both][on], minlength=edges.size - 1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan), len(kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Depths:
+    """What the last returns of a face lie under its line, by groups of columns from the last one on."""
+
+    mean: Float  # (g,) mm
+    noise: Float  # (g, g) covariance by noise and what patterns of the sensor may feign
+    free: Float  # (g, g) covariance of what says nothing of a rounding: the line's own place and turn, and a bow
+
+
+def _known_depths(depth: Float, edges_mm: Float) -> Depths:
+    """Of depths (f, g) of frames, between the limits (g + 1,) mm before the last return."""
+    level = np.sort(depth, axis=0)
+    cut = len(depth) // 20
+    mean = level[cut : len(depth) - cut].mean(axis=0)
+    low, high = level[cut], level[len(depth) - 1 - cut]
+    noise = np.cov(np.clip(depth, low, high).T) / len(depth)
+    middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
+    t = 2.0 * middle / edges_mm[-1] - 1.0
+    shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1)
+    inner = np.arange(t.size) >= min(LAST, t.size - 4)
+    weight = np.sqrt(np.diff(edges_mm)[inner])
+    fit = np.linalg.lstsq(shapes[inner] * weight[:, None], mean[inner] * weight, rcond=None)[0]
+    left = mean[inner] - shapes[inner] @ fit
+    pattern = float((left**2 - np.diag(noise)[inner]).sum()) / max(int(inner.sum()) - 3, 1)
+    far = np.abs(middle[:, None] - middle[None, :]) / (edges_mm[-1] / PLACES)
+    noise = noise + max(pattern, 0.0) * np.exp(-far) + DEPTH_U_MM**2 * np.eye(t.size)
+    return Depths(mean, noise, (shapes * [PLACE_MM, TURN_MM, BOW_MM]) @ (shapes * [PLACE_MM, TURN_MM, BOW_MM]).T)
 
 
 def _quarter_circle(
-    depth: Float, u: Float, step_mm: float, inclination: float, incidences: Float
-) -> tuple[float, float, float]:
-    """Radius; how far the virtual edge lies beyond the last return's step; standard uncertainty of that: mm."""
-    w = (np.arange(LAST)[:, None] + (np.arange(20) + 0.5) / 20.0) * step_mm
-    spread = np.hypot(u, SHAPE * np.abs(depth))
+    known: Depths, edges_mm: Float, inclination: float, incidences: Float, most_mm: float = MOST_RADIUS_MM
+) -> tuple[bool, float, float, float, Float]:
+    """Whether a rounding is proven; its radius; how far the virtual edge lies beyond the last return's step, its u: mm.
+
+    And how deep the rounding lies under the line by each group of columns (g,).
+    """
+    share = (np.arange(20) + 0.5) / 20.0
+    w = edges_mm[:-1, None] + share * np.diff(edges_mm)[:, None]
     incidences = incidences[incidences > inclination]
-    rounded = np.geomspace(LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII)
-    shares = [-0.5 * float(((depth / spread) ** 2).sum()) + math.log(max(rounded.size * incidences.size, 1))]  # sharp
-    values, radii = [0.0], [0.0]
-    for radius in rounded:
-        for incidence in incidences:
-            end = radius * math.sin(min(incidence - inclination, math.pi / 2.0))
-            on = np.clip(end - w, 0.0, radius)
-            fall = (radius - np.sqrt(radius**2 - on**2)).mean(axis=1)
-            shares.append(-0.5 * float((((depth - fall) / spread) ** 2).sum()))
-            values.append(radius - end)
-            radii.append(radius)
-    share = np.exp(np.array(shares) - max(shares))
+    radius = np.repeat(np.geomspace(LEAST_RADIUS_MM, most_mm, RADII), incidences.size)
+    turn = np.tile(np.minimum(incidences - inclination, math.pi / 2.0), RADII)
+    end = radius * (np.sin(turn) - (1.0 - np.cos(turn)) * math.tan(inclination))  # as the columns count
+    on = np.maximum(end[:, None, None] - w, 0.0) / radius[:, None, None] * math.cos(inclination)
+    turned = np.arcsin(np.minimum(on + math.sin(inclination), 1.0)) - inclination
+    fall = radius[:, None] * (1.0 - np.cos(turned)).mean(axis=2)
+    fall = np.concatenate([np.zeros((1, len(w))), fall])  # sharp
+    radius, beyond = np.append(0.0, radius), np.append(0.0, radius - end)
+    covariance = (known.noise + known.free)[None] + (SHAPE * fall)[:, :, None] ** 2 * np.eye(len(w))
+    # The part of the last column's pixel that the face fills lies before its middle, by f^2 / 16 columns on average.
+    part = 0.5 * edges_mm[1] * math.sin(inclination) * math.cos(inclination) / 16.0
+    fall[:, 0] -= part
+    covariance[:, 0, 0] += part**2
+    off = known.mean - fall
+    lower = np.linalg.cholesky(covariance)
+    white = np.linalg.solve(lower, off[:, :, None])[:, :, 0]
+    score = -0.5 * (white**2).sum(axis=1) - np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    is_proven = bool(radius.size > 1 and score[1:].max() - score[0] > 0.5 * PROOF**2)
+    score[0] += math.log(max(radius.size - 1, 1))
+    share = np.exp(score - score.max())
     share /= share.sum()
-    missing = float(share @ np.array(values))
-    return float(share @ np.array(radii)), missing, math.sqrt(float(share @ (np.array(values) - missing) ** 2))
+    missing = float(share @ beyond)
+    u = math.sqrt(float(share @ (beyond - missing) ** 2))
+    return is_proven, float(share @ radius), missing, u, share @ fall

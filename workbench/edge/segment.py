@@ -14,7 +14,7 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel
 from workbench.edge.burrs import burr_stations
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.form import Rounding, form_of, is_free_end, root_rim, rounding_of
+from workbench.edge.form import MOST_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
@@ -45,6 +45,9 @@ def segment(
     end_u_mm: Annotated[
         float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
     ] = 0.0,
+    most_radius_mm: Annotated[
+        float, Field(ge=0.01, le=0.8, description="greatest radius of the lower edge, where the view shows none")
+    ] = MOST_RADIUS_MM,
     limits: Annotated[
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the faces by name (docs/checks.md)"),
@@ -64,6 +67,8 @@ def segment(
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
         end_u_mm: of the end of the root face by what no frame shows (a burr in its plane, returns lost along the whole
             edge): it enters the uncertainty of every root size.
+        most_radius_mm: greatest radius that the lower edge can have. Where the rays graze the root face a rounding is
+            not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
         limits: limits of the checks of the faces by name. One that passes only by a wider limit than the default is
             named in the results.
 
@@ -74,10 +79,10 @@ def segment(
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     given = checked_limits(limits, "edge.segment.limits")
     checks = require_bevel(cloud, tracked.labels, two_plates_share(cloud), given)
-    rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked))
+    rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
-        rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked))
+        rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     measured = measure_edge(cloud, tracked)
     edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))

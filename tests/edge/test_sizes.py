@@ -10,7 +10,7 @@ import pytest
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT
 from workbench.edge.form import Form, Rounding
-from workbench.edge.sizes import sizes, sudden
+from workbench.edge.sizes import end_loose_mm, sizes, sudden
 from workbench.geometry.course import Course
 from workbench.units import Float
 
@@ -45,7 +45,13 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
     )
     return SimpleNamespace(
         faces=faces,
-        end=SimpleNamespace(course=course(ROOT_MM, u["end"], u.get("drift", 0.0)), s=AT, departure=np.zeros(AT.size)),
+        end=SimpleNamespace(
+            course=course(ROOT_MM, u["end"], u.get("drift", 0.0)),
+            s=AT,
+            departure=np.zeros(AT.size),
+            middle=np.full(AT.size, ROOT_MM),
+            middle_u=np.full(AT.size, 0.02),
+        ),
         upper_s=frames,
         lever_mm=np.full(frames.size, LEVER_MM),
         root_turn=np.zeros(frames.size),
@@ -142,6 +148,19 @@ def test_what_most_frames_say_against_the_course_is_uncertainty() -> None:
     np.testing.assert_allclose(root.u, [0.002, np.hypot(0.002, 0.8), 0.002])
     assert bevel.u[1] > 0.03
     assert bevel.u[0] < 1e-3
+
+
+def test_a_sudden_change_under_a_smooth_course_is_uncertain_by_all_of_it() -> None:
+    """A spline runs through a burr in the plane of the face as if it were a wave: within the steps of the columns."""
+    at = np.arange(1.0, 120.0, 2.0)
+    burr = 0.15 * ((at > 30.0) & (at < 50.0))
+    steps = 0.5 * 0.05 * np.sign(np.sin(at))
+    smooth = SimpleNamespace(s=at, departure=np.zeros(at.size), middle=1.5 + steps, middle_u=np.full(at.size, 0.015))
+    assert not end_loose_mm(smooth, at).any()  # type: ignore[arg-type]
+    smooth.middle = smooth.middle + burr
+    loose = end_loose_mm(smooth, at)  # type: ignore[arg-type]
+    assert (loose[burr > 0] > 0.1).all()
+    assert (loose[np.abs(at - 40.0) > 20.0] < 0.01).all()
 
 
 def profile(change: Float) -> tuple[Float, Float]:

@@ -320,6 +320,17 @@ def test_values_that_leave_the_course_together_are_followed_or_uncertain(
     assert (np.abs(course.value(s))[far] < 3.0 * course.u(s)[far]).mean() > 0.99
 
 
+def test_beyond_its_ends_it_goes_straight_on_and_is_known_less() -> None:
+    s = np.linspace(0.0, 100.0, 400)
+    y = 0.2 * s + np.random.default_rng(5).normal(0.0, 0.01, s.size)
+    course = fit_course(s, y)
+    beyond = np.array([-6.0, -1.0, 101.0, 106.0])
+    assert (np.abs(course.value(beyond) - 0.2 * beyond) < 3.0 * course.u(beyond)).all()
+    assert course.u(beyond)[0] > course.u(beyond)[1] > 0.99 * course.u(np.array([0.0]))[0]
+    pair = fit_course(s, np.stack([y, -y], axis=1))
+    np.testing.assert_allclose(pair.value(beyond)[:, 0], -pair.value(beyond)[:, 1], atol=1e-9)
+
+
 def test_single_strays_leave_no_trace() -> None:
     s = np.arange(0.0, 120.0, 0.33)
     rng = np.random.default_rng(78)

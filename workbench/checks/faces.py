@@ -18,6 +18,7 @@ SMALL_BOW_MM = 0.03  # no face is straighter than that for certain
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
 HOLLOW = np.radians(12.0)  # turn beyond which a surface turns back
+COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
@@ -103,7 +104,7 @@ def _bow(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> float:
 def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:
     """Robust standard deviation of the root face's width between neighbouring frames of the sample, over the width.
 
-    And 0.7 columns over the width, which is what the columns alone may make it.
+    And what the columns alone may make it: each of its two ends falls on one column or the next.
     """
     widths, counts = [], []
     for i in rows:
@@ -114,7 +115,7 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
     if len(widths) < LEAST_FRAMES or not np.median(widths) > 0:
         return 0.0, 0.0
     scatter = np.median(np.abs(np.diff(widths))) / 0.6745 / np.sqrt(2.0)
-    return float(scatter / np.median(widths)), float(0.7 / np.median(counts))
+    return float(scatter / np.median(widths)), float(COLUMNS / np.median(counts))
 
 
 def _sagitta(x: Float, z: Float) -> tuple[float, float] | None:

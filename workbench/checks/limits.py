@@ -136,7 +136,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "size_scatter": Limit(
         0.15,
-        "scatter of the root face's width from frame to frame, over its width; 0.7 columns where that is more",
+        "scatter of the root face's width from frame to frame, over its width; 1.5 columns where that is more",
         "a root face changes slowly along the edge; what is cut out of a cable or of noise does not",
     ),
     "hollow_share": Limit(

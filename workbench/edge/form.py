@@ -14,7 +14,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.faces import FaceLines
-from workbench.units import Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int
 
 SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
@@ -59,10 +59,10 @@ NO_ROUNDING = Rounding()
 
 def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, at: Float) -> Form:
     """Misfit along the edge; s_frames (N,): where each frame shows it, at (m,): places, beta (m,): bevel angle, rad."""
-    root = _misfit(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at)
-    bevel = _misfit(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at)
-    corner = OFFSET * np.hypot(root[0] / np.abs(np.tan(beta)), bevel[0] / np.sin(beta))
-    return Form(TURN * root[0] / root[1], TURN * bevel[0] / bevel[1], corner)
+    root = misfit_of(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at)
+    bevel = misfit_of(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at)
+    corner = np.hypot(root.offset_u_mm / np.abs(np.tan(beta)), bevel.offset_u_mm / np.sin(beta))
+    return Form(root.turn_u, bevel.turn_u, corner)
 
 
 def _sample(s_frames: Float, face: FaceLines) -> Int:
@@ -70,8 +70,27 @@ def _sample(s_frames: Float, face: FaceLines) -> Int:
     return on[np.unique(np.linspace(0, on.size - 1, SAMPLE_FRAMES).round().astype(np.int64))] if on.size else on
 
 
-def _misfit(
-    cloud: Cloud, labels: Float, face: FaceLines, label: int, s_frames: Float, at: Float
+@dataclass(frozen=True, slots=True, eq=False)
+class Misfit:
+    """What the straight line of one face leaves, at m places of the edge."""
+
+    turn_u: Float  # (m,) standard uncertainty of the face's direction, rad
+    offset_u_mm: Float  # (m,) of its ends, across the face
+
+
+def misfit_of(
+    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, s_frames: Float, at: Float, whole: bool = False
+) -> Misfit:
+    """The misfit of the face with this label in `labels` (N, M) of the cloud; s_frames (N,), at (m,): arc lengths, mm.
+
+    whole: with the columns at its ends, which may see half of something else: it pulls the line, and turns it little.
+    """
+    rms, width = _rms(cloud, labels, face, label, s_frames, at, whole)
+    return Misfit(TURN * rms / width, OFFSET * rms)
+
+
+def _rms(
+    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, s_frames: Float, at: Float, whole: bool
 ) -> tuple[Float, float]:
     """Rms (m,) of what the line leaves beyond noise, by place on the face, mm; and the face's width, mm."""
     frames = _sample(s_frames, face)
@@ -84,6 +103,8 @@ def _misfit(
     off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope[:, None] * (x - face.x_mean[frames, None])
     off = off / lean[:, None]
     first, last = np.nanmin(x, axis=1), np.nanmax(x, axis=1)
+    if not whole:
+        off[(x <= first[:, None]) | (x >= last[:, None])] = np.nan
     place = np.minimum((x - first[:, None]) / np.maximum(last - first, 1e-9)[:, None] * PLACES, PLACES - 1e-9)
     width = float(np.median((last - first) * lean))
     wide = max(1, round(float(np.median(on.sum(axis=1))) / PLACES))
@@ -105,6 +126,8 @@ def _misfit(
 def _excess(off: Float, place: Float) -> float:
     """Mean square of residuals (f, M), pooled by `place` (f, M), beyond what the frames' scatter makes of it, mm^2."""
     seen = np.isfinite(off)
+    if not seen.any():
+        return 0.0
     frame, _ = np.nonzero(seen)
     number = place[seen].astype(np.int64)
     number -= number.min()

@@ -24,7 +24,7 @@ from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.settling import settled
-from workbench.geometry.silhouette import Ends, find_end
+from workbench.geometry.silhouette import EndCourse, Ends, find_end
 from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -48,6 +48,7 @@ class EndAlong:
     bend: CubicSpline  # arc length -> mm
     s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
     rounding: Rounding
+    end: EndCourse | None  # by silhouettes; None: by corners alone
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -274,6 +275,7 @@ def _end_along(
     if not (np.isfinite(middle) & np.isfinite(s)).any():
         raise InputError(cloud.source, "no frame shows where the end face ends: is upper_side right?")
     course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, (2, 3), together_mm=together)
+    end: EndCourse | None = None
     if whole and (use & silhouette).any():
         column = np.where(silhouette, ends.column, 0).astype(np.int64)
         freed = settled(s, outward * m, step, spread, column, cloud.pass_index)
@@ -291,13 +293,14 @@ def _end_along(
             unknown,
             freed.doubt[on],
         )
-        course = find_end(known, course, together, (2, 3)).course
+        end = find_end(known, course, together, (2, 3))
+        course = end.course
     rounding = NO_ROUNDING
     if whole and not rough and not _covered(s, corner):
         rounding = _rounding(cloud, found, ends, outward, silhouette)
         spline = course.spline
         course = replace(course, spline=BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
-    return EndAlong(_scaled(course, outward), bend, np.where(np.isfinite(placed[1]), s, np.nan), rounding)
+    return EndAlong(_scaled(course, outward), bend, np.where(np.isfinite(placed[1]), s, np.nan), rounding, end)
 
 
 def _rounding(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, silhouette: Bool) -> Rounding:

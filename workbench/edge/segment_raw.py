@@ -9,16 +9,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, RawEdge
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.faces import plates_check
+from workbench.edge.form import misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.hand_eye_u import place_u_mm, turn_u
 from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import RawMeasured, axes, measure_raw_edge
-from workbench.edge.sizes import sudden
+from workbench.edge.sizes import end_loose_mm, sudden
 from workbench.errors import InputError
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.gaps import covered
@@ -105,13 +106,20 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    tilt_u = np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u)
+    form = misfit_of(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, measured.s_face, at)
+    below = misfit_of(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, lower_s, at, whole=True)
+    tilt_u = np.hypot(measured.tilt.u(at), np.hypot(0.0 if measured.rough else measured.local_turn_u, form.turn_u))
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
+    stand_u = np.hypot(stand_u, form.offset_u_mm)
     if measured.rough:
         stand_u = np.hypot(stand_u, measured.stand_out.u(at))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
+    low_u = np.hypot(low_u, below.offset_u_mm)
     low_u = np.hypot(low_u, measured.lower.rounding.u_mm)
-    low_u = np.hypot(low_u, sudden(at, low, low_u))
+    loose = sudden(at, low, low_u)
+    if measured.lower.end is not None:
+        loose = np.maximum(loose, end_loose_mm(measured.lower.end, at))
+    low_u = np.hypot(low_u, loose)
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))

@@ -7,6 +7,7 @@ import numpy as np
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
 from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
+from workbench.geometry.silhouette import EndCourse
 from workbench.units import DEG, Bool, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
@@ -36,7 +37,7 @@ def sizes(
     frames = np.sort(measured.upper_s[np.isfinite(measured.upper_s)])
     after = np.searchsorted(frames, s).clip(1, frames.size - 1)
     seen = np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM
-    loose = np.maximum(sudden(at, root, end_u, seen=seen), departure_mm(measured, s))
+    loose = np.maximum(sudden(at, root, end_u, seen=seen), end_loose_mm(measured.end, s))
     # What obliquity makes of the root size's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
@@ -96,11 +97,19 @@ def sudden(
     return np.asarray(np.maximum(out, np.where(off < least, 0.0, off)))
 
 
-def departure_mm(measured: Measured, s: Float) -> Float:
-    """How far off its course most frames near s (m,) have the end, mm: the course may have left them out."""
-    end = measured.end
+def end_loose_mm(end: EndCourse, s: Float) -> Float:
+    """By how much frames say, at s (m,), that the end lies off its course, or changes suddenly under it, mm.
+
+    A smooth course runs through sudden changes as if they were waves, within the steps of the columns.
+    """
     near = np.abs(s[:, None] - end.s[None, :]) <= NEAR_MM
-    return np.asarray(np.where(near, np.abs(end.departure)[None, :], 0.0).max(axis=1, initial=0.0))
+    off = np.asarray(np.where(near, np.abs(end.departure)[None, :], 0.0).max(axis=1, initial=0.0))
+    if end.s.size < 3:
+        return off
+    apart = np.gradient(end.s)
+    least = max(SUDDEN_MM, SUDDEN_SIGMAS * float(np.median(end.middle_u)))  # more than the steps make
+    changes = sudden(end.s, end.middle, end.middle_u, least, seen=apart < 1.5 * float(np.median(apart)))
+    return np.asarray(np.maximum(off, np.interp(s, end.s, changes)))
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

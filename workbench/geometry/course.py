@@ -61,8 +61,13 @@ class Course:
     stiffness: Float  # (j, 4) priors: the order of the lower derivative held back, both strengths, posterior share
 
     def value(self, s: Float) -> Float:
-        """f(s): (m,) or (m, d). Constant beyond the ends of what was seen."""
-        return np.asarray(self.spline(self._inside(s)))
+        """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
+        inside = self._inside(s)
+        beyond = np.asarray(s) - inside
+        if not beyond.any():
+            return np.asarray(self.spline(inside))
+        ahead = beyond.reshape(beyond.shape + (1,) * (self.spline.c.ndim - 1))
+        return np.asarray(self.spline(inside) + ahead * self.spline(inside, 1))
 
     def slope(self, s: Float) -> Float:
         """df/ds: (m,) or (m, d)."""
@@ -70,7 +75,11 @@ class Course:
 
     def u(self, s: Float) -> Float:
         """Standard uncertainty (m,) of each component of f(s)."""
-        return np.sqrt(np.interp(s, self.at_mm, self.variance))
+        beyond = np.asarray(s) - np.clip(s, self.at_mm[0], self.at_mm[-1])
+        variance = np.interp(s, self.at_mm, self.variance)
+        if beyond.any():
+            variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
+        return np.sqrt(variance)
 
     def slope_u(self, s: Float) -> Float:
         """Standard uncertainty (m,) of each component of df/ds."""

@@ -55,6 +55,8 @@ class EndCourse:
     s: Float  # (c,) middle of each stretch of edge, mm
     contradicted: Bool  # (c,) most frames there say something else than the course
     departure: Float  # (c,) how far their middle lies off it there, mm; halved from cell to cell beside it; 0 elsewhere
+    middle: Float  # (c,) of the column steps there, whatever the course says, mm
+    middle_u: Float  # (c,) what the step leaves open, mm
 
 
 def find_end(
@@ -95,10 +97,12 @@ def find_end(
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     about = course.value(ends.s)
     contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
-    departure = np.zeros(place.size)
-    for k in np.flatnonzero(contradicted):
-        departure[k] = np.median((ends.low + 0.5 * ends.step - about)[cell == k])
-    return EndCourse(_doubted(course, place, ends, cell), place, contradicted, _beside(departure))
+    first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
+    middle = np.array([np.median(x) for x in np.split(ends.low + 0.5 * ends.step, first_of[1:-1])])
+    departure = np.where(contradicted, middle - course.value(place), 0.0)
+    middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
+    course = _doubted(course, place, ends, cell)
+    return EndCourse(course, place, contradicted, _beside(departure), middle, middle_u)
 
 
 def _beside(departure: Float) -> Float:

@@ -97,3 +97,13 @@ def test_without_any_calibration_nothing_is_fused(recording: Recording) -> None:
 def test_times_on_the_profilers_own_clock_are_not_fused(recording: Recording) -> None:
     with pytest.raises(InputError, match="robot's clock"):
         fuse(dataclasses.replace(recording, clock="own", sphere_diameter_mm=25.4))
+
+
+def test_the_sensors_scale_of_a_calibration_is_taken_out(recording: Recording, tmp_path: Path) -> None:
+    path = tmp_path / "handeye.json"
+    pose = np.eye(4).tolist()
+    path.write_text(json.dumps({"flange_from_profiler": pose, "sensor_scale": [1, 1.08], "sensor_middle_mm": [5, 140]}))
+    order = np.argsort(recording.pass_index, kind="stable")
+    cloud = fuse(recording, hand_eye=path)
+    np.testing.assert_array_equal(cloud.x_mm, recording.x_mm[order])
+    np.testing.assert_allclose(cloud.z_mm, 140 + (recording.z_mm[order] - 140) / 1.08, rtol=1e-6)

@@ -51,6 +51,8 @@ class HandEye:
     source: str = ""
     calibrated_at: str | None = None  # ISO 8601
     volume_u_mm: float | None = None  # predicted RMS error of a point over the field of view
+    sensor_scale: tuple[float, float] = (1.0, 1.0)  # of the profiler's x and z: measured over true, ...
+    sensor_middle_mm: tuple[float, float] = (0.0, 0.0)  # ... about this place, which stays
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -185,6 +185,9 @@ class ToolpathFile(ResultFile):
     check: PathClaim | None = None
 
 
+Scale = Annotated[float, Field(gt=0.5, lt=2)]
+
+
 class HandEyeFile(ResultFile):
     """`handeye.json`: the pose of the profiler on the flange. Other programs may give the pose alone."""
 
@@ -194,6 +197,11 @@ class HandEyeFile(ResultFile):
     translation_mm: Vector | None = None
     rotation_rpy_deg: Vector | None = None
     covariance: Matrix6 | None = Field(default=None, description="tx ty tz in mm, then a rotation vector in rad")
+    sensor_scale: tuple[Scale, Scale] | None = Field(
+        default=None, description="of the profiler's x and z, measured over true: taken out of scans"
+    )
+    sensor_middle_mm: tuple[Number, Number] | None = Field(default=None, description="about which: what stays")
+    sensor_scale_u: tuple[NotNegative, NotNegative] | None = None
     sphere_center_mm: Vector | None = None
     sphere_diameter_mm: Positive | None = None
     time_offset_s: Unknown = None

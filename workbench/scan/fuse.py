@@ -8,13 +8,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Recording
+from workbench.artefacts import Cloud, HandEye, Recording
 from workbench.checks import checked_limits, judge_recording, refuse_failed, without_copies
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
 from workbench.stage import InputFile, stage
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Float32
 
 
 @stage("scan.fuse")
@@ -66,8 +66,8 @@ def fuse(
     refuse_failed(checks, recording.source)
     recording = pass_after_pass(without_copies(recording))
     return Cloud(
-        x_mm=recording.x_mm,
-        z_mm=recording.z_mm,
+        x_mm=_true(recording.x_mm, calibration, 0),
+        z_mm=_true(recording.z_mm, calibration, 1),
         keep=_returns(recording),
         base_from_profiler=flange_poses(recording) @ calibration.flange_from_profiler,
         time_s=recording.time_s,
@@ -78,6 +78,12 @@ def fuse(
         part=part,
         checks=checks,
     )
+
+
+def _true(measured_mm: Float32, calibration: HandEye, axis: int) -> Float32:
+    """Coordinates by the scale that a calibration found: themselves, unless it found another than the sensor's own."""
+    scale, middle = calibration.sensor_scale[axis], calibration.sensor_middle_mm[axis]
+    return measured_mm if scale == 1.0 else (middle + (measured_mm - middle) / scale).astype(np.float32)
 
 
 def pass_after_pass(recording: Recording) -> Recording:

@@ -32,7 +32,8 @@ def read_hand_eye(path: Path) -> HandEye:
     covariance = None if found.covariance is None else np.array(found.covariance)
     if covariance is not None:
         _check_covariance(covariance, f"{path}: $.covariance")
-    return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm)
+    scale, middle = found.sensor_scale or (1.0, 1.0), found.sensor_middle_mm or (0.0, 0.0)
+    return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
 
 
 def recorded_hand_eye(recording: Recording) -> HandEye:

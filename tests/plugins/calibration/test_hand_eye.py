@@ -151,13 +151,20 @@ def _rotations(rec: Recording) -> Any:
     return rotation_from_quaternion(rec.robot_quaternion_wxyz)
 
 
-def test_a_wrong_scale_of_z_is_named() -> None:
+@pytest.mark.parametrize(("axis", "factor"), [("x", 0.98), ("z", 1.08)])
+def test_a_wrong_scale_is_named_and_taken_out(axis: str, factor: float) -> None:
     rec, _ = made(8, k=12)
-    bad = dataclasses.replace(rec, z_mm=rec.z_mm * np.float32(1.08))
-    assert any(
-        "the profiler's z looks 8" in t or "the profiler's z looks 7" in t
-        for t in hand_eye(circles(bad), bad, max_u_mm=2)[1].warnings
-    )
+    bad = dataclasses.replace(rec, **{f"{axis}_mm": getattr(rec, f"{axis}_mm") * np.float32(factor)})
+    right, found = (hand_eye(circles(one), one)[1] for one in (rec, bad))
+    which = "xz".index(axis)
+    assert right.hand_eye.sensor_scale == (1.0, 1.0)
+    assert found.hand_eye.sensor_scale[1 - which] == 1.0
+    assert found.hand_eye.sensor_scale[which] == pytest.approx(factor, abs=3 * found.sensor_scale_u[which])
+    assert found.sensor_scale_u[which] < 0.01
+    assert any(f"the profiler's {axis} is " in text for text in found.warnings)
+    off = found.hand_eye.flange_from_profiler[:3, 3] - right.hand_eye.flange_from_profiler[:3, 3]
+    assert np.abs(off).max() < 0.3  # with the scale left in, z is off by 8 % of the sphere's place in the view
+    assert found.volume_u_mm < 1.3 * right.volume_u_mm
 
 
 def test_repeats_are_averaged_not_counted() -> None:

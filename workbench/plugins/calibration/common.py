@@ -4,7 +4,8 @@ A robot that stops at a wrong place is as wrong throughout a slow scan; what its
 is another matter. So a pose has two errors: one new in every recorded pose, told well by the many frames, and one of
 the whole scan, told only by how the scans contradict each other. Both come from the residuals by restricted likelihood
 (Patterson and Thompson 1971). Few scans tell the second badly, so the stated repeatability, which is both together, is
-taken for right within a factor, and the answer is the mean over a grid of the second and its covariance the mixture's.
+taken for right within a factor, and the answer is the mean over a grid of the second and its covariance the mixture's,
+widened until its 95 % ellipsoid is that of the mixture too.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
 
 from workbench.api import Float
 from workbench.plugins.calibration.bundle import Fit
@@ -20,9 +22,12 @@ from workbench.plugins.calibration.model import Estimate, Noise, linearise, norm
 from workbench.plugins.calibration.observations import Observations, Passes
 
 RIGHT_WITHIN = 1.5  # factor: one standard deviation of a repeatability as stated
+POSE = 6  # unknowns of the hand-eye pose, the first
 OWN = (0.01, 10.0)  # bounds of a pose's own error, over the stated one
 COARSE = np.array([0.0, 0.1, 0.3, 1.0, 3.0, 10.0])  # errors of a whole scan, over the stated one, with their own search
 FINE = np.concatenate([[0.0], np.geomspace(0.1, 10.0, 36)])  # the grid of the mixture
+DRAWS = 4000  # of the mixture: its 95 % ellipsoid is told within some 2 % of its size
+LEVEL = 0.95
 CERTAIN = 5.4  # log-likelihood that a larger error must gain: half of chi-square's 0.001 with one degree of freedom
 
 
@@ -57,12 +62,27 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     steps, covariances = np.array([one[1] for one in found]), np.array([one[2] for one in found])
     mean = weights @ steps
     spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
+    covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
+    covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
     best = int(np.argmax(log + prior))
     as_stated = log[total <= 0].max() if (total <= 0).any() else -np.inf
-    fit = replace(
-        result, estimate=estimate.moved(mean), covariance=np.einsum("g,gpq->pq", weights, covariances) + spread
-    )
+    fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
     return Settled(fit, likely.noise(FINE[best], own[best]), bool(total[best] > 0 and log[best] > as_stated + CERTAIN))
+
+
+def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> float:
+    """By how much `together` (P, P) is too small for its 95 % ellipsoid of the hand-eye pose to be the mixture's.
+
+    A size that few scans tell makes the errors' tails longer than normal (Student's): a covariance says nothing of it.
+    weights (g,), off (g, P) means and covariances (g, P, P) of the parts.
+    """
+    rng = np.random.default_rng(0)
+    pick = rng.choice(len(weights), DRAWS, p=weights)
+    normal = rng.standard_normal((DRAWS, POSE))
+    factor = np.linalg.cholesky(covariances[:, :POSE, :POSE])
+    drawn = off[pick, :POSE] + np.einsum("kpq,kq->kp", factor[pick], normal)
+    distance = np.einsum("kp,pk->k", drawn, np.linalg.solve(together[:POSE, :POSE], drawn.T))
+    return float(np.quantile(distance, LEVEL) / chi2.ppf(LEVEL, POSE))
 
 
 def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool) -> Estimate:

@@ -16,10 +16,12 @@ from workbench.plugins.calibration.determinacy import check_determined, directio
 from workbench.plugins.calibration.document import hand_eye_document
 from workbench.plugins.calibration.model import Estimate, Linear, Noise, View, linearise, view_of_points, volume_u
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
-from workbench.plugins.calibration.solve import Answer, asked, solve, solve_with_offset
+from workbench.plugins.calibration.scales import NEAR, Scales, Sensor, rescaled, scales_of
+from workbench.plugins.calibration.solve import Answer, asked, check_scans, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import rejections, warnings
 
+ROUNDS = 8  # of scales: each frees one, or comes nearer
 NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
 
 
@@ -40,6 +42,9 @@ def hand_eye(
     sphere_radius_u_mm: Annotated[
         float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
     ] = 0.05,
+    sensor_scale_u: Annotated[
+        float, Field(gt=0, le=0.05, description="relative standard uncertainty of the profiler's own x and z")
+    ] = 0.003,
     robot_error: Annotated[
         Literal["independent", "correlated"],
         Field(description="'correlated': near postures share errors of the robot, whose size the data tell"),
@@ -53,7 +58,9 @@ def hand_eye(
 
     The signs of h are searched; then maximum likelihood on (x_c, z_c, w = r^2) with w = R^2 - h^2 - Var h, weighted by
     the circles' covariance and the robot's pose noise, the sphere's radius estimated with its prior. Gross postures
-    are left out and named. With the profiles on their own clock its offset is estimated from scans over the sphere.
+    are left out and named. The profiler's scales of x and z are estimated beside it, held to what is stated; where the
+    data contradict them they are free, and scans that use the calibration are corrected. With the profiles on their own
+    clock its offset is estimated from scans over the sphere.
 
     Args:
         profiles: circles from `calibrate.circles`.
@@ -63,6 +70,7 @@ def hand_eye(
         pose_noise_mm: the robot's repeatability in position, each axis.
         pose_noise_deg: the same in orientation.
         sphere_radius_u_mm: how well the sphere's radius is known; set free where the data contradict it.
+        sensor_scale_u: how well the profiler's x and z are known, as shares of themselves; as for the radius.
         robot_error: whether postures err independently, or near ones alike (systematic errors).
         max_u_mm: a recording that cannot determine the answer this well is refused.
         seed: of the genetic algorithm.
@@ -71,11 +79,9 @@ def hand_eye(
         InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
-    passes = by_pass(profiles, recording)
     where = f"{recording.source}: /robot"
-    shown = profiles.frame
-    view = view_of_points(recording.x_mm[shown].astype(float), recording.z_mm[shown].astype(float), passes.circle)
-    answer = _solve(passes, recording, noise, where, max_u_mm, view)
+    sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
+    answer, passes, view = sized.answer, sized.passes, sized.view
     result, systematic_mm = answer.fit, None
     if robot_error == "correlated" and answer.seen.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
@@ -83,6 +89,9 @@ def hand_eye(
         result, systematic_mm = correlated(answer.fit, answer.seen, noise)
     if method != "bundle":
         result = _by_method(method, answer, recording.flange_from_profiler, seed, where)
+    by_scale = sized.scales.by_scale @ sized.scales.covariance @ sized.scales.by_scale.T
+    size = len(result.covariance)
+    result = dataclasses.replace(result, covariance=result.covariance + by_scale[:size, :size])
     centre = linearise(result.estimate, answer.seen, answer.noise).centre[result.used]
     check_determined(
         result.covariance[:6, :6],
@@ -95,16 +104,61 @@ def hand_eye(
         with_offset=answer.with_offset,
         raised=asked(noise, answer.noise),
     )
-    found = _calibration(method, result, answer, profiles, recording, passes, noise, systematic_mm, view)
+    if answer.with_offset:
+        check_scans(result, passes, answer.noise, max_u_mm, view, where, raised=asked(noise, answer.noise))
+    found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm)
     return found.hand_eye, found, hand_eye_document(found)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sized:
+    """The answer by circles from which the errors of the profiler's scales are taken out, and these."""
+
+    answer: Answer
+    passes: Passes
+    view: View
+    scales: Scales
+    sensor: Sensor  # taken out
+
+
+def _with_scales(
+    profiles: SphereProfiles, recording: Recording, noise: Noise, where: str, limit_mm: float, stated_u: float
+) -> Sized:
+    """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
+    free, sensor = (False, False), Sensor(np.zeros(2), np.array(_view(profiles, recording).middle_mm))
+    for _ in range(ROUNDS):
+        passes, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
+        answer = _solve(passes, recording, noise, where, limit_mm, view)
+        fit, seen = answer.fit, answer.seen
+        told = (passes, profiles, recording, answer.noise, sensor, free, stated_u, answer.with_offset)
+        scales = scales_of(fit, seen, *told)
+        worst = scales.contradicted
+        if worst is not None:
+            free = (free[0] or worst == 0, free[1] or worst == 1)
+            scales = scales_of(fit, seen, *told[:5], free, *told[6:])
+        elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * _u(scales)[list(free)]).all():
+            break
+        sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
+    return Sized(answer, passes, view, scales, sensor)
+
+
+def _view(profiles: SphereProfiles, recording: Recording, sensor: Sensor | None = None) -> View:
+    """The field of view of a recording, the scales' errors taken out."""
+    x, z = (recording.x_mm.astype(float), recording.z_mm.astype(float)) if sensor is None else sensor.true(recording)
+    circle = profiles.circle if sensor is None else rescaled(profiles, recording, sensor).circle
+    return view_of_points(x[profiles.frame], z[profiles.frame], circle)
+
+
+def _u(scales: Scales) -> Float:
+    return np.sqrt(np.diag(scales.covariance))
 
 
 def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float, view: View) -> Answer:
     """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
     design = recording.flange_from_profiler
     if recording.clock == "own" and len(passes.scans):
-        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view)
-    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm, view=view)
+        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
+    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
 
 
 def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Fit:
@@ -146,14 +200,13 @@ def _centre_covariance(linear: Linear) -> Float:
 def _calibration(
     method: Method,
     result: Fit,
-    answer: Answer,
+    sized: Sized,
     profiles: SphereProfiles,
     recording: Recording,
-    passes: Passes,
     stated: Noise,
     systematic_mm: float | None,
-    view: View,
 ) -> Calibration:
+    answer, passes, view = sized.answer, sized.passes, sized.view
     estimate, seen, noise = result.estimate, answer.seen, answer.noise
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
@@ -165,7 +218,16 @@ def _calibration(
     return Calibration(
         part=recording.part,
         method=method,
-        hand_eye=HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume),
+        hand_eye=HandEye(
+            frozen(pose),
+            frozen(covariance),
+            recording.source,
+            recording.part.recorded_at,
+            volume,
+            (1.0 + float(sized.sensor.error[0]), 1.0 + float(sized.sensor.error[1])),
+            (float(sized.sensor.middle_mm[0]), float(sized.sensor.middle_mm[1])),
+        ),
+        sensor_scale_u=(float(_u(sized.scales)[0]), float(_u(sized.scales)[1])),
         sphere_center_mm=estimate.center_mm,
         sphere_radius_mm=estimate.radius_mm,
         covariance=frozen(covariance),
@@ -182,12 +244,12 @@ def _calibration(
         residual=linear.residual,
         distance=np.sqrt(off),
         used=result.used,
-        residual_rms_mm=_point_rms(profiles, recording, estimate, linear, seen, result),
+        residual_rms_mm=_point_rms(profiles, sized.sensor.true(recording), estimate, linear, seen, result),
         misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
         frames_rejected=rejections(profiles, passes, result, seen, linear, off),
-        warnings=warnings(result, answer, profiles, stated, systematic_mm, method),
+        warnings=warnings(result, answer, sized.scales, profiles, stated, systematic_mm, method),
     )
 
 
@@ -201,14 +263,19 @@ def _before(design: Float | None, estimate: Estimate, linear: Linear, seen: Obse
 
 
 def _point_rms(
-    profiles: SphereProfiles, recording: Recording, estimate: Estimate, linear: Linear, seen: Observations, result: Fit
+    profiles: SphereProfiles,
+    points: tuple[Float, Float],
+    estimate: Estimate,
+    linear: Linear,
+    seen: Observations,
+    result: Fit,
 ) -> float:
     """RMS distance of the measured points from the sphere, over the postures that count."""
     squares = []
     for frames, centre, good in zip(seen.frames, linear.centre, result.used, strict=True):
         for frame in frames if good else ():
             here = profiles.on_arc[frame]
-            x, z = recording.x_mm[frame, here].astype(float), recording.z_mm[frame, here].astype(float)
+            x, z = points[0][frame, here], points[1][frame, here]
             distance = np.sqrt((x - centre[0]) ** 2 + centre[1] ** 2 + (z - centre[2]) ** 2)
             squares.append((distance - estimate.radius_mm) ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares))))

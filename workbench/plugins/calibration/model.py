@@ -8,12 +8,12 @@ uncertain c_y, of variance V, lowers the expected w by V.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from workbench.api import DEG, Float, rotation_from_vector
+from workbench.api import DEG, Bool, Float, rotation_from_vector
 from workbench.plugins.calibration.observations import Group, Observations
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
@@ -69,6 +69,10 @@ class Linear:
     covariance: Float  # (k, 3, 3) C_fit + H S H^T of each observation by itself
     by_pose: Float  # (k, 3, 6) H: derivative by the errors of position (base) and orientation (flange)
     bent: Float  # (k,) standard deviation of w by the square of the error of c_y
+
+    def subset(self, keep: Bool) -> Linear:
+        """Of the observations marked in `keep` (k,)."""
+        return Linear(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def cross_matrix(v: Float) -> Float:

@@ -28,6 +28,7 @@ from workbench.plugins.calibration.common import settled
 from workbench.plugins.calibration.model import Estimate, Noise, information, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.planning import Limits, Optics
+from workbench.plugins.calibration.scales import rescaled, sensor_of
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 
 CANDIDATES = 800
@@ -146,6 +147,7 @@ def _known(
     calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate, noise: Noise
 ) -> tuple[Float, Noise]:
     """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
+    profiles = rescaled(profiles, recording, sensor_of(calibration))
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
     noise = as_noisy_as_found(estimate, seen, noise)[1]
     return information(estimate, seen, noise)[:10, :10], noise

@@ -48,6 +48,7 @@ def solve(
     where: str = "postures",
     limit_mm: float = 0.75,
     view: View | None = None,
+    judged: bool = True,
 ) -> Answer:
     """The hand-eye pose from circles and poses (`observations.from_arrays`).
 
@@ -58,6 +59,7 @@ def solve(
         where: the recording, for messages.
         limit_mm: largest predicted uncertainty of a point, RMS over the field of view, that is accepted.
         view: the field of view; None: where the circles lie.
+        judged: whether the limit holds for the noise that the residuals ask for too, not for the stated one alone.
 
     Raises:
         InputError: too few postures, an undetermined direction, two answers that fit equally, or none that fits.
@@ -81,7 +83,8 @@ def solve(
         if seen.scans:
             found = settled(best, seen, dataclasses.replace(noise, radius_u_mm=final.radius_u_mm))
             best, final = found.fit, found.noise
-    _check_determined(best, seen, final, limit_mm, view, where, raised=asked(noise, final))
+    if judged:
+        _check_determined(best, seen, final, limit_mm, view, where, raised=asked(noise, final))
     return Answer(best, seen, final, stated, alone, misfit, radius_free=final.radius_u_mm > noise.radius_u_mm)
 
 
@@ -100,6 +103,7 @@ def solve_with_offset(
     where: str = "postures",
     limit_mm: float = 0.75,
     view: View | None = None,
+    judged: bool = True,
 ) -> Answer:
     """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
     view = view or view_of(passes.circle)
@@ -117,7 +121,7 @@ def solve_with_offset(
         coarse = bundle.fit(start, passes, blurred, with_offset=True, steps=COARSE_STEPS)
         if not fits:  # what is not determined here is not determined anywhere near
             first = bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1)
-            _check_scans(first, passes, noise, limit_mm, view, where)
+            check_scans(first, passes, noise, limit_mm, view, where)
         if not any(signs.same(coarse.estimate, other.estimate) for other in fits):
             fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
@@ -129,11 +133,12 @@ def solve_with_offset(
     _check_explains(best, seen, noise, where)
     found = settled(best, passes, noise, with_offset=True)
     seen = passes.place(found.fit.estimate.offset_s)
-    _check_scans(found.fit, passes, found.noise, limit_mm, view, where, raised=asked(noise, found.noise))
+    if judged:
+        check_scans(found.fit, passes, found.noise, limit_mm, view, where, raised=asked(noise, found.noise))
     return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
 
 
-def _check_scans(
+def check_scans(
     best: Fit, passes: Passes, noise: Noise, limit_mm: float, view: View, where: str, raised: str = ""
 ) -> None:
     """Refuse scans that tell neither the pose nor the clock's offset well enough."""

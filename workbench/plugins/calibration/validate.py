@@ -14,6 +14,7 @@ from workbench.plugins.calibration.held_out import HeldOut, by_folds, second_rec
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import estimate_of
+from workbench.plugins.calibration.scales import rescaled, sensor_of
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 
 NEAR_EQUATOR = 0.1  # |y| over the largest, below which w says nothing of y
@@ -52,7 +53,7 @@ def validate(
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     estimate = estimate_of(calibration)
-    seen = by_pass(profiles, recording).place(estimate.offset_s)
+    seen = by_pass(rescaled(profiles, recording, sensor_of(calibration)), recording).place(estimate.offset_s)
     if recording.source == calibration.hand_eye.source:
         seen = seen.subset(calibration.used)
         how, held = by_folds(estimate, seen, noise, folds, recording.source)

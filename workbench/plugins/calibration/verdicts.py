@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.api import Float
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Linear, Noise
 from workbench.plugins.calibration.observations import Observations, Passes
-from workbench.plugins.calibration.scales import wrong_scales
+from workbench.plugins.calibration.scales import AXES, Scales
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.values import Method, Rejected, SphereProfiles
 
@@ -34,7 +36,13 @@ def rejections(
 
 
 def warnings(
-    result: Fit, answer: Answer, profiles: SphereProfiles, stated: Noise, systematic_mm: float | None, method: Method
+    result: Fit,
+    answer: Answer,
+    scales: Scales,
+    profiles: SphereProfiles,
+    stated: Noise,
+    systematic_mm: float | None,
+    method: Method,
 ) -> tuple[str, ...]:
     """Warnings in plain words; empty when all is well."""
     said = []
@@ -50,9 +58,13 @@ def warnings(
         said.append(f"{gross} of {count + gross} postures rejected as gross (frames {', '.join(which[:12])})")
     if answer.misfit:
         said.append(_misfit(answer, stated, systematic_mm))
-    for axis, error, u in wrong_scales(answer.fit, answer.seen, answer.noise):
-        size = f"{abs(100 * error):.1f} +- {100 * u:.1f} % too {'long' if error > 0 else 'short'}"
-        said.append(f"the profiler's {axis} looks {size}: check the sensor's scale in that axis")
+    for axis, free, error, variance in zip(AXES, scales.free, scales.error, np.diag(scales.covariance), strict=True):
+        if free:
+            size = f"{abs(100 * error):.1f} +- {100 * math.sqrt(variance):.1f} % too {'long' if error > 0 else 'short'}"
+            said.append(
+                f"the profiler's {axis} is {size}: taken out here, and of scans that use this calibration; check the "
+                "sensor's scale in that axis"
+            )
     if count < FEW:
         said.append(
             f"only {count} postures: {answer.fit.freedom} more measured values than unknowns, so a wrong pose "

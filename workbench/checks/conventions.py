@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from workbench.geometry.poses import inverse, pose_from
 from workbench.units import Float
@@ -119,10 +119,10 @@ def _reordered(written: str, read: str, beyond: bool = False) -> Quaternions:
 
         with warnings.catch_warnings():  # gimbal lock: any of the angles will do
             warnings.simplefilter("ignore")
-            angles = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_euler(read)
+            angles = scipy.spatial.transform.Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_euler(read)
         if beyond:
             angles = angles * (1.0, -1.0, 1.0) + np.pi
-        return np.asarray(Rotation.from_euler(written, angles).as_quat()[:, [3, 0, 1, 2]])
+        return np.asarray(scipy.spatial.transform.Rotation.from_euler(written, angles).as_quat()[:, [3, 0, 1, 2]])
 
     return undo
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy
 
 from workbench.units import Float
 
@@ -89,7 +89,7 @@ def _row(name: str, of: tuple[float, int], against: tuple[float, int]) -> Source
     if not freedom or not other_freedom or other <= 0:
         return Source(name, square, freedom, np.nan, np.nan, freedom)
     f = (square / freedom) / (other / other_freedom)
-    return Source(name, square, freedom, f, float(fdtrc(freedom, other_freedom, f)), freedom)
+    return Source(name, square, freedom, f, float(scipy.special.fdtrc(freedom, other_freedom, f)), freedom)
 
 
 def _correlation(error: Float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.artefacts import Edge
 from workbench.compare.surface_values import Surface
@@ -24,7 +24,7 @@ class Course:
 
     def locate(self, position_mm: Float) -> tuple[Float, Float]:
         """Arc length and distance across (c,) of places (c, 3)."""
-        near = cKDTree(self.points_mm).query(position_mm)[1]
+        near = scipy.spatial.cKDTree(self.points_mm).query(position_mm)[1]
         off, t = position_mm - self.points_mm[near], self.tangent[near]
         side = np.cross(t, self.view)
         side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)

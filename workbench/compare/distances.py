@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.compare.course import Course
 from workbench.compare.surface_values import Deviations, Registration, Surface
@@ -120,7 +120,7 @@ def heights(
     `values` (n,): what to average instead of the height over the position, such as distances from a mesh (NaN: none).
     `frame` (n,) in which each point was measured.
     """
-    tree = cKDTree(points_mm)
+    tree = scipy.spatial.cKDTree(points_mm)
     parts = [
         _batch(points_mm, values, frame, tree, position_mm[k : k + BATCH], normal[k : k + BATCH], radius_mm, depth_mm)
         for k in range(0, len(position_mm), BATCH)
@@ -132,7 +132,7 @@ def _batch(
     points: Float,
     values: Float | None,
     frame: Int | None,
-    tree: cKDTree,
+    tree: scipy.spatial.cKDTree,
     position: Float,
     normal: Float,
     radius: float,

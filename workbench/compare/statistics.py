@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erfc
+import scipy
 from skimage.measure import label
 from skimage.morphology import closing
 
@@ -158,7 +158,7 @@ def changed(distance_mm: Float, u_mm: Float) -> Bool:
     """
     found = np.zeros(len(distance_mm), bool)
     seen = np.flatnonzero(np.isfinite(distance_mm) & (u_mm > 0))
-    p = erfc(np.abs(distance_mm[seen]) / u_mm[seen] / math.sqrt(2.0))
+    p = scipy.special.erfc(np.abs(distance_mm[seen]) / u_mm[seen] / math.sqrt(2.0))
     order = np.argsort(p)
     below = np.flatnonzero(p[order] <= FALSE_DISCOVERIES * np.arange(1, len(p) + 1) / max(len(p), 1))
     if below.size:

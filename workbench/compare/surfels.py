@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.compare.surface_values import Surface
 from workbench.units import Bool, Float, Int
@@ -40,7 +40,7 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     """Principal axes of the points within `radius_mm` of places about `spacing_mm` apart."""
     chosen = thinned(surface.points_mm, spacing_mm)
     at_mm = surface.points_mm[chosen]
-    tree = cKDTree(surface.points_mm)
+    tree = scipy.spatial.cKDTree(surface.points_mm)
     parts = [_planes(surface.points_mm, tree, at_mm[k : k + BATCH], radius_mm) for k in range(0, len(at_mm), BATCH)]
     centre, normal, flat = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     return Surfels(
@@ -51,14 +51,14 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     )
 
 
-def neighbours(tree: cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:
+def neighbours(tree: scipy.spatial.cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:
     """Indices of the points near each place, one list after the other, and where each list begins (c + 1,)."""
     lists = tree.query_ball_point(at_mm, radius_mm)
     start = np.concatenate([[0], np.cumsum([len(one) for one in lists])])
     return np.fromiter((i for one in lists for i in one), np.int64, start[-1]), start
 
 
-def _planes(points: Float, tree: cKDTree, at: Float, radius: float) -> tuple[Float, Float, Bool]:
+def _planes(points: Float, tree: scipy.spatial.cKDTree, at: Float, radius: float) -> tuple[Float, Float, Bool]:
     index, start = neighbours(tree, at, radius)
     count = np.diff(start)
     owner = np.repeat(np.arange(len(at)), count)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.compare.surface_values import Surface
 from workbench.compare.surfels import surfels
@@ -24,7 +24,7 @@ def on_scan(reference: Surface, spacing_mm: float, radius_mm: float) -> Target:
     """Feet on the plane through the nearest flat neighbourhood of a scan."""
     local = surfels(reference, spacing_mm, radius_mm)
     centre, normal = local.centre_mm[local.flat], local.normal[local.flat]
-    tree = cKDTree(centre) if len(centre) else None
+    tree = scipy.spatial.cKDTree(centre) if len(centre) else None
 
     def nearest(points: Float) -> tuple[Float, Float]:
         if tree is None:

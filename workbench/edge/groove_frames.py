@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.optimize import least_squares
+import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.limits import most
@@ -156,7 +155,7 @@ def _steady(corners: Float, group: Int) -> Bool:
         mine = np.flatnonzero(group == p)
         for _ in range(2):
             near = mine[out[mine]]
-            off = np.abs(corners[near] - median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))
+            off = np.abs(corners[near] - scipy.ndimage.median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))
             wide = np.maximum(STEADY_SIGMAS * np.median(off, axis=0) / 0.6745, STEADY_MM)
             out[near] = (off < wide).all(axis=1)
     return out
@@ -449,7 +448,7 @@ def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, floa
     def away(at: Float) -> Float:
         return np.asarray((np.hypot(*(off - at[:2]).T) - at[2]) / share)
 
-    found = least_squares(away, start, loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
+    found = scipy.optimize.least_squares(away, start, loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
     if not 0.3 < found.x[2] < 40.0:
         return None
     rms = 1.4826 * float(np.median(np.abs(found.fun))) + 1e-4
@@ -505,7 +504,9 @@ def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float
     for radius in (guess, 0.5 * guess, 2.0 * guess):
         start = np.array([0.0, 0.0, radius, float(np.max(reach)) - radius])
         try:
-            found = least_squares(away, start, method="trf", loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
+            found = scipy.optimize.least_squares(
+                away, start, method="trf", loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60
+            )
         except (ValueError, np.linalg.LinAlgError):
             continue
         if best is None or found.cost < best.cost:

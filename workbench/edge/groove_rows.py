@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.optimize import least_squares
+import scipy
 
 from workbench.geometry.chains import FIRST, LAST, SLOPE, noise_sigma, straight_faces
 from workbench.units import Bool, Float
@@ -72,7 +71,7 @@ def corners_of_rows(z: Float) -> Rows | None:
         filled = _filled(table)
         if filled is None:
             return None
-        middle = median_filter(filled, (NEIGHBOURS, 1), mode="nearest")
+        middle = scipy.ndimage.median_filter(filled, (NEIGHBOURS, 1), mode="nearest")
         # The groove wanders from row to row as a whole: its corners keep their distances.
         middle[:, :3] += np.median(filled[:, :3] - middle[:, :3], axis=1)[:, None]
         middle[:, 3:] += np.median(filled[:, 3:] - middle[:, 3:], axis=1)[:, None]
@@ -132,7 +131,9 @@ def _near(column: Float, y: Float, corner: Float, k: int, scale: float) -> tuple
         off = x - unknown[0]
         return np.asarray((unknown[1] + np.where(off < 0, unknown[2], unknown[3]) * off - seen) / scale)
 
-    found = least_squares(away, [0.0, z, left / 9.0, right / 9.0], loss="cauchy", x_scale=[10.0, 5.0, 0.1, 0.1])
+    found = scipy.optimize.least_squares(
+        away, [0.0, z, left / 9.0, right / 9.0], loss="cauchy", x_scale=[10.0, 5.0, 0.1, 0.1]
+    )
     return (at + float(found.x[0]), float(found.x[1])) if abs(found.x[0]) < MOST_MOVED else (at, z)
 
 
@@ -174,7 +175,7 @@ def _fitted(column: Float, y: Float, start: Float, scale: float) -> tuple[float,
         return None
     for thin in (max(1, column.size // THIN), 1):
         some, seen = column[::thin], y[::thin]
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda corner, some=some, seen=seen: (_chain(corner, some, column) - seen) / scale,
             start,
             lambda corner, some=some: _derivative(corner, some, column) / scale,

@@ -11,8 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import BSpline, CubicSpline
+import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
@@ -45,7 +44,7 @@ class EndAlong:
     """The lower or the upper edge: its distance from the reference curve along m."""
 
     course: Course  # of its height: from where a straight line would run that the reference curve leaves by `bend`
-    bend: CubicSpline  # arc length -> mm
+    bend: scipy.interpolate.CubicSpline  # arc length -> mm
     s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
     rounding: Rounding
     end: EndCourse | None  # by silhouettes; None: by corners alone
@@ -222,7 +221,7 @@ def _placed(
     return out[0], out[1], out[2], out[3], out[4]
 
 
-def _bend(curve: Curve, tilt: Course) -> CubicSpline:
+def _bend(curve: Curve, tilt: Course) -> scipy.interpolate.CubicSpline:
     """How far the reference curve leaves a straight line along m, mm: what of it is the edge's is told by the ends.
 
     Else waves of the reference curve, which started from the middles of the face, would pass for the edge's.
@@ -231,9 +230,9 @@ def _bend(curve: Curve, tilt: Course) -> CubicSpline:
     _, a, b = curve.frame(at)
     angle = tilt.value(at)[:, None]
     curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
-    slope = cumulative_trapezoid(curvature, at, initial=0.0)
-    bend = cumulative_trapezoid(slope - slope.mean(), at, initial=0.0)
-    return CubicSpline(at, bend - bend.mean())
+    slope = scipy.integrate.cumulative_trapezoid(curvature, at, initial=0.0)
+    bend = scipy.integrate.cumulative_trapezoid(slope - slope.mean(), at, initial=0.0)
+    return scipy.interpolate.CubicSpline(at, bend - bend.mean())
 
 
 def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
@@ -253,7 +252,7 @@ def _end_along(
     found: RawFaces,
     ends: FaceEnds,
     placed: tuple[Float, Float, Float, Float, Float],
-    bend: CubicSpline,
+    bend: scipy.interpolate.CubicSpline,
     outward: float,
     vibration: Float,
     rough: bool,
@@ -299,7 +298,7 @@ def _end_along(
     if whole and not rough and not _covered(s, corner):
         rounding = _rounding(cloud, found, ends, outward, silhouette)
         spline = course.spline
-        course = replace(course, spline=BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
+        course = replace(course, spline=scipy.interpolate.BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
     return EndAlong(_scaled(course, outward), bend, np.where(np.isfinite(placed[1]), s, np.nan), rounding, end)
 
 
@@ -322,7 +321,7 @@ def _at_rim(s: Float) -> Bool:
 
 
 def _scaled(course: Course, factor: float) -> Course:
-    return replace(course, spline=BSpline(course.spline.t, factor * course.spline.c, course.spline.k))
+    return replace(course, spline=scipy.interpolate.BSpline(course.spline.t, factor * course.spline.c, course.spline.k))
 
 
 def _cells(s: Float, chosen: Bool) -> Int:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.artefacts import ROOT_FACE, Cloud, PointSet
 from workbench.edge.faces import find_faces, key_readings
@@ -93,14 +92,14 @@ def _straight(points: PointSet) -> Laid:
     middle = points.points_mm.mean(axis=0)
     s = (points.points_mm - middle) @ along
     at = np.linspace(s.min(), s.max(), 8)
-    course = with_frame(make_interp_spline(at, middle + at[:, None] * along, k=3), at)
+    course = with_frame(scipy.interpolate.make_interp_spline(at, middle + at[:, None] * along, k=3), at)
     return lay_out(points.points_mm, course, s)
 
 
 def _near(points_mm: Float, course: Curve) -> Laid:
     """The points within REACH_MM of the course, laid out along it."""
     at = np.arange(course.stations_mm[0], course.stations_mm[-1], PATH_STEP_MM)
-    off, nearest = cKDTree(course.position(at)).query(points_mm, distance_upper_bound=REACH_MM)
+    off, nearest = scipy.spatial.cKDTree(course.position(at)).query(points_mm, distance_upper_bound=REACH_MM)
     here = np.isfinite(off)
     return lay_out(points_mm[here], course, at[nearest[here]])
 
@@ -112,7 +111,7 @@ def spacing(points: PointSet, at_mm: Float | None = None) -> Spacing:
     at_mm (k, 3): where to look; everywhere if None. Raises InputError where points repeat each other.
     """
     at = points.points_mm if at_mm is None else at_mm
-    distance = cKDTree(points.points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
+    distance = scipy.spatial.cKDTree(points.points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
     width = float(np.median(distance[:, 1]))
     if not width > 0.0:
         raise InputError(points.source, "most points stand in the cloud more than once: expected each point once")

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.penalised import Penalised, penalised
@@ -49,7 +49,7 @@ PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise tha
 class Course:
     """A smooth function of arc length with its uncertainty: posterior mean and standard deviation."""
 
-    spline: BSpline  # mean; values () or (d,)
+    spline: scipy.interpolate.BSpline  # mean; values () or (d,)
     at_mm: Float  # (k,) where the uncertainty was computed
     variance: Float  # (k,) of each component there
     slope_variance: Float  # (k,) of df/ds
@@ -225,11 +225,13 @@ def _fit(
     coefficients, value, slope = _average(problems, found, stations, knots)
     y = bins.y
     if orders[0] > 1:  # the mean of a bin lies off the bend
-        y = y - 0.5 * bins.spread[:, None] ** 2 * BSpline(knots, coefficients, 3).derivative(2)(inside)
+        y = y - 0.5 * bins.spread[:, None] ** 2 * scipy.interpolate.BSpline(knots, coefficients, 3).derivative(2)(
+            inside
+        )
         problems = _problems(inside, y - trend(bins.s), weight, knots, orders)
         coefficients, value, slope = _average(problems, found, stations, knots)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
-    spline = BSpline(knots, coefficients if bins.vector else coefficients[:, 0], 3)
+    spline = scipy.interpolate.BSpline(knots, coefficients if bins.vector else coefficients[:, 0], 3)
     left = y - spline(inside).reshape(y.shape)
     spent = float((weight * np.interp(bins.s, stations, value)).sum())
     misfit = _misfit(left, weight, bins.group, spent)
@@ -270,7 +272,7 @@ def _average(problems: dict[int, Penalised], priors: Float, at: Float, knots: Fl
     mean = np.asarray(sum(share * found for share, found, _, _ in parts))
     value, slope = np.zeros(at.size), np.zeros(at.size)
     for share, found, value_variance, slope_variance in parts:
-        off = BSpline(knots, found - mean, 3)
+        off = scipy.interpolate.BSpline(knots, found - mean, 3)
         value += share * (value_variance + (off(at) ** 2).mean(axis=1))
         slope += share * (slope_variance + (off(at, 1) ** 2).mean(axis=1))
     return mean, value, slope

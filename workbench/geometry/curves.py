@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.geometry.course import Course, fit_course
 from workbench.units import Float, Int
@@ -27,7 +26,7 @@ class Curve:
     on a straight one (Wang et al., "Computation of rotation minimizing frames", ACM TOG 27, 2008).
     """
 
-    spline: BSpline  # s -> position (3), mm
+    spline: scipy.interpolate.BSpline  # s -> position (3), mm
     stations_mm: Float  # (k,) where the frame was computed
     references: Float  # (k, 3) a at the stations
     course: Course | None  # of the points that it was fitted to; None: it is known
@@ -76,7 +75,7 @@ class Curve:
 
     def shifted(self, s0: float) -> Curve:
         """The same curve with its arc length counted from s0."""
-        spline = BSpline(self.spline.t - s0, self.spline.c, self.spline.k)
+        spline = scipy.interpolate.BSpline(self.spline.t - s0, self.spline.c, self.spline.k)
         return Curve(spline, self.stations_mm - s0, self.references, self.course)
 
     def project(self, points_mm: Float, s: Float) -> Float:
@@ -106,7 +105,7 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
             s[mine[1:]] = np.cumsum((np.diff(points_mm[mine], axis=0) * ahead).sum(axis=1))
     longest = max(passes, key=lambda mine: float(np.ptp(s[mine])))
     course_s, course = _course(s[longest], points_mm[longest])
-    tree = cKDTree(course)
+    tree = scipy.spatial.cKDTree(course)
     for mine in passes:
         if mine is not longest:
             nearest = tree.query(points_mm[mine])[1]
@@ -146,7 +145,7 @@ def fit_curve(
     return with_frame(course.spline, s, course)
 
 
-def with_frame(spline: BSpline, s: Float, course: Course | None = None) -> Curve:
+def with_frame(spline: scipy.interpolate.BSpline, s: Float, course: Course | None = None) -> Curve:
     """The curve that a spline of arc length makes, its frame from a little before the first s to after the last."""
     stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int(s.max() - s.min()) + 10))
     bare = Curve(spline, stations, np.zeros((stations.size, 3)), course)

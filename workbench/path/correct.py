@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.spatial import cKDTree
 
 from workbench.artefacts import (
     DECLARED,
@@ -206,7 +206,7 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
         raise InputError("inspection", "nothing was measured where the path cut")
     rows = np.flatnonzero(whole)
     position = profile.position_mm[known]
-    away, nearest = cKDTree(lower[rows]).query(position)
+    away, nearest = scipy.spatial.cKDTree(lower[rows]).query(position)
     at = rows[nearest]
     off = position - lower[at]
     along = (off * poses.y[at]).sum(axis=1)
@@ -265,7 +265,7 @@ def _well_inside(layer: Layer, radius_mm: float) -> Bool:
     idle = s[inside & ~layer.cutting]
     if not idle.size:
         return layer.cutting
-    return np.asarray(layer.cutting & (cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
+    return np.asarray(layer.cutting & (scipy.spatial.cKDTree(idle[:, None]).query(s[:, None])[0] > radius_mm))
 
 
 def _under_load(
@@ -393,7 +393,7 @@ def _checks(
         f"the lower edge lies {typical:.2f} mm beside where the first scan saw it, {aside[worst]:.2f} mm "
         f"at arc length {cut.arc_length_mm[worst]:.1f} mm: has the part moved, or is this another one?"
     )
-    gap = cKDTree(cut.arc_length_mm[:, None]).query(finish.arc_length_mm[finish.cutting, None])[0]
+    gap = scipy.spatial.cKDTree(cut.arc_length_mm[:, None]).query(finish.arc_length_mm[finish.cutting, None])[0]
     share = float(np.mean(gap <= 2.0 * KEY_POINT_MM))
     hardly = f"the first cut was measured on {100 * share:.0f} % of what the finishing pass cuts"
     stock = found.stock_mm[found.cut]

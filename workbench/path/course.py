@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+import scipy
 
 from workbench.artefacts import Edge, RawEdge, Toolpath
 from workbench.errors import InputError
@@ -51,7 +51,7 @@ def lower_course(edge: Edge, s: Float) -> Course:
         raise InputError("edge", "expected an edge of 1 mm or more to plan for")
     at = np.clip(s, 0.0, length)
     tangent, normal, across = _axes(edge, at)
-    lower = CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
+    lower = scipy.interpolate.CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
     inside = (s > -1e-9) & (s < length + 1e-9)
     return Course(
         arc_length_mm=s,
@@ -77,7 +77,11 @@ def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:
     course = lower_course(edge, s)
     stations, at = edge.arc_length_mm, np.clip(s, 0.0, edge.arc_length_mm[-1])
     upper, inward = _upper(edge, smoothing_mm)
-    return replace(course, upper_mm=CubicSpline(stations, upper)(at), inward=unit(CubicSpline(stations, inward)(at)))
+    return replace(
+        course,
+        upper_mm=scipy.interpolate.CubicSpline(stations, upper)(at),
+        inward=unit(scipy.interpolate.CubicSpline(stations, inward)(at)),
+    )
 
 
 def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
@@ -104,7 +108,7 @@ def with_thickness(course: Course, arc_length_mm: Float, thickness_mm: Float) ->
 
 def _axes(edge: Edge, at: Float) -> tuple[Float, Float, Float]:
     """t, n, m (k, 3), orthonormal with t = m x n."""
-    spline = CubicSpline(edge.arc_length_mm, np.concatenate([edge.tangent, edge.normal], axis=1))
+    spline = scipy.interpolate.CubicSpline(edge.arc_length_mm, np.concatenate([edge.tangent, edge.normal], axis=1))
     both = spline(at)
     t = unit(both[:, :3])
     n = unit(both[:, 3:] - (both[:, 3:] * t).sum(axis=1, keepdims=True) * t)

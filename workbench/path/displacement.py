@@ -19,8 +19,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.stats import chi2
+import scipy
 
 from workbench.units import Float
 
@@ -54,7 +53,7 @@ class Estimate:
         mean, square = float(np.trace(self.by_chance)), float((self.by_chance**2).sum())
         if mean <= 0.0:
             return bool(self.value.any())
-        return bool(self.value @ self.value > square / mean * chi2.ppf(SURE, mean**2 / square))
+        return bool(self.value @ self.value > square / mean * scipy.stats.chi2.ppf(SURE, mean**2 / square))
 
     def less_sure(self, u: Float | float) -> Estimate:
         """The same with one more error of the whole edge, u (m,) or the same everywhere."""
@@ -113,14 +112,14 @@ def estimate(
         k, (sd, long) = trials[row]
         varied = sd**2 * _alike(s, at, long)
         repeated = largest**2 * constant @ constant_at.T + varied
-        factor = cho_factor(known + chances[k] + sd**2 * smooth[long])
-        gain = cho_solve(factor, repeated)
+        factor = scipy.linalg.cho_factor(known + chances[k] + sd**2 * smooth[long])
+        gain = scipy.linalg.cho_solve(factor, repeated)
         before = largest**2 * (constant_at**2).sum(axis=1) + sd**2
         means.append(d @ gain)
         gains.append(gain)
         variances.append(np.maximum(before - (repeated * gain).sum(axis=0), 0.0))
         chance += weight * chances[k]
-        f += weight * (cho_solve(factor, d) @ varied)
+        f += weight * (scipy.linalg.cho_solve(factor, d) @ varied)
     value, gain = weights @ np.array(means), np.tensordot(weights, np.array(gains), axes=1)
     variance = weights @ (np.array(variances) + (np.array(means) - value) ** 2)
     return Estimate(value, np.sqrt(variance), float(np.sqrt(np.mean(f**2))), gain.T @ chance @ gain)
@@ -144,7 +143,7 @@ def _rough(s: Float, length_mm: float) -> Float:
 def _likelihood(covariance: Float, d: Float) -> float:
     """Log-likelihood of d (n,), but for a constant."""
     try:
-        lower, side = cho_factor(covariance, lower=True)
-    except LinAlgError:
+        lower, side = scipy.linalg.cho_factor(covariance, lower=True)
+    except scipy.linalg.LinAlgError:
         return -math.inf
-    return float(-0.5 * d @ cho_solve((lower, side), d) - np.log(np.diag(lower)).sum())
+    return float(-0.5 * d @ scipy.linalg.cho_solve((lower, side), d) - np.log(np.diag(lower)).sum())

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING
 
 from workbench.artefacts import Gate, Inspection, Moves, Rework, Section, Toolpath
 from workbench.errors import one_line
@@ -14,11 +11,17 @@ from workbench.pipeline.describe import makes, parameter_texts, prose, source_te
 from workbench.pipeline.run import Results
 from workbench.stage import Stage
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow"}
 
 
 def print_findings(results: Results) -> None:
     """The inspection as a table, and the gates' decisions."""
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(highlight=False)
     for artefact in results:
         if isinstance(artefact, Inspection):
@@ -37,6 +40,9 @@ def print_findings(results: Results) -> None:
 
 def print_files(results: Results) -> None:
     """Warnings, and where the results are."""
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(highlight=False)
     for note in results.warnings:
         console.print(Text(one_line(f"warning: {note}"), "yellow"), soft_wrap=True)
@@ -62,6 +68,9 @@ def path_summary(path: Toolpath) -> str:
 
 
 def _inspection_table(inspection: Inspection) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
     needs = inspection.requirements
     root = f"root face, mm\n{_limits(needs.root_nominal_mm, needs.root_tolerance_mm)}"
     bevel = f"bevel angle, deg\n{_limits(needs.bevel_nominal_deg, needs.bevel_tolerance_deg)}"
@@ -91,6 +100,9 @@ def _limits(nominal: float, tolerance: tuple[float, float]) -> str:
 
 def print_stage(stage: Stage) -> None:
     """One stage: what it does, takes, makes and its parameters with units and defaults."""
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(highlight=False)
     console.print(Text(stage.name, "bold"))
     console.print(Text(prose(stage) + "\n"), soft_wrap=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from workbench.artefacts import Edge, Section
 from workbench.units import Float
@@ -61,7 +61,9 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     if len(stations) == 1:
         on_curve = np.repeat(edge.position_mm[measured], len(inside), axis=0)
     else:
-        on_curve = CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])(inside)
+        on_curve = scipy.interpolate.CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])(
+            inside
+        )
     out = np.flatnonzero(inside != arc_length)  # few; NaN stays NaN
     on_curve[out] += (arc_length - inside)[out, None] * axes_at(inside[out], edge, edge.tangent)
     return np.asarray(on_curve)

@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.artefacts import Mark, Scene, Shading, Strokes
 from workbench.units import AnyArray, Float, Int
@@ -51,7 +51,7 @@ def pitch_mm(points_mm: Float) -> float:
     if len(points_mm) < 2:
         return 1.0
     some = points_mm[:: max(1, len(points_mm) // 2000)]
-    return float(np.percentile(cKDTree(points_mm).query(some, k=2)[0][:, 1], 90.0))
+    return float(np.percentile(scipy.spatial.cKDTree(points_mm).query(some, k=2)[0][:, 1], 90.0))
 
 
 def _points(local_mm: Float) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import maximum_filter
 
 from workbench.geometry.splat import Camera, draw_cloud
 from workbench.report.colours import INK
@@ -35,7 +35,9 @@ def picture(view: View) -> bytes:
     """PNG of a view in parallel projection, at true scale. Paths and dots run inside the stock: drawn before it."""
     camera = camera_of(view)
     cloud = draw_cloud(view.points_mm, view.colour.astype(np.uint8), camera)
-    near = maximum_filter(np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX)  # gaps between points hide as well
+    near = scipy.ndimage.maximum_filter(
+        np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX
+    )  # gaps between points hide as well
     image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
     draw = ImageDraw.Draw(image, "RGBA")
     for line, colour in view.lines():

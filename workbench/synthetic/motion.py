@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from workbench.geometry.poses import inverse, pose_from
 from workbench.synthetic import raycast
@@ -54,7 +54,9 @@ def generator(recipe: Recipe, *key: int, repeat: int = 0) -> np.random.Generator
 def recorded_hand_eye(recipe: Recipe) -> Float:
     """flange_from_profiler as the recording states it: the true one, off by the recipe's errors (per axis)."""
     robot, rng = recipe.robot, generator(recipe, 2)
-    turn = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_rotvec(
+        rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG
+    ).as_matrix()
     shift = rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_mm
     true = pose(robot.flange_from_profiler)
     return pose_from(turn @ true[:3, :3], true[:3, 3] + shift)
@@ -69,12 +71,17 @@ def profiler_in_edge(recipe: Recipe, scan: Pass, share: Float) -> Float:
     scanner, elevation = recipe.scanner, scan.elevation_deg * DEG
     away = np.array([-math.cos(elevation), 0.0, -math.sin(elevation)])
     lateral = np.array([-math.sin(elevation), 0.0, math.cos(elevation)])
-    turn = Rotation.from_rotvec(scan.lead_deg * DEG * lateral) * Rotation.from_rotvec(scan.oblique_deg * DEG * away)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(
+        scan.lead_deg * DEG * lateral
+    ) * scipy.spatial.transform.Rotation.from_rotvec(scan.oblique_deg * DEG * away)
     z = away if scanner.z_away else -away
     x = -lateral if scan.upside_down else lateral
     nominal = turn.as_matrix() @ np.stack([x, np.cross(z, x), z], axis=1)
 
-    rotation = nominal @ Rotation.from_rotvec(np.outer(share, np.array(scan.turn_deg) * DEG)).as_matrix()
+    rotation = (
+        nominal
+        @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, np.array(scan.turn_deg) * DEG)).as_matrix()
+    )
     skew = scan.skew_mm[0] + (scan.skew_mm[1] - scan.skew_mm[0]) * share
     aim = np.array([scan.aim_mm[0], 0.0, scan.aim_mm[1]]) + skew[:, None] * nominal[:, 0]
     sign = 1.0 if scanner.z_away else -1.0
@@ -97,8 +104,11 @@ def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) ->
     ends[:, :3, 0], ends[:, :3, 1] = (chord[1], -chord[0], 0.0), chord
     base_from_profiler = pose(recipe.part.base_from_part) @ ends @ profiler_in_edge(recipe, scan, np.array([0.0, 1.0]))
     flange = base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler))
-    turned = (Rotation.from_matrix(flange[0, :3, :3]).inv() * Rotation.from_matrix(flange[1, :3, :3])).as_rotvec()
-    rotation = flange[0, :3, :3] @ Rotation.from_rotvec(np.outer(share, turned)).as_matrix()
+    turned = (
+        scipy.spatial.transform.Rotation.from_matrix(flange[0, :3, :3]).inv()
+        * scipy.spatial.transform.Rotation.from_matrix(flange[1, :3, :3])
+    ).as_rotvec()
+    rotation = flange[0, :3, :3] @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, turned)).as_matrix()
     return pose_from(rotation, flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3]))
 
 
@@ -116,8 +126,10 @@ def _recorded(recipe: Recipe, base_from_flange: Float, rng: np.random.Generator)
     """Flange positions and quaternions with the robot's pose noise, each pose by itself."""
     robot, count = recipe.robot, len(base_from_flange)
     position = base_from_flange[:, :3, 3] + rng.normal(0.0, 1.0, (count, 3)) * robot.pose_noise_mm
-    noise = Rotation.from_rotvec(rng.normal(0.0, 1.0, (count, 3)) * robot.pose_noise_deg * DEG)
-    quaternion = (noise * Rotation.from_matrix(base_from_flange[:, :3, :3])).as_quat(scalar_first=True)
+    noise = scipy.spatial.transform.Rotation.from_rotvec(rng.normal(0.0, 1.0, (count, 3)) * robot.pose_noise_deg * DEG)
+    quaternion = (noise * scipy.spatial.transform.Rotation.from_matrix(base_from_flange[:, :3, :3])).as_quat(
+        scalar_first=True
+    )
     return position, np.asarray(quaternion)
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
 from workbench.synthetic.recipe import Recipe
@@ -77,7 +77,9 @@ class Cut:
         along, up = np.zeros(len(height)), np.max(np.abs(np.diff(height, axis=1)), axis=1) / self.w_step_mm
         along[:-1] = np.max(np.abs(np.diff(height, axis=0)), axis=1) / self.u_step_mm
         near = 2 * math.ceil(CONVERGING * CUT_REACH_MM / self.u_step_mm) + 3
-        steepest = np.hypot(CONVERGING * maximum_filter1d(along, near), maximum_filter1d(up, near))
+        steepest = np.hypot(
+            CONVERGING * scipy.ndimage.maximum_filter1d(along, near), scipy.ndimage.maximum_filter1d(up, near)
+        )
         return np.asarray(1.0 / (1.05 * np.hypot(1.0, steepest)))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+import scipy
 
 from workbench.api import Bool, Float
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Normal, linearise, normal_equations
@@ -14,7 +14,7 @@ from workbench.plugins.calibration.signs import GATE, distances
 
 STEPS = 30
 CONVERGED = 1e-6  # of a step's length in standard deviations, squared
-GROSS = float(chdtri(3, 1e-5))  # squared distance of a posture, left out of the fit, that is no chance
+GROSS = float(scipy.special.chdtri(3, 1e-5))  # squared distance of a posture, left out of the fit, that is no chance
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
 
@@ -115,7 +115,7 @@ def without_gross(start: Estimate, seen: Observations, noise: Noise) -> Fit:
 
 def misfits(result: Fit) -> bool:
     """Whether the residuals are larger than the noise explains."""
-    return bool(result.freedom > 0 and chdtrc(result.freedom, result.chi2) < NO_CHANCE)
+    return bool(result.freedom > 0 and scipy.special.chdtrc(result.freedom, result.chi2) < NO_CHANCE)
 
 
 def matched(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:

@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
+import scipy
 
 from workbench.api import Float
 from workbench.plugins.calibration.bundle import Fit
@@ -82,7 +81,7 @@ def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> f
     factor = np.linalg.cholesky(covariances[:, :POSE, :POSE])
     drawn = off[pick, :POSE] + np.einsum("kpq,kq->kp", factor[pick], normal)
     distance = np.einsum("kp,pk->k", drawn, np.linalg.solve(together[:POSE, :POSE], drawn.T))
-    return float(np.quantile(distance, LEVEL) / chi2.ppf(LEVEL, POSE))
+    return float(np.quantile(distance, LEVEL) / scipy.stats.chi2.ppf(LEVEL, POSE))
 
 
 def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool) -> Estimate:
@@ -131,4 +130,6 @@ class _Likelihood:
             own = float(np.exp(log_own))
             return float(prior * np.log(np.hypot(whole, own)) ** 2) - self.at(whole, own)[0]
 
-        return float(minimize_scalar(cost, bounds=np.log(OWN), method="bounded", options={"xatol": 0.02}).x)
+        return float(
+            scipy.optimize.minimize_scalar(cost, bounds=np.log(OWN), method="bounded", options={"xatol": 0.02}).x
+        )

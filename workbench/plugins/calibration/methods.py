@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import differential_evolution, least_squares
+import scipy
 
 from workbench.api import DEG, Float, InputError, pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.api import vector_from_rotation as vector
@@ -70,7 +70,7 @@ def joint(start: Float, seen: Centres) -> Float:
         centre = (seen.r @ (seen.P @ R.T + t)[..., None])[..., 0] + seen.t
         return np.asarray((centre - centre.mean(axis=0)).ravel())
 
-    step = least_squares(residual, np.zeros(3), method="lm", xtol=1e-12, ftol=1e-12).x
+    step = scipy.optimize.least_squares(residual, np.zeros(3), method="lm", xtol=1e-12, ftol=1e-12).x
     R = rotation_from_vector(step) @ start[:3, :3]
     return pose_from(R, translation(R, seen))
 
@@ -100,7 +100,7 @@ def two_step(start: Float, seen: Centres) -> Float:
     def residual(step: Float) -> Float:
         return np.asarray(pairs.rotation_residual((rotation_from_vector(step) @ start[:3, :3])[None])[0])
 
-    R = rotation_from_vector(least_squares(residual, np.zeros(3), method="lm").x) @ start[:3, :3]
+    R = rotation_from_vector(scipy.optimize.least_squares(residual, np.zeros(3), method="lm").x) @ start[:3, :3]
     return pose_from(R, pairs.best_translation(R))
 
 
@@ -163,7 +163,7 @@ class _Pairs:
 
 def _evolve(cost: Callable[[Float], Float], middle: Float, half: float, seed: int) -> Float:
     """Minimum of `cost` over genes (3, s) within a box about `middle`."""
-    found = differential_evolution(
+    found = scipy.optimize.differential_evolution(
         cost,
         [(m - half, m + half) for m in middle],
         popsize=POPULATION // 3,

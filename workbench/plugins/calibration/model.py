@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+import scipy
 
 from workbench.api import DEG, Bool, Float, rotation_from_vector
 from workbench.plugins.calibration.observations import Group, Observations
@@ -177,8 +177,8 @@ def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> t
                 band[row - column, :, column] += diagonal[:, row, column]
             band[6 + row - column, :-1, column] += below[:-1, row, column]
     flat = at_nodes.reshape(-1, columns.shape[2])
-    factor = cholesky_banded(band.reshape(12, -1), lower=True)
-    joined = joined - flat.T @ cho_solve_banded((factor, True), flat)
+    factor = scipy.linalg.cholesky_banded(band.reshape(12, -1), lower=True)
+    joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat)
     in_common = np.eye(more) + joined[-more:, -more:]
     log = 2 * np.log(factor[0]).sum() - np.linalg.slogdet(inverse)[1].sum() + np.linalg.slogdet(in_common)[1]
     rest = joined[:-more, :-more] - joined[:-more, -more:] @ np.linalg.solve(in_common, joined[-more:, :-more])

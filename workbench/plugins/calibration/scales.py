@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
+import scipy
 
 from workbench.api import Float, Recording
 from workbench.plugins.calibration import arcs
@@ -126,7 +126,7 @@ def scales_of(
     alone = pull**2 / np.diag(power)
     freedom = max(result.freedom - 1, 1)
     student = np.sign(pull) * np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
-    chance = 2.0 * stdtr(freedom, -np.abs(student)) if result.freedom >= SPARE else np.ones(2)
+    chance = 2.0 * scipy.special.stdtr(freedom, -np.abs(student)) if result.freedom >= SPARE else np.ones(2)
     return Scales(
         np.asarray(found, float), np.asarray(covariance, float), np.asarray(by_scale, float), free, student, chance
     )

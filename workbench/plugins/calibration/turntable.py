@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.optimize import least_squares
 
 from workbench.api import (
     DEG,
@@ -186,14 +186,14 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         return np.asarray(np.einsum("nij,nj->ni", root, away).ravel())
 
     for _ in range(2):  # the angle's noise has the radius of the answer
-        fitted = least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
+        fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
         unknown = fitted.x
         axis = _direction(unknown, direction, across)
         arm = np.cross(axis, marks.point_mm - (middle + unknown[:2] @ across))
         covariance = noise_mm**2 * np.eye(3) + angle_noise**2 * arm[:, :, None] * arm[:, None, :]
         values, vectors = np.linalg.eigh(covariance)
         root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-    fitted = least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
+    fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
     jacobian, misfit = fitted.jac, float(2.0 * fitted.cost / max(freedom, 1))
     scale = np.linalg.norm(jacobian, axis=0) + 1e-30
     values, vectors = np.linalg.eigh((jacobian / scale).T @ (jacobian / scale))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from workbench.api import AnyArray, Float
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature
@@ -79,8 +79,8 @@ def robust(eq: Equations) -> tuple[Estimate, Float]:
     limit = len(use) // 5
     for _ in range(limit):
         inside = use > 0
-        level = chdtri(found.rows, GROSS / len(use))
-        spread = max(1.0, float(np.median(found.misfit[inside] / chdtri(found.rows[inside], 0.5))))
+        level = scipy.special.chdtri(found.rows, GROSS / len(use))
+        spread = max(1.0, float(np.median(found.misfit[inside] / scipy.special.chdtri(found.rows[inside], 0.5))))
         excess = np.where(inside, found.misfit / (level * spread), 0.0)
         if excess.max() <= 1:
             break

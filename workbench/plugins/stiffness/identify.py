@@ -6,8 +6,8 @@ import dataclasses
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from pydantic import Field
-from scipy.special import chdtri
 
 from workbench.api import (
     AngleConvention,
@@ -87,7 +87,7 @@ def identify_from(
         *points_out,
         *(f"line {tests.lines[i]}: this load contradicts the others: left out" for i in np.flatnonzero(use == 0)),
     )
-    noisy = found.scale2 > chdtri(found.freedom, 0.001) / found.freedom
+    noisy = found.scale2 > scipy.special.chdtri(found.freedom, 0.001) / found.freedom
     covariance = found.covariance * (found.scale2 if noisy else 1.0)
     warnings = [*tests.warnings, *out, *check_pairs(sound, eq, found.compliance, use, found.scale2)]
     if noisy:

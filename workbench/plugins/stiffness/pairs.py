@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from workbench.api import Float
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature
@@ -41,7 +41,7 @@ def check_pairs(tests: LoadingTests, eq: Equations, compliance: Float, use: Floa
         sums.setdefault(tests.labels[i], []).append((float(square), int(both.sum()), float(np.linalg.norm(e[:3]))))
     notes = []
     for label, found in sums.items():
-        if sum(s for s, _, _ in found) > chdtri(sum(n for _, n, _ in found), SURE / len(sums)):
+        if sum(s for s, _, _ in found) > scipy.special.chdtri(sum(n for _, n, _ in found), SURE / len(sums)):
             most = max(mm for _, _, mm in found)
             notes.append(
                 f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "

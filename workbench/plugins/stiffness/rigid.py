@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from workbench.api import Bool, Chain, Float, InputError, LoadingSetup, forward_kinematics
 from workbench.plugins.stiffness.values import LoadingTests
@@ -62,7 +62,7 @@ def _misfit(moved: Float, at: Float, use: Bool) -> float:
 def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
     """How many times the stated noise most loads show, at least 1."""
     ratios = [
-        _misfit(m, a, s) / noise_mm**2 / chdtri(3 * s.sum() - 6, 0.5)
+        _misfit(m, a, s) / noise_mm**2 / scipy.special.chdtri(3 * s.sum() - 6, 0.5)
         for m, a, s in zip(moved, at, seen, strict=True)
         if s.sum() >= 3
     ]
@@ -72,7 +72,9 @@ def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
 def _gross(moved: Float, at: Float, seen: Bool, noise_mm: float, loads: int) -> list[int]:
     """Points of one load to leave out."""
     use = seen.copy()
-    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * chdtri(3 * use.sum() - 6, GROSS / loads):
+    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * scipy.special.chdtri(
+        3 * use.sum() - 6, GROSS / loads
+    ):
         if use.sum() == 3:
             return [int(k) for k in np.flatnonzero(seen)]
         without = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+import scipy
 
 from workbench.synthetic.swept.section import Chain
 from workbench.synthetic.swept.spine import Curve, Frames
@@ -117,7 +117,9 @@ class Relief:
 
 def gaussian_relief(sd_mm: float, correlation_mm: float, size: tuple[int, int], rng: np.random.Generator) -> Relief:
     """A field whose autocorrelation falls to 1/e over `correlation_mm`, on a grid of a third of it."""
-    smooth = gaussian_filter(rng.standard_normal(size), 3.0 / 2.0, mode="wrap")  # exp(-(d/2w)^2): 1/e at d = 2w
+    smooth = scipy.ndimage.gaussian_filter(
+        rng.standard_normal(size), 3.0 / 2.0, mode="wrap"
+    )  # exp(-(d/2w)^2): 1/e at d = 2w
     return Relief(sd_mm * smooth / smooth.std(), correlation_mm / 3.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from workbench.synthetic.swept.recipe import AnyRecipe, SweptScanner
 from workbench.synthetic.swept.section import ROOT
@@ -46,7 +46,7 @@ def _correlated(white: Float, keep: float) -> Float:
     if keep == 0:
         return white
     fresh = np.sqrt(1 - keep**2)
-    return np.asarray(lfilter([fresh], [1, -keep], white, axis=1, zi=(1 - fresh) * white[:, :1])[0])
+    return np.asarray(scipy.signal.lfilter([fresh], [1, -keep], white, axis=1, zi=(1 - fresh) * white[:, :1])[0])
 
 
 def lost(profiles: Profiles, recipe: AnyRecipe, rng: np.random.Generator) -> Bool:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.spatial import cKDTree
+import scipy
 
 from workbench.synthetic.recipe import Strict
 from workbench.synthetic.swept.groove import GrooveSizes, groove_sizes
@@ -52,7 +51,7 @@ class Stations:
     def _place(self, position_mm: Float) -> tuple[Any, Float]:
         """Station before and share of the way to the next, of the sections of base points."""
         points = np.asarray(position_mm, dtype=float)
-        index = np.clip(cKDTree(self.position_mm).query(points)[1], 0, len(self.position_mm) - 1)
+        index = np.clip(scipy.spatial.cKDTree(self.position_mm).query(points)[1], 0, len(self.position_mm) - 1)
         off = np.einsum("...i,...i->...", points - self.position_mm[index], self.tangent[index])
         first = np.clip(np.where(off < 0, index - 1, index), 0, len(self.position_mm) - 2)
 
@@ -219,9 +218,9 @@ def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Floa
     height = relief.at(s[:, None], b)
     width = b[:, -1] - b[:, 0]
     wide = round(2 * LOCAL_MM / STATION_MM) + 1
-    mean = uniform_filter1d(height.mean(axis=1), wide, mode="nearest")
+    mean = scipy.ndimage.uniform_filter1d(height.mean(axis=1), wide, mode="nearest")
     v = share - 0.5
-    slope = uniform_filter1d(height @ v / (v @ v), wide, mode="nearest")  # per width
+    slope = scipy.ndimage.uniform_filter1d(height @ v / (v @ v), wide, mode="nearest")  # per width
     lower[:, 0] += mean - slope / 2
     upper[:, 0] += mean + slope / 2
     return np.asarray(np.arctan2(slope, width))

@@ -41,7 +41,7 @@ class Form:
 
     root_turn_u: Float  # (m,) standard uncertainty of the root face's direction by its form, rad
     bevel_turn_u: Float  # (m,) the same of the bevel face
-    corner_u_mm: Float  # (m,) of the place of their corner along the root face, by the form of both
+    corner_u_mm: Float  # (m,) of the distance from their corner to the end of the root face, by the form of both
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,9 @@ def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, a
     """Misfit along the edge; s_frames (N,): where each frame shows it, at (m,): places, beta (m,): bevel angle, rad."""
     root = misfit_of(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at)
     bevel = misfit_of(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at)
-    corner = np.hypot(root.offset_u_mm / np.abs(np.tan(beta)), bevel.offset_u_mm / np.sin(beta))
+    face = tracked.faces[ROOT_FACE]
+    steep = float(np.nanmedian(np.abs(face.sxz / face.sxx)))  # the end comes along the rays onto the line
+    corner = np.hypot(root.offset_u_mm * (1.0 / np.abs(np.tan(beta)) + steep), bevel.offset_u_mm / np.sin(beta))
     return Form(root.turn_u, bevel.turn_u, corner)
 
 
@@ -85,17 +87,18 @@ def misfit_of(
 
     whole: with the columns at its ends, which may see half of something else: it pulls the line, and turns it little.
     """
-    rms, width = _rms(cloud, labels, face, label, s_frames, at, whole)
-    return Misfit(TURN * rms / width, OFFSET * rms)
+    square, bow, width = _left(cloud, labels, face, label, s_frames, at, whole)
+    rest = np.maximum(square - bow**2 / 5.0, 0.0)
+    return Misfit(TURN * np.sqrt(square) / width, np.sqrt(OFFSET**2 * rest + bow**2))
 
 
-def _rms(
+def _left(
     cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, s_frames: Float, at: Float, whole: bool
-) -> tuple[Float, float]:
-    """Rms (m,) of what the line leaves beyond noise, by place on the face, mm; and the face's width, mm."""
+) -> tuple[Float, Float, float]:
+    """What the line leaves beyond noise: mean square (m,) mm^2, at its ends by a bow (m,) mm; the face's width, mm."""
     frames = _sample(s_frames, face)
     if frames.size < LEAST_FRAMES:
-        return np.zeros(at.size), 1.0
+        return np.zeros(at.size), np.zeros(at.size), 1.0
     slope = face.sxz[frames] / face.sxx[frames]
     lean = np.hypot(1.0, slope)
     on = (labels[frames] == label) & cloud.keep[frames]
@@ -111,16 +114,29 @@ def _rms(
     column = np.broadcast_to(np.arange(x.shape[1]) // wide, x.shape)
     s = s_frames[frames]
     stretch = np.floor((s - s.min()) / STRETCH_MM).astype(np.int64)
-    value, middle = [], []
+    value, ends, middle = [], [], []
     for k in np.unique(stretch):
         mine = stretch == k
         if mine.sum() < min(LEAST_FRAMES, frames.size):
             continue
         value.append(max(_excess(off[mine], place[mine]), _excess(off[mine], column[mine])))
+        ends.append(_bow(off[mine], place[mine]))
         middle.append(float(s[mine].mean()))
     if not value:
-        return np.zeros(at.size), width
-    return np.sqrt(np.interp(at, middle, value)), width
+        return np.zeros(at.size), np.zeros(at.size), width
+    return np.interp(at, middle, value), np.interp(at, middle, ends), width
+
+
+def _bow(off: Float, place: Float) -> float:
+    """How far the ends of a face lie off its line by a bow, mm: of residuals (f, M) at places (f, M), by a parabola.
+
+    Only as far as the frames show it beyond their scatter.
+    """
+    t = 2.0 * place / PLACES - 1.0
+    shape = np.where(np.isfinite(off), 1.5 * t**2 - 0.5, 0.0)  # 1 at the ends, its mean square 1 / 5
+    ends = (np.nan_to_num(off) * shape).sum(axis=1) / np.maximum((shape**2).sum(axis=1), 1e-9)
+    mean, noise = float(ends.mean()), float(ends.var()) / max(ends.size - 1, 1)
+    return math.sqrt(max(mean**2 - 2.0 * noise, 0.0))
 
 
 def _excess(off: Float, place: Float) -> float:

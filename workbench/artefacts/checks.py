@@ -7,8 +7,9 @@ from dataclasses import dataclass
 UNSEEN = (
     "Errors of scale and linearity of the profile sensor: see its calibration certificate.",
     "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration.",
-    "A rotation of the laser plane by up to 20°, a displaced hand-eye pose, mirrored axes, and a scale error of the "
-    "robot's travel: passes in which the flange hardly turns do not reveal them.",
+    "A rotation of the laser plane by up to 20°, a displaced hand-eye pose, mirrored axes, an orientation that was not "
+    "measured, and a scale error or the reverse sense of the robot's travel: passes in which the flange hardly turns "
+    "do not reveal them.",
 )  # what no recording of a straight edge shows
 
 

@@ -350,6 +350,10 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
     yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
+    held = now.twist_deg if _held(recording) else 0.0
+    told = f"the orientation is the same to the last digit, yet the section turns by {held:.2f} deg about the edge"
+    told += ": an orientation that was held or commanded, not measured?"
+    yield check("held_twist_deg", held, told if held else "", given=given)
     yield _unseen(recording)
     yield from _pass_check(recording, found, hand_eye, given)
     offset = clock_offset(
@@ -376,10 +380,19 @@ def _unseen(recording: Recording) -> Check:
     if turned < TURNS_DEG:
         told += (
             ": a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
-            "swapped axes of the robot and a scale of its travel would not show"
+            "swapped axes of the robot, a scale of its travel and frames in reverse order would not show"
         )
+    if _held(recording):
+        told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
     reason = f"a hand-eye pose shows itself where the flange turns by {TURNS_DEG:g} deg and more"
     return Check("flange_turn_deg", turned, None, True, reason, told)
+
+
+def _held(recording: Recording) -> bool:
+    """Whether every pass has one orientation, bit for bit, at all of its poses."""
+    quaternion, number = recording.robot_quaternion_wxyz, recording.robot_pass
+    alike = ((quaternion[1:] == quaternion[:-1]) | (quaternion[1:] == -quaternion[:-1])).all(axis=1)
+    return bool((alike | (number[1:] != number[:-1])).all())
 
 
 def _turned_deg(quaternion: Float) -> float:

@@ -22,9 +22,9 @@ class Limit:
 
 LIMITS: dict[str, Limit] = {
     "view_width_mm": Limit(
-        (4.0, 3000.0),
+        (6.0, 3000.0),
         "width of all that the profiles show; 0.5 mm is enough where frames are under 25 columns apart",
-        "profilers for edges see 4 mm to 3 m; frames are rarely closer than columns, so in inches they seem far apart",
+        "profilers for edges see 7 mm to 3 m; frames are rarely closer than columns, so in inches they seem far apart",
     ),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),
     "reach_mm": Limit(
@@ -108,6 +108,12 @@ LIMITS: dict[str, Limit] = {
         "the same, where another reading of the orientations explains most of it; below 1.2 deg only if that "
         "reading also halves an obliquity of 10 deg and more",
         "a plate does not happen to be twisted as a known mistake would show it",
+    ),
+    "held_twist_deg": Limit(
+        0.5,
+        "turn of the section about the edge over 150 mm of it, where all poses of each pass have one orientation",
+        "measured orientations differ in their last digits; one that was held leaves the flange's turn to the section. "
+        "Estimates of straight plates stay below 0.4",
     ),
     "wiggle_mm": Limit(
         0.12,

@@ -173,7 +173,7 @@ def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
     share = np.linspace(0, 1, 64)
     height = np.zeros((len(u), len(share)))
     for amplitude, along, over, phase in waves:
-        height += amplitude * np.sin(along * u[:, None] + over * share * width[:, None] + phase)
+        height += amplitude * np.cos(along * u[:, None] + over * share * width[:, None] + phase)
     wide = round(2 * LOCAL_MM / float(np.median(np.diff(u)))) + 1
     v = share - 0.5
     mean, slope = _running(height.mean(axis=1), wide), _running(height @ v / (v @ v), wide)
@@ -187,8 +187,9 @@ def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
 
 
 def _running(values: Float, wide: int) -> Float:
-    padded = np.pad(values, wide // 2, mode="edge")
-    return np.convolve(padded, np.ones(wide) / wide, mode="same")[wide // 2 : wide // 2 + len(values)]
+    window = np.ones(wide)  # the face ends with the part
+    inside = np.convolve(np.ones(len(values)), window, mode="full")[wide // 2 : wide // 2 + len(values)]
+    return np.convolve(values, window, mode="full")[wide // 2 : wide // 2 + len(values)] / inside
 
 
 def unit(vectors: Float) -> Float:

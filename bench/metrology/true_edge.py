@@ -61,6 +61,6 @@ def best_plane_turn_deg(truth: Truth) -> float:
     v = np.linspace(0.0, float(truth.thickness_mm.min()), 100)
     out = np.zeros((len(u), len(v)))
     for amplitude, along, across, phase in waves:
-        out += amplitude * np.sin(along * u + across * v + phase)
+        out += amplitude * np.cos(along * u + across * v + phase)
     v = v - v.mean()
     return abs(math.atan(float((out.mean(axis=0) @ v) / (v @ v)))) / DEG

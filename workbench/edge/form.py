@@ -81,19 +81,35 @@ class Misfit:
 
 
 def misfit_of(
-    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, s_frames: Float, at: Float, whole: bool = False
+    cloud: Cloud,
+    labels: AnyArray,
+    face: FaceLines,
+    label: int,
+    s_frames: Float,
+    at: Float,
+    whole: bool = False,
+    together_mm: float = 0.0,
 ) -> Misfit:
     """The misfit of the face with this label in `labels` (N, M) of the cloud; s_frames (N,), at (m,): arc lengths, mm.
 
     whole: with the columns at its ends, which may see half of something else: it pulls the line, and turns it little.
+    together_mm: length over which frames share what they leave (a rough face): they count as one, and what lasts
+    along the whole edge is told.
     """
-    square, bow, width = _left(cloud, labels, face, label, s_frames, at, whole)
+    square, bow, width = _left(cloud, labels, face, label, s_frames, at, whole, together_mm)
     rest = np.maximum(square - bow**2 / 5.0, 0.0)
     return Misfit(TURN * np.sqrt(square) / width, np.sqrt(OFFSET**2 * rest + bow**2))
 
 
 def _left(
-    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, s_frames: Float, at: Float, whole: bool
+    cloud: Cloud,
+    labels: AnyArray,
+    face: FaceLines,
+    label: int,
+    s_frames: Float,
+    at: Float,
+    whole: bool,
+    together_mm: float,
 ) -> tuple[Float, Float, float]:
     """What the line leaves beyond noise: mean square (m,) mm^2, at its ends by a bow (m,) mm; the face's width, mm."""
     frames = _sample(s_frames, face)
@@ -102,6 +118,9 @@ def _left(
     slope = face.sxz[frames] / face.sxx[frames]
     lean = np.hypot(1.0, slope)
     on = (labels[frames] == label) & cloud.keep[frames]
+    column = np.arange(on.shape[1])
+    if not whole:  # the points of its line
+        on &= (column >= face.columns[frames, :1]) & (column <= face.columns[frames, 1:])
     x = np.where(on, cloud.x_mm[frames], np.nan).astype(float)
     off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope[:, None] * (x - face.x_mean[frames, None])
     off = off / lean[:, None]
@@ -111,36 +130,43 @@ def _left(
     place = np.minimum((x - first[:, None]) / np.maximum(last - first, 1e-9)[:, None] * PLACES, PLACES - 1e-9)
     width = float(np.median((last - first) * lean))
     wide = max(1, round(float(np.median(on.sum(axis=1))) / PLACES))
-    column = np.broadcast_to(np.arange(x.shape[1]) // wide, x.shape)
+    column = np.broadcast_to(column // wide, x.shape)
     s = s_frames[frames]
-    stretch = np.floor((s - s.min()) / STRETCH_MM).astype(np.int64)
+    stretch = np.floor((s - s.min()) / (STRETCH_MM if together_mm == 0.0 else np.inf)).astype(np.int64)
+    unit = np.arange(s.size) if together_mm == 0.0 else np.floor((s - s.min()) / together_mm).astype(np.int64)
     value, ends, middle = [], [], []
     for k in np.unique(stretch):
         mine = stretch == k
         if mine.sum() < min(LEAST_FRAMES, frames.size):
             continue
-        value.append(max(_excess(off[mine], place[mine]), _excess(off[mine], column[mine])))
-        ends.append(_bow(off[mine], place[mine]))
+        wheres = (place, column) if together_mm == 0.0 else (place,)  # roughness hides patterns of the columns
+        value.append(max(_excess(off[mine], where[mine], unit[mine]) for where in wheres))
+        ends.append(_bow(off[mine], place[mine], unit[mine]))
         middle.append(float(s[mine].mean()))
     if not value:
         return np.zeros(at.size), np.zeros(at.size), width
     return np.interp(at, middle, value), np.interp(at, middle, ends), width
 
 
-def _bow(off: Float, place: Float) -> float:
+def _bow(off: Float, place: Float, unit: Int) -> float:
     """How far the ends of a face lie off its line by a bow, mm: of residuals (f, M) at places (f, M), by a parabola.
 
-    Only as far as the frames show it beyond their scatter.
+    Only as far as the units (f,) show it beyond their scatter.
     """
     t = 2.0 * place / PLACES - 1.0
     shape = np.where(np.isfinite(off), 1.5 * t**2 - 0.5, 0.0)  # 1 at the ends, its mean square 1 / 5
     ends = (np.nan_to_num(off) * shape).sum(axis=1) / np.maximum((shape**2).sum(axis=1), 1e-9)
+    _, number = np.unique(unit, return_inverse=True)
+    ends = np.bincount(number, ends) / np.bincount(number)
     mean, noise = float(ends.mean()), float(ends.var()) / max(ends.size - 1, 1)
     return math.sqrt(max(mean**2 - 2.0 * noise, 0.0))
 
 
-def _excess(off: Float, place: Float) -> float:
-    """Mean square of residuals (f, M), pooled by `place` (f, M), beyond what the frames' scatter makes of it, mm^2."""
+def _excess(off: Float, place: Float, unit: Int | None = None) -> float:
+    """Mean square of residuals (f, M), pooled by `place` (f, M), beyond what the scatter of units (f,) makes of it.
+
+    unit: frames that share their residuals; None: each is one.
+    """
     seen = np.isfinite(off)
     if not seen.any():
         return 0.0
@@ -148,12 +174,14 @@ def _excess(off: Float, place: Float) -> float:
     number = place[seen].astype(np.int64)
     number -= number.min()
     places = int(number.max()) + 1
-    key = frame * places + number
-    count = np.bincount(key, minlength=len(off) * places).reshape(len(off), places)
-    total = np.bincount(key, off[seen], minlength=len(off) * places).reshape(len(off), places)
+    unit = np.arange(len(off)) if unit is None else np.unique(unit, return_inverse=True)[1]
+    units = int(unit.max()) + 1
+    key = unit[frame] * places + number
+    count = np.bincount(key, minlength=units * places).reshape(units, places)
+    total = np.bincount(key, off[seen], minlength=units * places).reshape(units, places)
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     frames = (count > 0).sum(axis=0)
-    common = frames > 0.5 * LEAST_FRAMES
+    common = frames > min(0.5 * LEAST_FRAMES, 0.5 * units)
     if not common.any():
         return 0.0
     frames, mean = frames[common], mean[:, common]

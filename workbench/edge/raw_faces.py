@@ -35,7 +35,8 @@ class FaceEnds:
 class RawFaces:
     """What the frames show of a raw edge, for all N frames of a cloud."""
 
-    faces: dict[int, FaceLines]  # by label
+    faces: dict[int, FaceLines]  # by label; of the end face without its margins
+    whole: FaceLines  # the end face from edge to edge
     lower: FaceEnds
     upper: FaceEnds
     seen: Bool  # (N,) the end face is seen
@@ -50,7 +51,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     Raises InputError where no frame shows it, or where one of its ends is never seen.
     """
     n, columns = cloud.x_mm.shape
-    sums, ends = np.zeros((n, 3, 8)), np.full((n, 2, 8), np.nan)
+    sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 8), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     known = as_input(along), sense, as_input(LABELS)
@@ -75,7 +76,7 @@ def _gather(sums: Float, ends: Float, seen: Bool, side: Float, sense: float, lab
     """What the kernel reports, for the frames `seen`."""
     faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     lower, upper = (_ends(sums, ends[:, k], seen, f) for k, f in enumerate((end_face.LOWER, end_face.UPPER)))
-    return RawFaces(faces, lower, upper, seen, side, sense, labels)
+    return RawFaces(faces, _face_lines(sums[:, end_face.WHOLE], seen), lower, upper, seen, side, sense, labels)
 
 
 def middle_of(cloud: Cloud, face: FaceLines) -> Float:

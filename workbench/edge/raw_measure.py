@@ -18,12 +18,15 @@ from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.form import NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
+from workbench.edge.sizes import NEAR_MM, changes, off_commonest
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
+from workbench.geometry.end_face import MARGIN_MM
+from workbench.geometry.faces import FaceLines
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.settling import settled
-from workbench.geometry.silhouette import EndCourse, Ends, find_end
+from workbench.geometry.silhouette import Ends, find_end
 from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -33,7 +36,12 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 ROUGH_MM, ROUGH_SHARE = 0.003, 0.25
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
-LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight
+STATION_MM = 1.0
+MORE = 0.5  # times what the other end jumps: this one may be what changes
+LEAST_SOUND = 0.3  # of the frames at one level of the face's width, for the others to be bridged
+LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
+TREND = 3  # order of what a rough face does over the whole edge
+LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
 ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
@@ -47,7 +55,7 @@ class EndAlong:
     bend: scipy.interpolate.CubicSpline  # arc length -> mm
     s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
     rounding: Rounding
-    end: EndCourse | None  # by silhouettes; None: by corners alone
+    loose_mm: Float  # (N,) by how much it may be off at each frame: what frames say does not run smoothly there
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -121,7 +129,7 @@ def _offset(state: RawMeasured, at: Float, on: Bool) -> Float:
 def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -> RawMeasured:
     """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends."""
     sigma = _range_noise(cloud, found)
-    face = _lines(cloud, found, curve, s, sigma, ROOT_FACE)
+    face = _lines(cloud, found, found.faces[ROOT_FACE], curve, s, sigma)
     about = float(np.angle(np.nanmean(np.exp(1j * face.angle))))
     angle = about + wrapped(face.angle - about)
     mid = np.where(np.isfinite(face.s), face.s, 0.0)
@@ -132,21 +140,34 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     angle = angle - turn * np.abs((face.place * np.stack([n[:, 1], -n[:, 0]], axis=1)).sum(axis=1))
     face = replace(face, place=face.place - (turn * face.spread)[:, None] * n)
     tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index, stiffness=tilt.stiffness)
-    n = _normal(tilt.value(mid))
-    stand_out = (face.place * n).sum(axis=1)
-    out = fit_course(face.s, stand_out, None, cloud.pass_index)
     rough = _roughness(found, sigma) > max(ROUGH_MM, ROUGH_SHARE * sigma)
     if rough:
-        tilt = _rough_course(face.s, angle, cloud.pass_index)
-        n = _normal(tilt.value(mid))
-        stand_out = (face.place * n).sum(axis=1)
-        out = _rough_course(face.s, stand_out, cloud.pass_index)
+        face = _lines(cloud, found, found.whole, curve, s, sigma)
+        mid = np.where(np.isfinite(face.s), face.s, 0.0)
+        face = replace(face, s=np.where(_whole(found), face.s, np.nan))
+        inner = local_mean(face.s, angle, cloud.pass_index)
+        tilt = local_mean(face.s, about + wrapped(face.angle - about), cloud.pass_index)
+        turn_mm = float(np.sqrt(np.mean((inner.value(tilt.at_mm) - tilt.value(tilt.at_mm)) ** 2) / MARGIN_MM))
+    n = _normal(tilt.value(mid))
+    stand_out = (face.place * n).sum(axis=1)
+    out = (
+        local_mean(face.s, stand_out, cloud.pass_index)
+        if rough
+        else fit_course(face.s, stand_out, None, cloud.pass_index)
+    )
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)
-    placed = [_placed(cloud, found, ends, curve, s, tilt, sigma) for ends in (found.lower, found.upper)]
     bend = _bend(curve, tilt)
-    lower = _end_along(cloud, found, found.lower, placed[0], bend, -1.0, vibration, rough, whole)
-    upper = _end_along(cloud, found, found.upper, placed[1], bend, 1.0, vibration, rough, whole)
+    both = [
+        _side(cloud, found, ends, curve, s, tilt, sigma, bend, outward, vibration)
+        for ends, outward in ((found.lower, -1.0), (found.upper, 1.0))
+    ]
+    loose = _loose(both[0], both[1], bend, cloud.pass_index) if whole else [_nothing_loose(side) for side in both]
+    lower, upper = (
+        _end_along(cloud, found, side, off, bend, rough, whole) for side, off in zip(both, loose, strict=True)
+    )
+    if rough:
+        tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
@@ -155,21 +176,96 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, lever, rough, pose_u, turn_u)
 
 
-def _rough_course(s: Float, value: Float, pass_index: Int) -> Course:
-    """The course of a value (N,) of a rough face: its scatter hangs together over centimetres, and is no course.
+def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
+    """The mean of a value (N,) over LOCAL_MM about each place: what a rough face is there, by least squares.
 
-    What the face locally is off its course is in the uncertainty: the scatter of means over TOGETHER_MM.
+    Its u is what frames in turn differ by, where the window ends (to half a cell), and what the face may be where the
+    window is not seen (by the scatter of means over TOGETHER_MM, which less roughness than that averages out).
     """
-    on = np.isfinite(s) & np.isfinite(value)
-    block = np.floor((s[on] - s[on].min()) / TOGETHER_MM).astype(np.int64)
-    _, number = np.unique(block, return_inverse=True)
-    count = np.bincount(number)
-    trend = np.polyfit(s[on] - s[on].mean(), value[on], 1) if count.size > 3 else np.array([0.0, value[on].mean()])
-    left = value[on] - np.polyval(trend, s[on] - s[on].mean())
-    local = float(np.var(np.bincount(number, left) / count)) * count.size / max(count.size - 2.0, 1.0)
-    variance = np.full(s.shape, max(local, 1e-12) * float(np.median(count)))
-    course = fit_course(s, value, variance, pass_index, together_mm=TOGETHER_MM)
-    return replace(course, variance=course.variance + local)
+    course = fit_course(s, value, None, pass_index, together_mm=TOGETHER_MM)
+    on = np.flatnonzero(course.kept)
+    on = on[np.argsort(s[on], kind="stable")]
+    start, length = float(s[on[0]]), float(s[on[-1]] - s[on[0]])
+    cell_mm = max(LOCAL_CELL_MM, 2.0 * length / on.size)
+    count = max(int(length / cell_mm), 1)
+    cell = np.minimum(((s[on] - start) / length * count).astype(np.int64), count - 1)
+    cell_mm = length / count
+    turn = np.arange(on.size) % 2
+    frames = np.stack([np.bincount(cell[turn == k], minlength=count) for k in (0, 1)])
+    total = np.stack([np.bincount(cell[turn == k], value[on][turn == k], count) for k in (0, 1)])
+    place = np.asarray(start + (np.arange(count) + 0.5) * cell_mm, dtype=float)
+    half = LOCAL_MM / 2.0 / cell_mm  # cells to each side, the last one in part
+    reach = np.arange(-math.ceil(half), math.ceil(half) + 1)
+    window = np.clip(half + 0.5 - np.abs(reach), 0.0, 1.0)
+
+    def over(cells: Float) -> Float:
+        return np.convolve(cells, window, mode="full")[math.ceil(half) : math.ceil(half) + count]
+
+    seen = frames.sum(axis=0) > 0
+    mean_of = total.sum(axis=0)[seen] / frames.sum(axis=0)[seen]
+    trend = np.polynomial.Polynomial.fit(place[seen], mean_of, min(TREND, int(seen.sum()) - 1))
+    off = np.zeros(count)  # a face that turns along the edge is not where the middle of a window at its end is
+    off[seen] = mean_of - trend(place[seen])
+    there = over(seen.astype(float))
+    shown = there > 0.0
+    both = (frames > 0).all(axis=0)
+    apart = over(np.where(both, total[0] / np.maximum(frames[0], 1) - total[1] / np.maximum(frames[1], 1), 0.0))
+    known = over(both.astype(float))
+    full = float(window.sum())
+    noise = float(np.mean((apart / np.maximum(known, 1.0)) ** 2 * known)) / 4.0 / np.maximum(there, 0.5)
+    mean = trend(place) + over(off) / np.maximum(there, 0.5)
+    off = off[seen]
+    block = np.floor((place[seen] - start) / TOGETHER_MM).astype(np.int64)
+    _, block = np.unique(block, return_inverse=True)
+    blocks = np.bincount(block, off) / np.bincount(block)
+    scatter = float(np.var(blocks)) * blocks.size / max(blocks.size - 2.0, 1.0)
+    single = max(float(np.var(off)), scatter)
+
+    def mean_variance(mm: Float) -> Float:
+        return np.minimum(scatter * TOGETHER_MM / np.maximum(mm, 1e-9), single)
+
+    unseen = np.minimum((full - there) * cell_mm, LEAST_GAP_MM)
+    share = unseen / (unseen + there * cell_mm)
+    variance = noise + share**2 * (mean_variance(unseen) + mean_variance(there * cell_mm))
+    variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
+    spline = scipy.interpolate.make_interp_spline(place[shown], mean[shown], k=min(3, int(shown.sum()) - 1))
+    none = np.zeros(int(shown.sum()))
+    return replace(
+        course,
+        spline=spline,
+        at_mm=np.asarray(place[shown], dtype=float),
+        variance=variance[shown],
+        slope_variance=none,
+    )
+
+
+def _whole(found: RawFaces) -> Bool:
+    """Frames (N,) that show the end face as wide as most of them do."""
+    face = found.whole
+    width = np.hypot(1.0, face.sxz / face.sxx) * np.sqrt(12.0 * face.sxx / face.count)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(width > np.nanmedian(width) - MARGIN_MM)
+
+
+def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower: EndAlong, upper: EndAlong) -> Course:
+    """The direction of a rough face, uncertain by how far the face reaches: to a column, and by what is loose.
+
+    A strip of width e at both ends turns it by `turned` (rad, 1 mm) sqrt(e), a strip at one end that lies r off the
+    line by 6 e r / w^2.
+    """
+    face = found.whole
+    on = face.count > 0
+    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
+    width = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
+    step = float(np.median(width / face.count[on]))
+    strip = np.full(tilt.at_mm.size, step)
+    for end in (lower, upper):
+        here = np.flatnonzero(np.isfinite(end.s))
+        here = here[np.argsort(end.s[here], kind="stable")]
+        strip = np.hypot(strip, np.interp(tilt.at_mm, end.s[here], end.loose_mm[here]))
+    strip = np.minimum(strip, width)
+    turn = 6.0 * strip * _roughness(found, sigma) / width**2
+    return replace(tilt, variance=tilt.variance + turn**2 + turned**2 * strip)
 
 
 def _normal(tilt: Float) -> Float:
@@ -177,8 +273,7 @@ def _normal(tilt: Float) -> Float:
     return np.stack([-np.sin(tilt), np.cos(tilt)], axis=1)
 
 
-def _lines(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, sigma: float, label: int) -> SectionLines:
-    face = found.faces[label]
+def _lines(cloud: Cloud, found: RawFaces, face: FaceLines, curve: Curve, s: Float, sigma: float) -> SectionLines:
     return section_lines(
         face,
         near_slope(face, s, cloud.pass_index),
@@ -190,10 +285,47 @@ def _lines(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, sigma: float, 
     )
 
 
-def _placed(
-    cloud: Cloud, found: RawFaces, ends: FaceEnds, curve: Curve, s_guess: Float, tilt: Course, range_sigma_mm: float
-) -> tuple[Float, Float, Float, Float, Float]:
-    """One end of the face in the sections of `curve`: arc length, place along m, column step, noise, share missing."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    """What N frames say of one end of the face, counted outwards from a straight line along the edge; NaN: nothing."""
+
+    ends: FaceEnds
+    outward: float  # -1: the lower end, which lies towards falling m
+    s: Float  # (N,) arc length, mm
+    low: Float  # (N,) the face reaches at least to here, mm
+    step: Float  # (N,) and not beyond the next column, mm; 0 at a corner
+    sigma: Float  # (N,) noise of low, the frame's own shift included, mm
+    missing: Float  # (N,) probability that a column has no return
+    silhouette: Bool  # (N,) frames of which the last return is taken
+    by_corners: bool  # corners show nearly all of it
+
+    @property
+    def middle(self) -> Float:
+        """Middle (N,) of the column step, mm."""
+        return self.low + 0.5 * self.step
+
+    @property
+    def variance(self) -> Float:
+        """Variance (N,) of the middle."""
+        return self.sigma**2 + self.step**2 / 12.0
+
+
+def _side(
+    cloud: Cloud,
+    found: RawFaces,
+    ends: FaceEnds,
+    curve: Curve,
+    s_guess: Float,
+    tilt: Course,
+    range_sigma_mm: float,
+    bend: scipy.interpolate.CubicSpline,
+    outward: float,
+    vibration: Float,
+) -> _Side:
+    """One end of the face in the sections of `curve`: its corners where they show enough of it, else silhouettes too.
+
+    A frame's own shift scatters its silhouette and its corner alike.
+    """
     here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
     pose = cloud.base_from_profiler[here, :3]
     point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]
@@ -210,15 +342,77 @@ def _placed(
     rough = np.sqrt(rss / face.count[here]) * ray_n  # height of the face's own roughness and noise
     # On a face that leans by its roughness the next column is that much nearer or farther.
     blur = np.hypot(range_sigma_mm * ray_m, step * ROUGH_SLOPE * rough * ray_m / ray_n / 4.0)
-    out = np.full((5, here.size), np.nan)
-    out[:, here] = (
-        s,
-        place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0],
-        step,
-        np.maximum(blur, 1e-3),
-        _missing(found, ends, cloud.pass_index)[here],
-    )
-    return out[0], out[1], out[2], out[3], out[4]
+    where, low, steps, noise, missing = np.full((5, here.size), np.nan)
+    where[here], steps[here], noise[here] = s, step, np.maximum(blur, 1e-3)
+    low[here] = outward * (place[:, 0] * c[:, 0] + place[:, 1] * d[:, 0] + bend(s))
+    missing[here] = _missing(found, ends, cloud.pass_index)[here]
+    low[_at_rim(where)] = np.nan
+    silhouette, corner = np.isfinite(low) & (steps > 0), np.isfinite(low) & (steps == 0)
+    by_corners = _covered(where, corner)
+    used = np.zeros_like(silhouette) if by_corners else _alone(where, corner, silhouette)
+    low[silhouette & ~used] = np.nan
+    if not (np.isfinite(low) & np.isfinite(where)).any():
+        raise InputError(cloud.source, "no frame shows where the end face ends: is upper_side right?")
+    where[_distance(where, np.isfinite(low)) > LEAST_GAP_MM] = np.nan
+    low[~np.isfinite(where)] = np.nan
+    return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, used, by_corners)
+
+
+def _distance(s: Float, known: Bool) -> Float:
+    """How far each place (N,) is from the nearest of those that are `known` (N,)."""
+    there = np.sort(s[known & np.isfinite(s)])
+    after = np.searchsorted(there, s).clip(1, max(there.size - 1, 1))
+    return np.asarray(np.minimum(np.abs(s - there[after - 1]), np.abs(s - there[np.minimum(after, there.size - 1)])))
+
+
+def _loose(lower: _Side, upper: _Side, bend: scipy.interpolate.CubicSpline, pass_index: Int) -> list[_Loose]:
+    """Where the width of the end face changes suddenly, one of its ends is not the plate's: of each, what of that.
+
+    Bends of the edge are in both of its ends. Burrs in the face's plane, lost returns and what covers a part of the
+    face are in one, the one that jumps against the reference curve; corners with a surface are none of these.
+    """
+    sides = (lower, upper)
+    if lower.by_corners and upper.by_corners:
+        return [_nothing_loose(side) for side in sides]
+    courses = [_found_end(side, pass_index, (1, 2), None)[0] for side in sides]
+    places = [np.sort(side.s[np.isfinite(side.low)]) for side in sides]
+    start, stop = max(s[0] for s in places), min(s[-1] for s in places)
+    at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
+    seen = np.ones(at.size, bool)
+    for s in places:
+        after = np.searchsorted(s, at).clip(1, s.size - 1)
+        seen &= np.minimum(np.abs(at - s[after - 1]), np.abs(s[after] - at)) < NEAR_MM
+    u = np.hypot(courses[0].u(at), courses[1].u(at))
+    ends = [course.value(at) for course in courses]
+    off_curve = [end - side.outward * bend(at) for end, side in zip(ends, sides, strict=True)]
+    width = ends[0] + ends[1]
+    found = changes(at, width, u, seen=seen)
+    out = []
+    for k, side in enumerate(sides):
+        own, level = np.zeros(at.size), np.zeros(at.size)
+        for first, last, change in found:
+            jump, other = (float(np.ptp(off_curve[i][first : last + 1])) for i in (k, 1 - k))
+            if sides[1 - k].by_corners or jump > MORE * other:
+                own[first : last + 1] = np.maximum(own[first : last + 1], change)
+                level[(first + last) // 2 :] += width[last] - width[first]
+        over, off = off_commonest(level)
+        s = np.nan_to_num(side.s, nan=start)
+        loose = np.interp(s, at, np.maximum(own, off))
+        shift = np.where(np.interp(s, at, own) > 0.0, np.nan, over[np.searchsorted(at, s).clip(0, at.size - 1)])
+        out.append(_nothing_loose(side) if side.by_corners else _Loose(loose, shift))
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Loose:
+    """What of an end is not the plate's, in N frames."""
+
+    mm: Float  # (N,) by how much the end may be off
+    shift: Float  # (N,) how far it stands out where the face is wider than it mostly is, mm; NaN: it changes here
+
+
+def _nothing_loose(side: _Side) -> _Loose:
+    return _Loose(np.zeros(side.s.size), np.zeros(side.s.size))
 
 
 def _bend(curve: Curve, tilt: Course) -> scipy.interpolate.CubicSpline:
@@ -247,66 +441,66 @@ def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
     return np.where(ends.alone, MIXED, np.clip(share, 0.02, 0.6))
 
 
+def _found_end(
+    side: _Side, pass_index: Int, orders: tuple[int, int], together: float | None, whole: bool = True
+) -> tuple[Course, Float]:
+    """The end of the face along the edge, counted outwards; by how much most frames near each (N,) say otherwise."""
+    course = fit_course(side.s, side.middle, side.variance, pass_index, orders, together_mm=together)
+    off = np.zeros(side.s.size)
+    if not whole or not (side.silhouette & np.isfinite(side.low)).any():
+        return course, off
+    column = np.where(side.silhouette, side.ends.column, 0).astype(np.int64)
+    freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
+    on = np.flatnonzero(course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
+    on = on[np.argsort(side.s[on], kind="stable")]
+    unknown = np.full(on.size, np.nan)
+    known = Ends(
+        side.s[on],
+        freed.low[on],
+        freed.step[on],
+        np.maximum(freed.sigma[on], 1e-3),
+        side.missing[on],
+        freed.weight[on],
+        unknown,
+        unknown,
+        freed.doubt[on],
+    )
+    end = find_end(known, course, together, orders)
+    near = np.abs(side.s[:, None] - end.s[None, end.contradicted]) <= NEAR_MM
+    off = np.where(near, np.abs(end.departure[end.contradicted])[None, :], 0.0).max(axis=1, initial=0.0)
+    return end.course, off
+
+
 def _end_along(
     cloud: Cloud,
     found: RawFaces,
-    ends: FaceEnds,
-    placed: tuple[Float, Float, Float, Float, Float],
+    side: _Side,
+    loose: _Loose,
     bend: scipy.interpolate.CubicSpline,
-    outward: float,
-    vibration: Float,
     rough: bool,
     whole: bool,
 ) -> EndAlong:
-    """The course of one edge along m: by its corners where they show enough of it, else by the silhouettes too.
-
-    A frame's own shift scatters its silhouette and its corner alike.
-    """
-    s, m, step, sigma, missing = placed
-    m = m + bend(np.where(np.isfinite(s), s, 0.0))
-    together = TOGETHER_MM if rough else None
-    m = np.where(_at_rim(s), np.nan, m)
-    silhouette = np.isfinite(m) & (step > 0)
-    corner = np.isfinite(m) & (step == 0)
-    use = corner | (silhouette if not _covered(s, corner) else _alone(s, corner, silhouette))
-    spread = np.hypot(sigma, vibration)
-    middle = np.where(use, outward * m + 0.5 * step, np.nan)
-    if not (np.isfinite(middle) & np.isfinite(s)).any():
-        raise InputError(cloud.source, "no frame shows where the end face ends: is upper_side right?")
-    course = fit_course(s, middle, spread**2 + step**2 / 12.0, cloud.pass_index, (2, 3), together_mm=together)
-    end: EndCourse | None = None
-    if whole and (use & silhouette).any():
-        column = np.where(silhouette, ends.column, 0).astype(np.int64)
-        freed = settled(s, outward * m, step, spread, column, cloud.pass_index)
-        on = np.flatnonzero(use & course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
-        on = on[np.argsort(s[on], kind="stable")]
-        unknown = np.full(on.size, np.nan)
-        known = Ends(
-            s[on],
-            freed.low[on],
-            freed.step[on],
-            np.maximum(freed.sigma[on], 1e-3),
-            missing[on],
-            freed.weight[on],
-            unknown,
-            unknown,
-            freed.doubt[on],
-        )
-        end = find_end(known, course, together, (2, 3))
-        course = end.course
+    """The course of one edge along m. Frames at which it changes suddenly are bridged, those beyond shifted back."""
+    low = side.low - loose.shift
+    if np.isfinite(low).sum() > LEAST_SOUND * np.isfinite(side.low).sum():
+        side = replace(side, low=low)
+    course, off = _found_end(side, cloud.pass_index, (2, 3), TOGETHER_MM if rough else None, whole)
+    loose_mm = np.maximum(loose.mm, off)
     rounding = NO_ROUNDING
-    if whole and not rough and not _covered(s, corner):
-        rounding = _rounding(cloud, found, ends, outward, silhouette)
+    if whole and not rough and not side.by_corners:
+        rounding = _rounding(cloud, found, side)
         spline = course.spline
         course = replace(course, spline=scipy.interpolate.BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
-    return EndAlong(_scaled(course, outward), bend, np.where(np.isfinite(placed[1]), s, np.nan), rounding, end)
+    return EndAlong(_scaled(course, side.outward), bend, side.s, rounding, loose_mm)
 
 
-def _rounding(cloud: Cloud, found: RawFaces, ends: FaceEnds, outward: float, silhouette: Bool) -> Rounding:
-    face = found.faces[ROOT_FACE]
+def _rounding(cloud: Cloud, found: RawFaces, side: _Side) -> Rounding:
+    face, ends = found.faces[ROOT_FACE], side.ends
     lean = np.hypot(1.0, face.sxz / face.sxx)
-    here = silhouette & ~ends.alone & ~ends.burred
-    rim = FaceRim(face, -outward * found.side, ends.point[:, 0], ends.pitch * lean, np.full(here.size, found.sense))
+    here = side.silhouette & ~ends.alone & ~ends.burred
+    rim = FaceRim(
+        face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, np.full(here.size, found.sense)
+    )
     return rounding_of(cloud, rim, here)
 
 
@@ -386,7 +580,7 @@ def _lean(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, tilt: Course, s
     """
     for label in (UPPER_SURFACE, LOWER_SURFACE):
         if (found.faces[label].count > 0).sum() >= 3:
-            lines = _lines(cloud, found, curve, s, sigma, label)
+            lines = _lines(cloud, found, found.faces[label], curve, s, sigma)
             at = np.where(np.isfinite(lines.s), lines.s, 0.0)
             # A line has two senses; the plate lies at -n.
             turn = float(np.angle(np.nanmean(np.exp(2j * wrapped(lines.angle - tilt.value(at)))))) / 2.0

@@ -18,14 +18,13 @@ from workbench.edge.hand_eye_u import place_u_mm, turn_u
 from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
-from workbench.edge.raw_measure import RawMeasured, axes, measure_raw_edge
-from workbench.edge.sizes import end_loose_mm, sudden
+from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
 from workbench.errors import InputError
-from workbench.geometry.curves import doubtful_slope
+from workbench.geometry.curves import POSE_MM, doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
+from workbench.units import Float
 
-STATION_MM = 1.0
 ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
 ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
 
@@ -92,6 +91,8 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
     seen = covered(lower_s, cloud.pass_index, at)
     t, n, m = axes(measured, at)
     origin = measured.curve.position(at)
+    if measured.rough:
+        origin = origin + measured.stand_out.value(at)[:, None] * n
     low, high = measured.lower.value(at), measured.upper.value(at)
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
@@ -106,20 +107,27 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    form = misfit_of(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, measured.s_face, at)
+    tilt_u = np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u)
+    form = misfit_of(
+        cloud,
+        found.labels,
+        found.faces[ROOT_FACE],
+        ROOT_FACE,
+        measured.s_face,
+        at,
+        together_mm=TOGETHER_MM if measured.rough else 0.0,
+    )
     below = misfit_of(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, lower_s, at, whole=True)
-    tilt_u = np.hypot(measured.tilt.u(at), np.hypot(0.0 if measured.rough else measured.local_turn_u, form.turn_u))
+    tilt_u = np.hypot(tilt_u, form.turn_u)
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
-    if measured.rough:
-        stand_u = np.hypot(stand_u, measured.stand_out.u(at))
+    if measured.rough:  # its scatter hides the robot's
+        pose_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
+        stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), pose_u))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
     low_u = np.hypot(low_u, below.offset_u_mm)
     low_u = np.hypot(low_u, measured.lower.rounding.u_mm)
-    loose = sudden(at, low, low_u)
-    if measured.lower.end is not None:
-        loose = np.maximum(loose, end_loose_mm(measured.lower.end, at))
-    low_u = np.hypot(low_u, loose)
+    low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
@@ -147,3 +155,10 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         checks=cloud.checks,
         warnings=told,
     )
+
+
+def _between(s: Float, value: Float, at: Float) -> Float:
+    """Values (N,) of frames at s (N,) at places between them (k,)."""
+    on = np.flatnonzero(np.isfinite(s))
+    order = on[np.argsort(s[on], kind="stable")]
+    return np.interp(at, s[order], value[order])

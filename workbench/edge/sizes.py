@@ -73,28 +73,46 @@ def sudden(
     What is not `seen` may change as it likes. What lies off the level of most of the edge is uncertain by all of that;
     where no level has most of it, all is.
     """
-    out = np.zeros(at.size)
+    out, level = np.zeros(at.size), np.zeros(at.size)
+    for first, last, change in changes(at, value, u, least, least_slope, seen):
+        out[first : last + 1] = np.maximum(out[first : last + 1], change)
+        level[(first + last) // 2 :] += value[last] - value[first]
+    return np.asarray(np.maximum(out, off_commonest(level, least)[1]))
+
+
+def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:
+    """How far each station (m,) lies over the commonest level, and what that makes uncertain."""
+    share = np.array([np.mean(np.abs(level - one) < least) for one in level])
+    over = level - level[np.argmax(share)]
+    off = np.abs(over)
+    if share.max() < MOST:
+        off = np.maximum(off, np.ptp(level))
+    return over, np.where(off < least, 0.0, off)
+
+
+def changes(
+    at: Float,
+    value: Float,
+    u: Float,
+    least: float = SUDDEN_MM,
+    least_slope: float = SUDDEN_SLOPE,
+    seen: Bool | bool = True,
+) -> list[tuple[int, int, float]]:
+    """The sudden changes of `sudden`: first and last station, and by how much the size changes between them."""
     if at.size < 3:
-        return out
+        return []
     reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
     slope = np.abs(np.gradient(value, at))
     steep = np.flatnonzero(seen & (slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope)))))
     if not steep.size:
-        return out
-    level, level_now = np.zeros(at.size), 0.0
+        return []
+    out = []
     for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
-        before, after = max(run[0] - reach, 0), min(run[-1] + reach, at.size - 1)
-        change = value[before : after + 1] - value[before]
-        if np.ptp(change) < max(least, SUDDEN_SIGMAS * float(np.median(u[before : after + 1]))):
-            continue
-        out[before : after + 1] = np.maximum(out[before : after + 1], np.ptp(change))
-        level_now += float(change[-1])
-        level[(run[0] + run[-1]) // 2 :] = level_now
-    share = np.array([np.mean(np.abs(level - one) < least) for one in level])
-    off = np.abs(level - level[np.argmax(share)])
-    if share.max() < MOST:
-        off = np.maximum(off, np.ptp(level))
-    return np.asarray(np.maximum(out, np.where(off < least, 0.0, off)))
+        first, last = int(max(run[0] - reach, 0)), int(min(run[-1] + reach, at.size - 1))
+        change = float(np.ptp(value[first : last + 1]))
+        if change >= max(least, SUDDEN_SIGMAS * float(np.median(u[first : last + 1]))):
+            out.append((first, last, change))
+    return out
 
 
 def end_loose_mm(end: EndCourse, s: Float) -> Float:

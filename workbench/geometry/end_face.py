@@ -14,7 +14,7 @@ from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 # Faces that `read_frame` reports, and what it reports of each, as in geometry.tracking.
-FACE, UPPER, LOWER = range(3)
+FACE, UPPER, LOWER, WHOLE = range(4)  # WHOLE: the end face with its margins
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
 KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD = range(8)
@@ -163,24 +163,42 @@ def _rising(x: Float32, at: Int, n: int, gx: float) -> float:
 
 
 @kernel
-def _sum_up(x: Float32, z: Float32, at: Int, chosen: Bool, n: int, out: Float) -> None:
-    """Fill out (8,) with the sums of the chosen points."""
-    m, sx, sz, first = 0.0, 0.0, 0.0, -1
+def _sum_up(x: Float32, z: Float32, at: Int, chosen: Bool, n: int, weight: Float, out: Float) -> None:
+    """Fill out (8,) with the sums of the chosen points, by their weights (mean 1)."""
+    m, total, sx, sz, first = 0.0, 0.0, 0.0, 0.0, -1
     for k in range(n):
         if chosen[k]:
-            m, sx, sz = m + 1.0, sx + np.float64(x[at[k]]), sz + np.float64(z[at[k]])
+            w = weight[k]
+            m, total = m + 1.0, total + w
+            sx, sz = sx + w * np.float64(x[at[k]]), sz + w * np.float64(z[at[k]])
             first = at[k] if first < 0 else first
             out[LAST] = at[k]
     out[COUNT], out[FIRST] = m, first
     if m == 0.0:
         return
-    mx, mz = sx / m, sz / m
+    mx, mz = sx / total, sz / total
     sxx, sxz, szz = 0.0, 0.0, 0.0
     for k in range(n):
         if chosen[k]:
-            dx, dz = np.float64(x[at[k]]) - mx, np.float64(z[at[k]]) - mz
-            sxx, sxz, szz = sxx + dx * dx, sxz + dx * dz, szz + dz * dz
+            w, dx, dz = weight[k], np.float64(x[at[k]]) - mx, np.float64(z[at[k]]) - mz
+            sxx, sxz, szz = sxx + w * dx * dx, sxz + w * dx * dz, szz + w * dz * dz
     out[X_MEAN], out[Z_MEAN], out[SXX], out[SXZ], out[SZZ] = mx, mz, sxx, sxz, szz
+
+
+@kernel
+def _spread_out(p: Float, chosen: Bool, n: int, weight: Float) -> None:
+    """Weights (mean 1) by which the chosen points stand for the face evenly: slopes towards the scanner show more."""
+    before, m, total = -1, 0.0, 0.0
+    for k in range(n):
+        weight[k] = 0.0
+        if chosen[k]:
+            if before >= 0:
+                half = 0.5 * abs(p[k] - p[before])
+                weight[before], weight[k] = weight[before] + half, half
+                total += 2.0 * half
+            before, m = k, m + 1.0
+    for k in range(n):
+        weight[k] *= m / max(total, 1e-9)
 
 
 @kernel
@@ -268,7 +286,7 @@ def _read_frame(
     ends: Float,
     labels: AnyArray,
 ) -> bool:
-    """One frame of `read_frames`; work (3, M), at (M,) and chosen (M,) are scratch. False: no end face."""
+    """One frame of `read_frames`; work (4, M), at (M,) and chosen (M,) are scratch. False: no end face."""
     p, q, depth = work[0], work[1], work[2]
     n = _turned(x, z, keep, gx, gz, at, p, q)
     if n < LEAST_POINTS:
@@ -289,8 +307,12 @@ def _read_frame(
         chosen[k] = first <= k <= last and abs(depth[k]) <= gate
         if chosen[k]:
             labels[at[k]] = names[FACE]
-            chosen[k] = low + MARGIN_MM <= p[k] <= high - MARGIN_MM
-    _sum_up(x, z, at, chosen, n, sums[FACE])
+    _spread_out(p, chosen, n, work[3])
+    _sum_up(x, z, at, chosen, n, work[3], sums[WHOLE])
+    for k in range(n):
+        chosen[k] = chosen[k] and low + MARGIN_MM <= p[k] <= high - MARGIN_MM
+    work[3, :n] = 1.0
+    _sum_up(x, z, at, chosen, n, work[3], sums[FACE])
     if sums[FACE, COUNT] < LEAST_POINTS:
         return False
     for upper in range(2):
@@ -304,7 +326,7 @@ def _read_frame(
         edge = sa if around > 0.0 else p[end]
         ends[upper, PROUD] = _proud(p, depth, n, climb, edge, sb, around, gate)
         if around > 0.0:
-            _sum_up(x, z, at, chosen, n, sums[UPPER if upper else LOWER])
+            _sum_up(x, z, at, chosen, n, work[3], sums[UPPER if upper else LOWER])
             ends[upper, KIND] = CORNER
             _label_surface(p, depth, at, start, stop, sa, sb, 2.0 * around, names[UPPER if upper else LOWER], labels)
             continue
@@ -372,10 +394,10 @@ def read_frames(
 
     x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
     to some degrees (NaN: leave the frame out); sense +1 if z counts away from the sensor, else -1; names (3,) labels of
-    face, upper and lower surface. Filled in: sums (N, 3, 8), ends (N, 2, 8), seen (N,), labels (N, M).
+    face, upper and lower surface. Filled in: sums (N, 4, 8), ends (N, 2, 8), seen (N,), labels (N, M).
     """
     columns = x.shape[1]
-    work, at, chosen = np.empty((3, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)
+    work, at, chosen = np.empty((4, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)
     for i in range(first, last):
         if np.isfinite(along[i, 0]):
             seen[i] = _read_frame(

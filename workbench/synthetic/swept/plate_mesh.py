@@ -32,7 +32,7 @@ def plate_mesh(part: SweptPart, curve: Curve, rng: np.random.Generator) -> Mesh:
     shape = shape_of(part, frames.s, curve.length)
     chain = chain_of(outline_of(part, shape))
     points = chain.points.copy()
-    relief = relief_of(part, curve.length, float(shape.corner[:, 2, 1].max()), rng)
+    relief = relief_of(part, curve.length, rng)
     on_root = np.zeros(points.shape[1], dtype=bool)
     on_root[:-1] |= chain.face == ROOT
     on_root[1:] |= chain.face == ROOT
@@ -44,9 +44,9 @@ def plate_mesh(part: SweptPart, curve: Curve, rng: np.random.Generator) -> Mesh:
     return mesh_of(pieces)
 
 
-def relief_of(part: SweptPart, length: float, height: float, rng: np.random.Generator) -> Relief | None:
+def relief_of(part: SweptPart, length: float, rng: np.random.Generator) -> Relief | None:
     """The roughness of the end face, at least twice as large as the face so that it does not repeat."""
-    rough = part.roughness
+    rough, height = part.roughness, part.thickness_mm.highest
     if rough.sd_mm == 0:
         return None
     step = rough.correlation_mm / 3.0

@@ -17,7 +17,7 @@ from workbench.synthetic.swept.motion import Motion, moves, recorded_hand_eye
 from workbench.synthetic.swept.plate_mesh import plate_mesh, relief_of
 from workbench.synthetic.swept.recipe import AnyRecipe, GroovePart, GrooveRecipe, SweptPart, SweptRecipe, Texture
 from workbench.synthetic.swept.returns import fixed_pattern, returned
-from workbench.synthetic.swept.section import BEVEL, ROOT, UNDER, UPPER, shape_of
+from workbench.synthetic.swept.section import BEVEL, ROOT, UNDER, UPPER
 from workbench.synthetic.swept.sensor import Profiles, Spoil, View, column_places, see
 from workbench.synthetic.swept.spine import Curve, curve_of
 from workbench.synthetic.swept.spoiled import ghosts_of, reflections_of
@@ -38,7 +38,8 @@ def simulate_swept(recipe: SweptRecipe, progress: Progress | None = None) -> tup
     with _section_refused():
         mesh = plate_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
     recording, seen = _scanned(recipe, curve, mesh, ghosts_of(part.ghosts), partial(_edge_seen, part=part), progress)
-    return recording, truth_of(recipe, curve, _relief(part, curve, recipe.seed), seen)
+    relief = relief_of(part, curve.length, np.random.default_rng([recipe.seed, 21]))  # the same numbers as the mesh's
+    return recording, truth_of(recipe, curve, relief, seen)
 
 
 def simulate_groove(recipe: GrooveRecipe, progress: Progress | None = None) -> tuple[Recording, GrooveTruth]:
@@ -91,12 +92,6 @@ def _scanned(
         seen.append(np.concatenate(here))
     recording = _recording(recipe, motions, np.concatenate(x), np.concatenate(z), np.concatenate(light))
     return recording, seen
-
-
-def _relief(part: SweptPart, curve: Curve, seed: int) -> Relief | None:
-    """The roughness of the root face: the same numbers as the mesh's."""
-    shape = shape_of(part, np.array([0.0]), curve.length)
-    return relief_of(part, curve.length, float(shape.corner[:, 2, 1].max()), np.random.default_rng([seed, 21]))
 
 
 def _textures(texture: Texture, rng: np.random.Generator) -> dict[int, Relief]:

@@ -218,9 +218,10 @@ def _fitted_relief(relief: Relief, s: Float, lower: Float, upper: Float) -> Floa
     height = relief.at(s[:, None], b)
     width = b[:, -1] - b[:, 0]
     wide = round(2 * LOCAL_MM / STATION_MM) + 1
-    mean = scipy.ndimage.uniform_filter1d(height.mean(axis=1), wide, mode="nearest")
     v = share - 0.5
-    slope = scipy.ndimage.uniform_filter1d(height @ v / (v @ v), wide, mode="nearest")  # per width
+    inside = scipy.ndimage.uniform_filter1d(np.ones(len(s)), wide, mode="constant")  # the face ends with the part
+    mean = scipy.ndimage.uniform_filter1d(height.mean(axis=1), wide, mode="constant") / inside
+    slope = scipy.ndimage.uniform_filter1d(height @ v / (v @ v), wide, mode="constant") / inside  # per width
     lower[:, 0] += mean - slope / 2
     upper[:, 0] += mean + slope / 2
     return np.asarray(np.arctan2(slope, width))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from workbench.edge.form import INCIDENCES, PLACES, _excess, _known_depths, _quarter_circle
+from workbench.edge.form import INCIDENCES, PLACES, Misfit, _bow, _excess, _known_depths, _quarter_circle, scattered
 from workbench.units import Float
 
 FRAMES, COLUMNS, SIGMA = 100, 45, 0.012
@@ -91,3 +91,18 @@ def test_a_bow_is_no_rounding(bow_mm: float) -> None:
     found = depths(1e-9, 1.0, math.radians(84.0), bow_mm, np.random.default_rng(9))
     is_proven, *_ = _quarter_circle(_known_depths(found, edges), edges, 1.0, INCIDENCES)
     assert not is_proven
+
+
+@pytest.mark.parametrize("bow_mm", [0.03, -0.06])
+def test_a_bow_shows_at_the_ends(bow_mm: float) -> None:
+    """The line of least squares leaves a parabola's ends by two thirds of its height."""
+    off, place, _ = residuals(np.zeros(COLUMNS), np.zeros(FRAMES), np.random.default_rng(3))
+    t = np.linspace(-1.0, 1.0, COLUMNS)
+    assert abs(_bow(off + bow_mm * (1.0 / 3.0 - t**2), place) - abs(bow_mm) * 2.0 / 3.0) < 0.1 * abs(bow_mm)
+    assert _bow(off, place) < 0.1 * SIGMA
+
+
+def test_points_that_scatter_beyond_any_noise_are_in_u() -> None:
+    known = Misfit(np.zeros(2), np.zeros(2), 1.0)
+    assert (scattered(known, 0.0).turn_u == 0.0).all()
+    np.testing.assert_allclose(scattered(known, 0.05).turn_u, 2.1 * 0.05)

@@ -7,7 +7,7 @@ do (docs/method.md, section 4).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ LEAST_FRAMES = 20  # in a stretch
 # A misfit of rms e counts as three independent errors e on the face: their line turns by 2.1 e over the face's width
 # and its ends move by 1.2 e (straight line through three points).
 TURN, OFFSET = 2.1, 1.2
+GRAZING = 3.0  # times the noise of the other face: more is no noise of grazing rays
 # A rounded end: the last returns of the root face, each alone, then pooled, how sure their depth must be, and what is
 # taken for possible.
 LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 8
@@ -61,10 +62,22 @@ def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, a
     """Misfit along the edge; s_frames (N,): where each frame shows it, at (m,): places, beta (m,): bevel angle, rad."""
     root = misfit_of(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at)
     bevel = misfit_of(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at)
+    sigma = np.nanmedian(tracked.range_sigma_mm[tracked.seen], axis=0)
+    rough = [max(sigma[k] ** 2 - (GRAZING * sigma[3 - k]) ** 2, 0.0) ** 0.5 for k in (2, 1)]  # root face, bevel face
+    root, bevel = (scattered(one, e) for one, e in zip((root, bevel), rough, strict=True))
     face = tracked.faces[ROOT_FACE]
     steep = float(np.nanmedian(np.abs(face.sxz / face.sxx)))  # the end comes along the rays onto the line
     corner = np.hypot(root.offset_u_mm * (1.0 / np.abs(np.tan(beta)) + steep), bevel.offset_u_mm / np.sin(beta))
     return Form(root.turn_u, bevel.turn_u, corner)
+
+
+def scattered(misfit: Misfit, rms: float) -> Misfit:
+    """The misfit with that of points which scatter by `rms` (mm) more than any noise of the other face explains."""
+    return replace(
+        misfit,
+        turn_u=np.hypot(misfit.turn_u, TURN * rms / misfit.width_mm),
+        offset_u_mm=np.hypot(misfit.offset_u_mm, OFFSET * rms),
+    )
 
 
 def _sample(s_frames: Float, face: FaceLines) -> Int:
@@ -78,6 +91,7 @@ class Misfit:
 
     turn_u: Float  # (m,) standard uncertainty of the face's direction, rad
     offset_u_mm: Float  # (m,) of its ends, across the face
+    width_mm: float
 
 
 def misfit_of(
@@ -98,7 +112,7 @@ def misfit_of(
     """
     square, bow, width = _left(cloud, labels, face, label, s_frames, at, whole, together_mm)
     rest = np.maximum(square - bow**2 / 5.0, 0.0)
-    return Misfit(TURN * np.sqrt(square) / width, np.sqrt(OFFSET**2 * rest + bow**2))
+    return Misfit(TURN * np.sqrt(square) / width, np.sqrt(OFFSET**2 * rest + bow**2), width)
 
 
 def _left(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -68,7 +69,14 @@ def figure_html(picture: bytes, words: str, caption: str = "", colours: Iterable
     address = f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
     key = _key(colours)
     below = f"<figcaption>{key}{escape(caption)}</figcaption>" if key or caption else ""
-    return f'<figure><img src="{address}" alt="{escape(words)}"/>{below}</figure>'
+    tall = ' class="tall"' if _stacked(picture) else ""
+    return f'<figure><img{tall} src="{address}" alt="{escape(words)}"/>{below}</figure>'
+
+
+def _stacked(picture: bytes) -> bool:
+    """Whether a chart in SVG is as high as several above each other: in print it gets the height to be read."""
+    size = re.search(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', picture[:2000])
+    return size is not None and float(size[2]) > 0.45 * float(size[1])
 
 
 def key_html(colours: Iterable[tuple[str, str]]) -> str:

@@ -40,7 +40,7 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell) -> Chapter
         text += pieces.heading("Margins along the way") + pieces.figure_html(
             chart,
             "Clearance, distance from joint limits, wrist angle and condition number along the way",
-            "Each place shows the worst of its stretch; dashed: what the cell file asks for.",
+            "Each place shows the worst of its stretch; dashed: what the cell file requires.",
         )
     return Chapter(title="Program", html=text, summary=f"{name}: {released}")
 

@@ -16,6 +16,7 @@ from workbench.checks.limits import check
 from workbench.edge.groove_frames import Lines, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import BELOW_MM, Kind
 from workbench.edge.segment import laser_plane_u
+from workbench.edge.sizes import end_loose_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, doubtful_slope
@@ -106,9 +107,14 @@ def segment_groove(
     told = f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
     checks.append(check("groove_level", level, told, given=given))
     gap = measured.sizes["gap_mm"]
-    overlap = float(np.nanmedian(-gap.value - 3.0 * gap.u))
+    overlap = _typical(-gap.value - 3.0 * gap.u)
     checks.append(
-        check("groove_overlap_mm", overlap, "the plates' roots overlap: no gap, other faces were followed", given=given)
+        check(
+            "groove_overlap_mm",
+            None if math.isnan(overlap) else overlap,
+            "the plates' roots overlap: no gap, other faces were followed",
+            given=given,
+        )
     )
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
@@ -236,7 +242,7 @@ class _Measured:
     def measure(self) -> None:
         """Fill `sizes` and `corners`."""
         left, right = self.lines
-        ends = [float(np.nanmedian(one.edge_step)) if one.kind in UNSEEN else 0.0 for one in self.lines]
+        ends = [_typical(one.edge_step) if one.kind in UNSEEN else 0.0 for one in self.lines]
         edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
         hidden = np.zeros(self.at.size)
         for one, end in zip(self.lines, ends, strict=True):
@@ -292,8 +298,9 @@ class _Measured:
                 math.hypot(*(d.depth_end for d in depths)) / n,
                 high,
             )
-        square = [float(np.nanmedian(one.corner[:, 1] - one.last[:, 1])) for one in self.lines if one.kind == "square"]
-        self.depth = max(square + [float(np.nanmedian(d.depth)) for d in depths], default=LEAST_DEPTH_MM)
+        square = [_typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind == "square"]
+        told = [depth for depth in (*square, *(_typical(d.depth) for d in depths)) if math.isfinite(depth)]
+        self.depth = max(told, default=LEAST_DEPTH_MM)
         self._mm(
             "gap_mm",
             width.value + hidden - sum(r.run for r in roots),
@@ -311,15 +318,14 @@ class _Measured:
                 np.sqrt(sum(r.u**2 for r in radius)) / n,
                 0.0,
                 self._shared(*(one.radius_variance for one in round_)) / n,
-                FORM_U_MM
-                * max(float(np.nanmedian(one.radius_lever)) if one.kind == "hidden" else 0.0 for one in round_),
+                FORM_U_MM * max(_typical(one.radius_lever) if one.kind == "hidden" else 0.0 for one in round_),
             )
         self._corners(roots)
         self._root_faces(roots)
 
     def level_share(self) -> float:
         """How much higher one plate stands than the other, over the groove's depth."""
-        return float(np.nanmedian(np.abs(self.misalignment))) / max(self.depth, 1e-3)
+        return _typical(np.abs(self.misalignment)) / max(self.depth, 1e-3)
 
     def _turned(self, name: str, one: Lines) -> Lines:
         """The lines with their directions in the section plane.
@@ -335,7 +341,7 @@ class _Measured:
             angle - way * (np.cos(angle) * db - np.sin(angle) * da)
             for angle, way in ((one.plate, one.plate_way), (one.face, one.face_way))
         )
-        ways = [float(np.nanmedian(np.abs(way))) for way in (one.plate_way, one.face_way) if np.isfinite(way).any()]
+        ways = [_typical(np.abs(way)) for way in (one.plate_way, one.face_way) if np.isfinite(way).any()]
         self.slope_u[name] = math.hypot(*ways) * np.hypot(a.smooth.slope_u(self.at), b.smooth.slope_u(self.at))
         return replace(one, plate=plate, face=face)
 
@@ -347,7 +353,7 @@ class _Measured:
             raise InputError(
                 "groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, found {good.sum()}"
             )
-        spread = np.abs(value - np.nanmedian(value[good]))
+        spread = np.abs(value - np.median(value[good]))
         good = self._smooth(
             value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good])))
         )
@@ -360,7 +366,7 @@ class _Measured:
     def _smooth(self, value: Float, good: Bool, step: float) -> Bool:
         """Profiles (n,) of `good` whose values lie within TOGETHER_STEPS of one smooth course."""
         wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
-        off = value - np.nanmedian(value[good])
+        off = value - np.median(value[good])
         for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0)):
             near = good & (np.abs(off) < wide * max(step, 0.02))
             if near.sum() < max(LEAST_ENDS, 2 * degree):
@@ -371,7 +377,7 @@ class _Measured:
     def _shared(self, *variances: Float) -> float:
         """What the columns' fixed pattern leaves of the sum of single profiles' variances: standard deviation."""
         pattern = max(one.pattern for one in self.lines)
-        return math.sqrt(pattern * sum(float(np.nanmedian(v)) for v in variances))
+        return math.sqrt(pattern * sum(_typical(v) for v in variances))
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
         self.sizes[name] = Quantity(
@@ -421,7 +427,7 @@ class _Measured:
         shown = np.isfinite(one.root_a)
         if shown.mean() > SHOWS:  # a root face is seen: the bevel ends where it meets that
             low = np.where(shown, (one.root_a - one.corner[:, 0]) / way[:, 0], np.nan)
-            step = float(np.nanmedian(one.step))
+            step = _typical(one.step)
             near = self._together(low, shown & np.isfinite(self.s), step)
             far = far_u = np.full(self.at.size, np.nan)
             if near.any():
@@ -432,7 +438,7 @@ class _Measured:
             far, far_u, step = self._end(low, one)
         angle, angle_u = fall
         c, d, end = np.cos(angle), np.sin(angle), STEP_SHARE * step
-        mean = float(np.nanmedian(angle))
+        mean = _typical(angle)
         return _Root(
             far * d,
             np.hypot(d * far_u, c * far * angle_u),
@@ -445,9 +451,9 @@ class _Measured:
     def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
         """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""
         good = np.isfinite(low) & np.isfinite(self.s) & np.isfinite(one.step)
-        good = self._together(low, good, float(np.nanmedian(one.step)))
+        good = self._together(low, good, _typical(one.step))
         if not good.any():
-            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan), float(np.nanmedian(one.step))
+            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan), _typical(one.step)
         return self._silhouette(low, one.step, one.sigma, good)
 
     def _together(self, low: Float, good: Bool, step: float) -> Bool:
@@ -488,16 +494,14 @@ class _Measured:
         for place in found.s[found.contradicted]:
             hidden |= np.abs(self.at - place) < CELL_MM
         value = np.where(hidden, np.nan, found.course.value(self.at))
-        return value, found.course.u(self.at), float(np.median(step))
+        return value, np.hypot(found.course.u(self.at), end_loose_mm(found, self.at)), float(np.median(step))
 
     def _corners(self, roots: list[_Root]) -> None:
         """Upper corners from their own courses; roots from these."""
         for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
             a, b = self.upper[name]
             place = np.stack([a.value, b.value], axis=1)
-            end = (
-                math.hypot(END_SHARE * float(np.nanmedian(one.edge_step)), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
-            )
+            end = math.hypot(END_SHARE * _typical(one.edge_step), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
             u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in PREPARED:
@@ -513,12 +517,12 @@ class _Measured:
 
     def _root_faces(self, roots: list[_Root]) -> None:
         """Root faces that the sensor sees down to their lower edge past the other plate."""
-        gap = float(np.nanmedian(self.sizes["gap_mm"].value))
+        gap = _typical(self.sizes["gap_mm"].value)
         for k, (name, one, root) in enumerate(zip(("left", "right"), self.lines, roots, strict=True)):
             if one.kind not in ("bevel", "round"):
                 continue
             towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
-            column = float(np.nanmedian(one.step)) * abs(math.cos(float(np.nanmedian(one.face))))
+            column = _typical(one.step) * abs(math.cos(_typical(one.face)))
             shown = np.isfinite(one.lowest).all(axis=1) & np.isfinite(self.s)
             if (
                 one.kind == "bevel"
@@ -538,8 +542,8 @@ class _Measured:
                 continue
             far, far_u, step = self._silhouette(drop, one.spacing, one.sigma, good)
             face = far - root.depth
-            clear = gap / towards - float(np.nanmedian(np.abs(self.misalignment)))
-            if float(np.nanmedian(face)) < 2.0 * BELOW_MM or float(np.nanmedian(face)) + CLEAR_MM > clear:
+            clear = gap / towards - _typical(np.abs(self.misalignment))
+            if _typical(face) < 2.0 * BELOW_MM or _typical(face) + CLEAR_MM > clear:
                 continue
             size = f"root_face_{name}_mm"
             self._mm(size, face, np.hypot(far_u, root.depth_u), math.hypot(STEP_SHARE * step, root.depth_end), 0.0)
@@ -563,3 +567,9 @@ class _Root:
     ) -> None:
         self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
         self.run, self.run_u, self.run_end = run, run_u, run_end
+
+
+def _typical(value: Float) -> float:
+    """Median of the finite values; NaN where there is none."""
+    finite = value[np.isfinite(value)]
+    return float(np.median(finite)) if finite.size else math.nan

@@ -152,3 +152,46 @@ def test_a_profile_of_nothing():
     nothing = np.full(50, np.nan)
     assert measured(nothing, nothing).lines == ()
     assert measured(np.zeros(50), np.zeros(50)).lines == ()
+
+
+@pytest.mark.parametrize(
+    ("place", "scale", "unit"),
+    [
+        ("robot/position", 1e-3, "the robot's positions are in metres"),
+        ("hand_eye/flange_from_profiler", 1e-3, "the hand-eye pose's translation is in metres"),
+    ],
+)
+def test_the_unit_that_makes_it_consistent_is_named_alone(place, scale, unit, command, tmp_path):
+    path = tmp_path / "scaled.h5"
+    shutil.copy(SYNTHETIC / "milled_arc.h5", path)
+    with h5py.File(path, "r+") as file:
+        value = file[place][...]
+        if value.shape == (4, 4):
+            value[:3, 3] *= scale
+        else:
+            value *= scale
+        file[place][...] = value
+    lines = command("look", path).out.splitlines()
+    at = lines.index("conventions that would make this consistent:")
+    assert [line.strip() for line in lines[at + 1 :] if line.startswith("  ")] == [unit]
+
+
+def test_joint_angles_are_told_as_such(command, tmp_path):
+    path = tmp_path / "joints.txt"
+    angles = np.random.default_rng(3).uniform(-2.5, 2.5, (30, 6))
+    path.write_text("".join(f"{k + 1}," + ",".join(f"{v:.5f}" for v in row) + "\n" for k, row in enumerate(angles)))
+    got = command("look", path, "--out", tmp_path / "page.html")
+    assert got.status == 0
+    assert "joint angles of a robot" in got.out
+    assert "urdf" in got.out.lower()
+    assert "cloud" not in got.out
+
+
+def test_a_table_of_a_gauge_study_is_told_column_by_column(command, tmp_path):
+    path = tmp_path / "study.csv"
+    rows = [f"{k % 3 + 1},{k % 2 + 1},{k},{0.2 + 0.01 * k:.3f}" for k in range(12)]
+    path.write_text("\n".join(["Operators,Trials,SN,C13A_TP", *rows, ""]))
+    got = command("look", path)
+    assert got.status == 0
+    assert "C13A_TP: 0.2 to 0.31, 12 different" in got.out
+    assert "compare.study" in got.out

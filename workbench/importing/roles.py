@@ -100,6 +100,7 @@ ORIENTATIONS = (  # columns, convention, robot, what is uncertain
     (("roll", "pitch", "yaw"), "euler_xyz_extrinsic", "", "roll, pitch, yaw are taken about the fixed x, y, z"),
 )
 FEWEST_RANGES = 48  # columns from which a row without names is a profile
+UR_REACH_M = 2.5  # of the flange, a pedestal or a table's frame included
 COUNTER = "counter"
 
 
@@ -199,6 +200,8 @@ def _by_numbers(form: Form) -> Columns:
             return _quaternion(roles, places[3:], values, doubt)
         names = ("rx", "ry", "rz")
         roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
+        if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
+            doubt += "; six of them within 2 pi could be joint angles too"
         return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
     if len(places) == 3 and steady(rows[:, places[1]]):
         roles["travel"] = Named(places.pop(1), "")
@@ -211,8 +214,8 @@ def _by_numbers(form: Form) -> Columns:
 
 
 def _metres(position: Float) -> bool:
-    """Whether numbers could be a flange's positions in m."""
-    return bool(0.2 <= np.nanmax(np.linalg.norm(position, axis=1)) <= 5.0)
+    """Whether numbers could be a flange's positions in m: arms that log rotation vectors (UR) reach up to 1.75 m."""
+    return bool(0.2 <= np.nanmax(np.linalg.norm(position, axis=1)) <= UR_REACH_M)
 
 
 def _leading(rows: Float) -> list[str]:

@@ -7,6 +7,8 @@ import numpy as np
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing.neutral import Imported
+from workbench.importing.roles import columns_of
+from workbench.importing.sniff import Form
 from workbench.look.grids import even_grid, pitch_mm, stacked
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
 from workbench.look.regions import regions_of
@@ -16,6 +18,7 @@ from workbench.look.single import measured
 from workbench.look.single import told as told_profile
 from workbench.look.tell import box
 
+MOST_COLUMNS = 24  # that are told
 IMPORT_HINT = "to bring it in: workbench import --draft FILE POSES --out map.json (docs/importing.md)"
 
 
@@ -44,6 +47,9 @@ def frames_alone(found: Imported, source: str) -> Seen:
         lines += told_regions(regions_of(x_mm.astype(float), frames.travel_mm, frames.z_mm.astype(float)))
     shown = stacked(frames.x_mm, frames.z_mm, frames.travel_mm)
     profile = measured(frames.x_mm[0], frames.z_mm[0]) if count == 1 else None
+    hints = ["no poses: nothing is known of where it lies in the base", IMPORT_HINT]
+    if seen.sum() > 2 and np.ptp(frames.z_mm[seen]) == 0.0:
+        hints.insert(0, f"z is {frames.z_mm[seen][0]:g} throughout: these are no ranges")
     y = "y is the way along the scan" if frames.travel_mm is not None else "y counts frames"
     return Seen(
         source,
@@ -53,8 +59,33 @@ def frames_alone(found: Imported, source: str) -> Seen:
         shown.points_mm,
         shown.shades,
         profile=profile,
-        hints=("no poses: nothing is known of where it lies in the base", IMPORT_HINT),
+        hints=tuple(hints),
     )
+
+
+def numbers_alone(form: Form, source: str) -> Seen:
+    """A table of numbers that is neither profiles nor poses nor a cloud: its columns, and what could be made of it."""
+    known = columns_of(form).roles
+    joints = "joint angles in rad" in known
+    first = known["joint angles in rad"].column if joints else None
+    names = list(form.header) or [f"column {k}" for k in range(form.rows.shape[1])]
+    if isinstance(first, int):
+        names[first:] = [f"joint {k + 1}, rad" for k in range(len(names) - first)]
+    lines = [f"rows: {len(form.rows)}, columns: {len(names)}"]
+    for name, values in list(zip(names, form.rows.T, strict=True))[:MOST_COLUMNS]:
+        kept = values[np.isfinite(values)]
+        told = f"{kept.min():.6g} to {kept.max():.6g}, {len(np.unique(kept))} different" if len(kept) else "empty"
+        lines.append(f"  {name}: {told}")
+    if len(names) > MOST_COLUMNS:
+        lines.append(f"  and {len(names) - MOST_COLUMNS} more")
+    hint = (
+        "joints become poses by the robot's URDF: the part `joints` of a mapping (docs/importing.md)"
+        if joints
+        else "a recording needs x and z of points, or x, y, z and an orientation, or joints: name the columns in a "
+        "mapping (docs/importing.md); a gauge study with a row a trial: stage compare.study (docs/comparison.md)"
+    )
+    kind = "joint angles of a robot" if joints else "table of numbers"
+    return Seen(source, kind, "no frame: columns as they stand", tuple(lines), np.zeros((0, 3)), (), hints=(hint,))
 
 
 def poses_alone(found: Imported, source: str) -> Seen:

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.cloud import readers
-from workbench.cloud.read import MM, OF_FORMAT, check_size, in_process
+from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, in_process
 from workbench.edge.groove_rows import COLUMNS, corners_of_rows
 from workbench.errors import InputError
 from workbench.export.corners import read_corners, recognised
@@ -20,8 +20,10 @@ from workbench.importing import kistler
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.roles import columns_of
+from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.text import decoded, first_bytes, head_text
-from workbench.look.foreign import frames_alone, poses_alone
+from workbench.look.foreign import frames_alone, numbers_alone, poses_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.sample import chosen_of, shades_of
 from workbench.look.seen import Seen
@@ -52,7 +54,7 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
         return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
     if mapping is None:
-        ways += [_drafted, *([_cloud] if suffix in TEXTS else [])]
+        ways += [_drafted, *([_cloud_of_text, _numbers] if suffix in TEXTS else [])]
     refused: list[InputError] = []
     for way in ways:
         try:
@@ -129,6 +131,32 @@ def _cloud(file: Path) -> Seen:
         checks=tuple(checks),
         hints=("as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE (docs/clouds.md)",),
     )
+
+
+def _cloud_of_text(file: Path) -> Seen:
+    """A cloud whose points stand in a table; a few rows, or rows of joints, are something else."""
+    form = _form(file)
+    found = _cloud(file)
+    if form is not None and len(form.rows) < LEAST_POINTS:
+        raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {len(form.rows)} rows")
+    if form is not None and "joint angles in rad" in columns_of(form).roles:
+        raise InputError(str(file), "expected a cloud, found joint angles")
+    return found
+
+
+def _numbers(file: Path) -> Seen:
+    """A table of numbers of another kind."""
+    form = _form(file)
+    if form is None:
+        raise InputError(str(file), "expected a table of numbers")
+    return numbers_alone(form, str(file))
+
+
+def _form(file: Path) -> Form | None:
+    """How the file is written, if it is a table of numbers."""
+    with open(file, "rb") as stream:
+        content = stream.read(SAMPLE_BYTES)
+    return sniffed(content, file.stat().st_size <= SAMPLE_BYTES)
 
 
 def _drafted(file: Path) -> Seen:

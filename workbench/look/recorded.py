@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from workbench.artefacts import Check, Recording, Strokes
 from workbench.checks import AS_READ, consistent_conventions, judge_recording
+from workbench.checks.judge import UNITS_MM
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, rpy_from_rotation
+from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
 from workbench.look.grids import stacked
 from workbench.look.sample import places, shades_of
@@ -24,6 +26,7 @@ from workbench.scan.layout import FIELDS, data_sets
 from workbench.units import AnyArray, Float
 
 MOST_SUGGESTIONS = 5
+OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "way_mm", "frame_step_mm", "speed_mm_s", "hand_eye_mm")
 SCANNERS = 24  # scanner poses drawn
 BASE_AXES_MM = 200.0
 RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
@@ -76,6 +79,8 @@ def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
     checks = judge_recording(recording)
     if all(check.passed for check in checks) or recording.sphere_diameter_mm is not None:
         return checks, ()
+    if units := consistent_units(recording, checks):
+        return checks, units
     fits = consistent_conventions(recording)
     return checks, tuple(
         f"{reading.name} (laser plane {fit.obliquity_deg:.1f} deg off the edge's normal plane, sections turn by "
@@ -83,6 +88,28 @@ def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
         for reading, fit in fits[:MOST_SUGGESTIONS]
         if reading is not AS_READ
     )
+
+
+def consistent_units(recording: Recording, checks: tuple[Check, ...]) -> tuple[str, ...]:
+    """Units of lengths under which every check passes, where one of a length failed; nothing else needs trying then."""
+    if all(check.passed for check in checks if check.name in OF_LENGTHS):
+        return ()
+    found = []
+    for unit, scale in UNITS_MM.items():
+        hand_eye = recording.flange_from_profiler
+        tried = {
+            "the robot's positions": replace(recording, robot_position_mm=recording.robot_position_mm * scale),
+            "the profiles' x and z": replace(recording, x_mm=recording.x_mm * scale, z_mm=recording.z_mm * scale),
+        }
+        if hand_eye is not None:
+            moved = pose_from(hand_eye[:3, :3], hand_eye[:3, 3] * scale)
+            tried["the hand-eye pose's translation"] = replace(recording, flange_from_profiler=moved)
+        found += [
+            f"{what} are in {unit}" if "pose" not in what else f"{what} is in {unit}"
+            for what, changed in tried.items()
+            if all(check.passed for check in judge_recording(changed))
+        ]
+    return tuple(found)
 
 
 def placed(x_mm: AnyArray, z_mm: AnyArray, base_from_profiler: Float) -> Float:
@@ -95,8 +122,6 @@ def placed(x_mm: AnyArray, z_mm: AnyArray, base_from_profiler: Float) -> Float:
 
 def _held(recording: Recording) -> Float:
     """A pose a pass, its middle one, where the frames' times cannot be compared with the poses'."""
-    from workbench.geometry.poses import pose_from, rotation_from_quaternion
-
     out = np.empty((len(recording.time_s), 4, 4))
     for number in np.unique(recording.pass_index):
         of_pass = np.flatnonzero(recording.robot_pass == number)

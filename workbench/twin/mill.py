@@ -1,4 +1,4 @@
-"""`twin.mill`: a path milled in simulation, with the real cutter and, where asked, real errors."""
+"""`twin.mill`: a path milled in simulation, with the real cutter and, on request, real errors."""
 
 from __future__ import annotations
 

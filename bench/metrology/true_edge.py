@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.coverage.measure import local_face
 from workbench.synthetic import Truth
 from workbench.synthetic.surface import build_surface
 from workbench.units import DEG, Float
@@ -37,7 +38,11 @@ class TrueEdge:
 
 
 def true_edge_at(truth: Truth, position_mm: Float) -> TrueEdge:
-    """The true edge in the sections of the points (k, 3). Between stations 0.5 mm apart a chord errs by 0.3 um."""
+    """The true edge in the sections of the points (k, 3). Between stations 0.5 mm apart a chord errs by 0.3 um.
+
+    A rough end face is its local least-squares plane.
+    """
+    position, normal, across, _ = local_face(truth)
     at = truth.arc_length_mm_at(position_mm)
 
     def along(values: Float) -> Float:
@@ -47,7 +52,7 @@ def true_edge_at(truth: Truth, position_mm: Float) -> TrueEdge:
         found = along(values)
         return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
-    return TrueEdge(at, along(truth.position_mm), unit(truth.tangent), unit(truth.normal), unit(truth.across))
+    return TrueEdge(at, along(position), unit(truth.tangent), unit(normal), unit(across))
 
 
 def best_plane_turn_deg(truth: Truth) -> float:

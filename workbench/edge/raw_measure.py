@@ -33,12 +33,13 @@ MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's 
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 # Roughness within frames from which neighbouring frames share it, and their scatter is no course: what turns an end
 # face of 8 mm by more than its u, and over the range noise by more than its estimate errs.
-ROUGH_MM, ROUGH_SHARE = 0.003, 0.25
+ROUGH_MM, ROUGH_SHARE = 0.01, 0.25
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
+UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
 MORE = 0.5  # times what the other end jumps: this one may be what changes
-LEAST_SOUND = 0.3  # of the frames at one level of the face's width, for the others to be bridged
+LEAST_SOUND = 0.1  # of the frames at one level of the face's width, for the others to be bridged
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
 TREND = 3  # order of what a rough face does over the whole edge
 LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike
@@ -162,7 +163,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
         _side(cloud, found, ends, curve, s, tilt, sigma, bend, outward, vibration)
         for ends, outward in ((found.lower, -1.0), (found.upper, 1.0))
     ]
-    loose = _loose(both[0], both[1], bend, cloud.pass_index) if whole else [_nothing_loose(side) for side in both]
+    loose = _loose(both[0], both[1], bend, cloud.pass_index, whole)
     lower, upper = (
         _end_along(cloud, found, side, off, bend, rough, whole) for side, off in zip(both, loose, strict=True)
     )
@@ -224,7 +225,7 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     def mean_variance(mm: Float) -> Float:
         return np.minimum(scatter * TOGETHER_MM / np.maximum(mm, 1e-9), single)
 
-    unseen = np.minimum((full - there) * cell_mm, LEAST_GAP_MM)
+    unseen = np.minimum((full - there) * cell_mm, UNSEEN_MM)
     share = unseen / (unseen + there * cell_mm)
     variance = noise + share**2 * (mean_variance(unseen) + mean_variance(there * cell_mm))
     variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
@@ -365,7 +366,9 @@ def _distance(s: Float, known: Bool) -> Float:
     return np.asarray(np.minimum(np.abs(s - there[after - 1]), np.abs(s - there[np.minimum(after, there.size - 1)])))
 
 
-def _loose(lower: _Side, upper: _Side, bend: scipy.interpolate.CubicSpline, pass_index: Int) -> list[_Loose]:
+def _loose(
+    lower: _Side, upper: _Side, bend: scipy.interpolate.CubicSpline, pass_index: Int, whole: bool
+) -> list[_Loose]:
     """Where the width of the end face changes suddenly, one of its ends is not the plate's: of each, what of that.
 
     Bends of the edge are in both of its ends. Burrs in the face's plane, lost returns and what covers a part of the
@@ -374,7 +377,7 @@ def _loose(lower: _Side, upper: _Side, bend: scipy.interpolate.CubicSpline, pass
     sides = (lower, upper)
     if lower.by_corners and upper.by_corners:
         return [_nothing_loose(side) for side in sides]
-    courses = [_found_end(side, pass_index, (1, 2), None)[0] for side in sides]
+    courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in sides]
     places = [np.sort(side.s[np.isfinite(side.low)]) for side in sides]
     start, stop = max(s[0] for s in places), min(s[-1] for s in places)
     at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))

@@ -31,15 +31,15 @@ from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
-# Roughness within frames from which neighbouring frames share it, and their scatter is no course: what turns an end
-# face of 8 mm by more than its u, and over the range noise by more than its estimate errs.
+# Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
+# noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.01, 0.25
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
 UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
 MORE = 0.5  # times what the other end jumps: this one may be what changes
-LEAST_SOUND = 0.1  # of the frames at one level of the face's width, for the others to be bridged
+LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
 TREND = 3  # order of what a rough face does over the whole edge
 LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike

@@ -1,0 +1,53 @@
+"""A rough end face as its local least-squares plane; sudden changes of a width."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.edge.raw_measure import LOCAL_MM, local_mean
+from workbench.edge.sizes import changes, off_commonest
+
+RNG = np.random.default_rng(8)
+S = np.sort(RNG.uniform(0.0, 120.0, 400))
+ONE_PASS = np.zeros(S.size, np.int64)
+
+
+@pytest.mark.parametrize("wavelength_mm", [25.0, 43.0, 80.0])
+def test_a_rough_face_is_the_mean_over_its_window(wavelength_mm: float) -> None:
+    """A wave comes through as a mean over 20 mm leaves it, whatever its length."""
+    k = 2.0 * np.pi / wavelength_mm
+    course = local_mean(S, 0.02 * np.sin(k * S) + RNG.normal(0.0, 0.004, S.size), ONE_PASS)
+    at = np.linspace(15.0, 105.0, 60)
+    left = np.sin(k * LOCAL_MM / 2.0) / (k * LOCAL_MM / 2.0)
+    off = course.value(at) - 0.02 * left * np.sin(k * at)
+    assert np.sqrt(np.mean((off / course.u(at)) ** 2)) < 1.5
+    assert np.abs(off).max() < 0.004
+
+
+def test_a_rough_face_that_turns_keeps_its_direction_at_its_ends() -> None:
+    course = local_mean(S, 0.003 * S + RNG.normal(0.0, 0.004, S.size), ONE_PASS)
+    ends = np.array([0.5, 119.5])
+    assert np.abs(course.value(ends) - 0.003 * ends).max() < 3.0 * course.u(ends).max()
+    assert np.abs(course.value(ends) - 0.003 * ends).max() < 0.005
+
+
+def test_more_is_uncertain_where_less_of_the_window_is_seen() -> None:
+    value = np.cumsum(RNG.normal(0.0, 0.01, S.size)) * 0.1
+    gone = (S > 50.0) & (S < 62.0)
+    course = local_mean(S, np.where(gone, np.nan, value), ONE_PASS)
+    assert course.u(np.array([0.0])) > 1.5 * course.u(np.array([25.0]))
+    assert course.u(np.array([49.0])) > 1.5 * course.u(np.array([25.0]))
+
+
+def test_what_lies_off_the_commonest_level_is_uncertain_by_it() -> None:
+    at = np.arange(0.0, 100.0)
+    width = 8.0 - 0.3 * (np.abs(at - 40.0) < 8.0)
+    found = changes(at, width, np.full(at.size, 0.005))
+    assert [round(change, 2) for _, _, change in found] == [0.3, 0.3]
+    over, off = off_commonest(width)
+    assert off[40] == pytest.approx(0.3)
+    assert over[40] == pytest.approx(-0.3)
+    assert off[80] == 0.0
+    _, off = off_commonest(8.0 - 0.3 * (at < 45.0))  # no level has 70 % of the edge
+    assert off.min() == pytest.approx(0.3)

@@ -165,7 +165,7 @@ def _left(
     return np.interp(at, middle, value), np.interp(at, middle, ends), width
 
 
-def _bow(off: Float, place: Float, unit: Int) -> float:
+def _bow(off: Float, place: Float, unit: Int | None = None) -> float:
     """How far the ends of a face lie off its line by a bow, mm: of residuals (f, M) at places (f, M), by a parabola.
 
     Only as far as the units (f,) show it beyond their scatter.
@@ -173,7 +173,7 @@ def _bow(off: Float, place: Float, unit: Int) -> float:
     t = 2.0 * place / PLACES - 1.0
     shape = np.where(np.isfinite(off), 1.5 * t**2 - 0.5, 0.0)  # 1 at the ends, its mean square 1 / 5
     ends = (np.nan_to_num(off) * shape).sum(axis=1) / np.maximum((shape**2).sum(axis=1), 1e-9)
-    _, number = np.unique(unit, return_inverse=True)
+    number = np.arange(len(off)) if unit is None else np.unique(unit, return_inverse=True)[1]
     ends = np.bincount(number, ends) / np.bincount(number)
     mean, noise = float(ends.mean()), float(ends.var()) / max(ends.size - 1, 1)
     return math.sqrt(max(mean**2 - 2.0 * noise, 0.0))

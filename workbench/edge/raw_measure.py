@@ -15,7 +15,7 @@ import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
-from workbench.edge.form import NO_ROUNDING, FaceRim, Rounding, rounding_of
+from workbench.edge.form import MOST_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.sizes import NEAR_MM, changes, off_commonest
@@ -81,8 +81,10 @@ class RawMeasured:
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
 
 
-def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
+def measure_raw_edge(cloud: Cloud, found: RawFaces, most_radius_mm: float = MOST_RADIUS_MM) -> RawMeasured:
     """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
+
+    most_radius_mm: greatest radius of its edges where the view does not show a rounding.
 
     Raises InputError where the frames do not run along an edge.
     """
@@ -104,13 +106,13 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces) -> RawMeasured:
     curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
     for whole in (False, True):
         s[seen] = curve.project(middle[seen], s[seen])
-        state = _state(cloud, found, curve, s, whole)
+        state = _state(cloud, found, curve, s, whole, most_radius_mm)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
         at = state.lower.s[on]
         points = curve.position(at) + _offset(state, at, on)
         curve = fit_curve(points, at, cloud.pass_index[on], None, TOGETHER_MM if state.rough else POSE_MM)
     s[seen] = curve.project(middle[seen], s[seen])
-    return _state(cloud, found, curve, s, whole=True)
+    return _state(cloud, found, curve, s, True, most_radius_mm)
 
 
 def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
@@ -127,7 +129,7 @@ def _offset(state: RawMeasured, at: Float, on: Bool) -> Float:
     return state.stands_out_mm[on, None] * n + state.lower.value(at)[:, None] * m
 
 
-def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -> RawMeasured:
+def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, most_radius_mm: float) -> RawMeasured:
     """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends."""
     sigma = _range_noise(cloud, found)
     face = _lines(cloud, found, found.faces[ROOT_FACE], curve, s, sigma)
@@ -165,7 +167,8 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool) -
     ]
     loose = _loose(both[0], both[1], bend, cloud.pass_index, whole)
     lower, upper = (
-        _end_along(cloud, found, side, off, bend, rough, whole) for side, off in zip(both, loose, strict=True)
+        _end_along(cloud, found, side, off, bend, rough, whole, most_radius_mm)
+        for side, off in zip(both, loose, strict=True)
     )
     if rough:
         tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
@@ -482,6 +485,7 @@ def _end_along(
     bend: scipy.interpolate.CubicSpline,
     rough: bool,
     whole: bool,
+    most_radius_mm: float,
 ) -> EndAlong:
     """The course of one edge along m. Frames at which it changes suddenly are bridged, those beyond shifted back."""
     low = side.low - loose.shift
@@ -491,20 +495,20 @@ def _end_along(
     loose_mm = np.maximum(loose.mm, off)
     rounding = NO_ROUNDING
     if whole and not rough and not side.by_corners:
-        rounding = _rounding(cloud, found, side)
+        rounding = _rounding(cloud, found, side, most_radius_mm)
         spline = course.spline
         course = replace(course, spline=scipy.interpolate.BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
     return EndAlong(_scaled(course, side.outward), bend, side.s, rounding, loose_mm)
 
 
-def _rounding(cloud: Cloud, found: RawFaces, side: _Side) -> Rounding:
+def _rounding(cloud: Cloud, found: RawFaces, side: _Side, most_radius_mm: float) -> Rounding:
     face, ends = found.faces[ROOT_FACE], side.ends
     lean = np.hypot(1.0, face.sxz / face.sxx)
     here = side.silhouette & ~ends.alone & ~ends.burred
     rim = FaceRim(
         face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, np.full(here.size, found.sense)
     )
-    return rounding_of(cloud, rim, here)
+    return rounding_of(cloud, rim, here, most_radius_mm)
 
 
 def _at_rim(s: Float) -> Bool:

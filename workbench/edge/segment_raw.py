@@ -12,7 +12,7 @@ from pydantic import Field
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.faces import plates_check
-from workbench.edge.form import misfit_of
+from workbench.edge.form import MOST_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.hand_eye_u import place_u_mm, turn_u
 from workbench.edge.raw_burrs import raw_burr_stations
@@ -46,6 +46,12 @@ def segment_raw(
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
     ] = 0.07,
+    end_u_mm: Annotated[
+        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
+    ] = 0.0,
+    most_radius_mm: Annotated[
+        float, Field(ge=0.01, le=0.8, description="greatest radius of the plate's edges, where the view shows none")
+    ] = MOST_RADIUS_MM,
     limits: Annotated[
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the edge by name (docs/checks.md)"),
@@ -63,6 +69,10 @@ def segment_raw(
         z_away: whether z counts away from the sensor; only needed where nothing but the end face is in view.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
+        end_u_mm: of the lower edge across it by what no frame shows (a burr in the end face's plane, returns lost along
+            the whole edge).
+        most_radius_mm: greatest radius that the plate's edges can have. Where the rays graze the end face a rounding is
+            not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
         limits: limits of the checks of the edge by name. One that passes only by a wider limit than the default is
             named in the results.
 
@@ -75,15 +85,15 @@ def segment_raw(
     along, sense = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, along, sense)
     try:
-        measured = measure_raw_edge(cloud, found)
+        measured = measure_raw_edge(cloud, found, most_radius_mm)
     except np.linalg.LinAlgError:
         told = "its passes do not determine one smooth edge: do they overlap?"
         raise InputError(cloud.source, told) from None
-    edge = _edge(cloud, found, measured, robot_noise_mm)
+    edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm)
     return replace(edge, checks=(*edge.checks, plates))
 
 
-def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: float) -> RawEdge:
+def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: float, end_u_mm: float) -> RawEdge:
     lower_s, upper_s = measured.lower.s, measured.upper.s
     start, stop = float(np.nanmin(lower_s)), float(np.nanmax(lower_s))
     length = stop - start
@@ -126,7 +136,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), pose_u))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
     low_u = np.hypot(low_u, below.offset_u_mm)
-    low_u = np.hypot(low_u, measured.lower.rounding.u_mm)
+    low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)

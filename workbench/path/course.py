@@ -53,9 +53,10 @@ def lower_course(edge: Edge, s: Float) -> Course:
     tangent, normal, across = _axes(edge, at)
     lower = scipy.interpolate.CubicHermiteSpline(stations[seen], edge.position_mm[seen], unit(edge.tangent[seen]))
     inside = (s > -1e-9) & (s < length + 1e-9)
+    known = np.clip(at, *stations[seen][[0, -1]])  # straight on before the first and beyond the last seen
     return Course(
         arc_length_mm=s,
-        position_mm=lower(np.clip(at, *stations[seen][[0, -1]])) + (s - at)[:, None] * tangent,
+        position_mm=lower(known) + (s - known)[:, None] * tangent,
         tangent=tangent,
         normal=normal,
         across=across,

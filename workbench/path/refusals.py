@@ -88,7 +88,11 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
     known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))
     if known_mm > MOST_KNOWN_MM:
-        told = f"the edge is known to {known_mm:.3g} mm only: do its passes disagree, are poses or hand-eye pose wrong?"
+        told = (
+            f"the edge is known to {known_mm:.3g} mm only: do its passes disagree, are poses or hand-eye pose wrong, "
+            "is its lower end lost over a long way, or a rounding of it out of view "
+            "(edge.segment_raw.most_radius_mm declares its radius)?"
+        )
         raise InputError(edge.source or "edge", told)
     if bevel.root_mm < known_mm:
         raise InputError(

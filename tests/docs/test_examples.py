@@ -33,7 +33,7 @@ def test_the_example_of_a_stage(name: str) -> None:
 
 
 def test_there_are_examples() -> None:
-    assert len(SHOWN) >= 8
+    assert len(SHOWN) >= 50
 
 
 @pytest.mark.parametrize("page", ["docs/open3d.md"])

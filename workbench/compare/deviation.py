@@ -64,6 +64,14 @@ def deviation(
 
     Raises:
         InputError: hardly any place of the scan lies at the reference.
+
+    Example:
+        >>> from workbench import compare, path, scan
+        >>> plan = compare.plan(path.read(toolpath="data/synthetic/paths/raw_arc.json"))
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/paths/raw_arc_milled.h5"))
+        >>> *values, chapter = compare.deviation(compare.surface(points), plan)
+        >>> chapter.title
+        'Deviation from the reference'
     """
     scales = Scales(spacing_mm, normal_mm, projection_mm, depth_mm)
     laid = scan if registration is None else moved(scan, registration)

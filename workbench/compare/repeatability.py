@@ -39,6 +39,13 @@ def repeatability(
 
     Raises:
         InputError: no section in which every recording has a value.
+
+    Example:
+        >>> from workbench import compare
+        >>> study = compare.study(study="data/synthetic/gauge_study.csv")
+        >>> results, chapter = compare.repeatability(study)
+        >>> chapter.title
+        'Repeatability and reproducibility'
     """
     results = tuple(_characteristic(study, name, interaction_alpha) for name in study.measured)
     return gauge_document(study, results), gauge_chapter(study, results)

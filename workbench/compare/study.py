@@ -69,6 +69,12 @@ def study(
 
     Raises:
         InputError: unreadable, unbalanced, or fewer than two trials.
+
+    Example:
+        >>> from workbench import compare
+        >>> study = compare.study(study="data/synthetic/gauge_study.csv")
+        >>> study.unit
+        'mm'
     """
     if (study is None) == (not inspections):
         raise InputError("compare.study", "expected either a study or a list of inspections")

@@ -36,6 +36,13 @@ def surface(
 
     Raises:
         InputError: neither or both; fewer than 100 points.
+
+    Example:
+        >>> from workbench import cloud, compare, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> surface = compare.surface(points)
+        >>> surface.points_mm.shape
+        (174988, 3)
     """
     if (cloud is None) == (points is None):
         raise InputError("compare.surface", "expected either an organised cloud or a set of points: name one by 'from'")
@@ -89,6 +96,12 @@ def plan(toolpath: Toolpath) -> Surface:
 
     Raises:
         InputError: the last layer does not cut.
+
+    Example:
+        >>> from workbench import compare, path
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> len(compare.plan(plan).points_mm)
+        294
     """
     layer = toolpath.layers[-1]
     axes = rotation_from_quaternion(layer.quaternion_wxyz)

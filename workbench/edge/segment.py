@@ -75,6 +75,13 @@ def segment(
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
             beside the faces, or only here and there along the scan.
+
+    Example:
+        >>> from workbench import cloud, edge, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> len(milled.arc_length_mm), round(float(milled.arc_length_mm[-1]), 1)
+        (78, 77.0)
     """
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     given = checked_limits(limits, "edge.segment.limits")

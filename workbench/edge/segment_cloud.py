@@ -78,6 +78,12 @@ def segment_cloud(
     Raises:
         InputError: no cloud of a part; no root face next to a bevel face (no end face) in view; points without order
             of passes that do not agree, or may not; a raw edge without scan lines.
+
+    Example:
+        >>> from workbench import cloud, edge
+        >>> gridded, milled = edge.segment_cloud(cloud.read(file="data/synthetic/milled_edge.laz"))
+        >>> round(float(milled.arc_length_mm[-1]))
+        77
     """
     _check_extent(points)
     recovered = recovered_grid(points) if use_order else None

@@ -76,6 +76,12 @@ def segment_groove(
 
     Raises:
         InputError: no two plates with a groove between them are in view, or the type given is excluded by what is.
+
+    Example:
+        >>> from workbench import edge, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> edge.segment_groove(points).type
+        'Y'
     """
     read = read_frames(cloud)
     kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")

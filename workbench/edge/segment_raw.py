@@ -79,6 +79,13 @@ def segment_raw(
     Raises:
         InputError: `upper_side` is zero or runs along the edge; no raw edge, only a part of it, or two plates with a
             groove between them are in view.
+
+    Example:
+        >>> from workbench import edge, path, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> round(float(raw.arc_length_mm[-1]), 1)
+        75.0
     """
     plates = plates_check(two_plates_share(cloud), checked_limits(limits, "edge.segment_raw.limits"))
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")

@@ -68,6 +68,16 @@ def inspection(
         inspection: the measured part.
         provenance: the run's inputs.
         format: of the file.
+
+    Example:
+        >>> from workbench import cloud, edge, export, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> from workbench.api import Provenance
+        >>> source = Provenance(title="a part", pipeline={}, versions={}, seed=0, inputs=())
+        >>> export.inspection(found, source).name
+        'inspection.parquet'
     """
     who = {name: getattr(inspection.part, name) for name in PART}
     part = {**who, **_recording(provenance), "part_verdict": inspection.verdict}

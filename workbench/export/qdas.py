@@ -26,6 +26,14 @@ def qdas(inspection: Inspection) -> tuple[Document, Document]:
 
     Args:
         inspection: the judged part.
+
+    Example:
+        >>> from workbench import cloud, edge, export, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> [file.name for file in export.qdas(found)]
+        ['inspection.dfd', 'inspection.dfx']
     """
     described = [line for k, rows in enumerate(_characteristics(inspection), 1) for line in _numbered(rows, k)]
     head = [("K0100", str(2 * len(inspection.sections))), *_part(inspection)]

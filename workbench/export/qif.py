@@ -43,6 +43,14 @@ def qif(inspection: Inspection, provenance: Provenance | None = None) -> Documen
     Args:
         inspection: the judged part.
         provenance: the run's inputs and pipeline; without it the file names none.
+
+    Example:
+        >>> from workbench import cloud, edge, export, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> export.qif(found).name
+        'inspection.qif'
     """
     root = _document(inspection, provenance)
     indent(root)

@@ -41,6 +41,14 @@ def sections(
         format: of the file.
         thickness_mm: points within half of it on each side of the section plane are the section's.
         reach_mm: points further from the lower edge are left out.
+
+    Example:
+        >>> from workbench import cloud, edge, export, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> export.sections(found, milled, points).name
+        'sections.dxf'
     """
     shapes = [section_shape(cloud, edge, section, thickness_mm, reach_mm) for section in inspection.sections]
     if format == "dxf":

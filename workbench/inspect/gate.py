@@ -40,6 +40,14 @@ def gate(
 
     Raises:
         InputError: no section was measured, or none to better than ten times the tolerance: there is nothing to judge.
+
+    Example:
+        >>> from workbench import cloud, edge, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> inspect.gate(found).passed
+        True
     """
     _refuse_unmeasured(inspection)
     share = measured_share(inspection)

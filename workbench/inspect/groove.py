@@ -62,6 +62,13 @@ def groove(
 
     Raises:
         PipelineError: a name that no groove has, or a nominal without its tolerance.
+
+    Example:
+        >>> from workbench import edge, inspect, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> found = inspect.groove(edge.segment_groove(points))
+        >>> found.type, len(found.sections)
+        ('Y', 9)
     """
     required = _required(nominal or {})
     at = (np.arange(sections) + 0.5) / sections * float(groove.arc_length_mm[-1])
@@ -100,6 +107,13 @@ def groove_gate(
     Args:
         inspection: the judged groove.
         accept_unjudged: let a part through of which nothing was required.
+
+    Example:
+        >>> from workbench import edge, inspect, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> found = inspect.groove(edge.segment_groove(points))
+        >>> inspect.groove_gate(found).passed
+        True
     """
     if not inspection.requirements and accept_unjudged:
         return Gate(True, f"{inspection.verdict}: {inspection.reason}", warnings=(NOTHING_REQUIRED,))

@@ -48,6 +48,16 @@ def sections(
         bevel_tolerance_deg: allowed deviations from it, lower <= 0 <= upper.
         sections: how many sections.
         guard_factor: guard band in standard uncertainties.
+
+    Example:
+        >>> from workbench import cloud, edge, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> found.verdict
+        'pass'
+        >>> [round(section.root_mm, 2) for section in found.sections[:3]]
+        [1.5, 1.52, 1.48]
     """
     required = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
     at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])

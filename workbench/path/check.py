@@ -63,6 +63,14 @@ def check(
 
     Raises:
         InputError: the prediction, or the correction, is of another path.
+
+    Example:
+        >>> from workbench import edge, path, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points), points, raw)
+        >>> path.check(plan, raw, points).passed
+        True
     """
     if correction is not None:
         if correction.refused is not None:

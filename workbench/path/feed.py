@@ -45,6 +45,14 @@ def feed(
 
     Raises:
         InputError: v_fast below the path's v_slow.
+
+    Example:
+        >>> from workbench import edge, path, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points), points, raw)
+        >>> plan.time_s < plan.time_at_v_slow_s
+        True
     """
     slow = toolpath.v_slow_mm_s
     if v_fast_mm_s < slow:

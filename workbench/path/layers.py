@@ -98,6 +98,14 @@ def layers(
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
             concave edge tighter than the cutter, nothing that can be reached.
+
+    Example:
+        >>> from workbench import edge, path, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.layers(raw, points)
+        >>> len(plan.layers), plan.depth_of_cut_mm
+        (5, 1.0)
     """
     refuse_partial_view(edge, least_seen_share)
     bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])

@@ -32,6 +32,12 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
 
     Raises:
         InputError: not such a file; the place in it and what was expected.
+
+    Example:
+        >>> from workbench import path
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> len(plan.layers), plan.root_mm, plan.bevel_deg
+        (5, 1.5, 40.0)
     """
     from workbench.result_files import ToolpathFile  # the models take time to build: where there is something to read
 

@@ -82,6 +82,13 @@ def simplify(
 
     Raises:
         InputError: a path of fewer than two different poses; postures of another path.
+
+    Example:
+        >>> from workbench import path
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> moves = path.simplify(plan)
+        >>> len(moves.feed_mm_s) < moves.points_before / 5
+        True
     """
     every = _points(toolpath) if postures is None else _postured(toolpath, postures)
     points, kept = _different(every)

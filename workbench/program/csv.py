@@ -29,6 +29,12 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
 
     Raises:
         InputError: the gate is another path's; a cell, but no postures.
+
+    Example:
+        >>> from workbench import path, program
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> program.csv(plan, path.check_file(plan)).name
+        'toolpath.csv'
     """
     if not released("program.csv", toolpath, gate, cell) or gate.loosened:
         return None

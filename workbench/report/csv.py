@@ -30,6 +30,14 @@ def csv(inspection: Inspection) -> Document:
 
     x, y, z: the section's origin on the lower edge in the base, mm. UTF-8, a comma between fields, lines end in CR LF
     (RFC 4180).
+
+    Example:
+        >>> from workbench import cloud, edge, inspect, report, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> report.csv(found).name
+        'sections.csv'
     """
     out = io.StringIO(newline="")
     table = comma_separated.writer(out)

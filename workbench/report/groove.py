@@ -17,6 +17,13 @@ def groove(cloud: Cloud, groove: Groove, inspection: GrooveInspection) -> Chapte
         cloud: the cloud in which the groove was found.
         groove: its sizes along it.
         inspection: its sections, what was required and decided.
+
+    Example:
+        >>> from workbench import edge, inspect, report, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> groove = edge.segment_groove(points)
+        >>> report.groove(points, groove, inspect.groove(groove)).title
+        'Groove'
     """
     from workbench.report.groove_text import NOT_JUDGED, groove_certificate, groove_html  # only where a report is made
 

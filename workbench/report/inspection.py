@@ -37,6 +37,15 @@ def inspection(
 
     Raises:
         InputError: no section, or an edge of which nothing was measured.
+
+    Example:
+        >>> from workbench import cloud, edge, inspect, report, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled)
+        >>> chapter = report.inspection(points, milled, found)
+        >>> chapter.title, chapter.verdict
+        ('Inspection', 'pass')
     """
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.along import angle_chart, root_chart

@@ -43,6 +43,14 @@ def plan(
 
     Raises:
         InputError: a milled edge, or a path without layers.
+
+    Example:
+        >>> from workbench import edge, path, report, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points), points, raw)
+        >>> report.plan(points, raw, plan).title
+        'Plan'
     """
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart

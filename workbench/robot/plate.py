@@ -53,6 +53,15 @@ def plate(
 
     Raises:
         InputError: points too far from the origin for the grid.
+
+    Example:
+        >>> from workbench import edge, path, robot, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points), points, raw)
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> type(robot.plate(cell, points)).__name__
+        'Cell'
     """
     if cell is None:
         return None

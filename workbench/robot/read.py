@@ -54,6 +54,11 @@ def cell(
 
     Raises:
         InputError: the file or one that it names is missing or unusable, an unknown frame.
+
+    Example:
+        >>> from workbench import robot
+        >>> robot.cell(cell="data/robot/cell.json").chain.limits.shape
+        (6, 2)
     """
     return None if cell is None else read_cell(cell)
 

@@ -28,6 +28,12 @@ def part(
 
     Raises:
         InputError: the file is no recipe, or the recipe of a part that is milled already.
+
+    Example:
+        >>> from workbench import twin
+        >>> part = twin.part(recipe="data/synthetic/raw_edge.json")
+        >>> type(part).__name__
+        'Workpiece'
     """
     found = read_recipe(recipe)
     if found.part.kind != "raw":

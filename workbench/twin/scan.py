@@ -37,6 +37,13 @@ def scan(
         workpiece: the part as it is now.
         elevation_deg: elevation of the sensor in every pass, instead of the recipe's.
         aim_mm: aim point (h, z) in the section in every pass, instead of the recipe's.
+
+    Example:
+        >>> from workbench import twin
+        >>> part = twin.part(recipe="data/synthetic/raw_edge.json")
+        >>> recording = twin.scan(part)
+        >>> recording.x_mm.shape
+        (301, 600)
     """
     changed = {
         name: value for name, value in (("elevation_deg", elevation_deg), ("aim_mm", aim_mm)) if value is not None

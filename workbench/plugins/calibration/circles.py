@@ -54,6 +54,14 @@ def circles(
 
     Raises:
         InputError: no sphere in the recording's header, no arc of it in any frame, or a recording that fails a check.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/synthetic/sphere.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> arcs.sphere_diameter_mm
+        10.0
     """
     if recording.sphere_diameter_mm is None:
         raise InputError(f"{recording.source}: /sphere@diameter_mm", "missing: not a calibration recording")

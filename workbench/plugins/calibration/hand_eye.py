@@ -77,6 +77,15 @@ def hand_eye(
 
     Raises:
         InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/synthetic/sphere.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> pose, *rest = calibration.hand_eye(arcs, ball)
+        >>> pose.flange_from_profiler.shape
+        (4, 4)
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where = f"{recording.source}: /robot"

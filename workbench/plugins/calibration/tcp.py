@@ -100,6 +100,12 @@ def tcp(
 
     Raises:
         InputError: an unusable table; touches that leave a direction open; more blunders than can be told apart.
+
+    Example:
+        >>> from workbench.plugins import calibration
+        >>> tool, chapter = calibration.tcp(touches="data/calibration/touches.csv")
+        >>> chapter.title
+        'Tool calibration'
     """
     every = read_touches(touches)
     noise = (math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG, reference_u_mm)

@@ -95,6 +95,12 @@ def turntable(
 
     Raises:
         InputError: an unusable table; too few angles or markers; an axis that remains open.
+
+    Example:
+        >>> from workbench.plugins import calibration
+        >>> table, chapter = calibration.turntable(marks="data/calibration/marks.csv")
+        >>> chapter.title
+        'Turntable calibration'
     """
     every = read_marks(marks)
     found, rows, left_out = without_gross(

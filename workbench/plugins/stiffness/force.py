@@ -78,6 +78,15 @@ def force(
     Raises:
         InputError: the engagement is of another path; a radial depth beyond the cutter's diameter; a material in the
             cell file that has no published coefficients.
+
+    Example:
+        >>> from workbench import path, robot
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> file.name
+        'milling_force.json'
     """
     of, assumed = _coefficients(cell, material, coefficients)
     met = {} if engagement is None else {layer.index: layer for layer in engagement.layers}

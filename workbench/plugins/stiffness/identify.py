@@ -61,6 +61,14 @@ def identify(
     Raises:
         InputError: an unusable file; a mistake of signs, units, axes or conventions that explains the misfit; a joint
             that the loads cannot determine.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> found, chapter, file = stiffness.identify(cell, loads="data/synthetic/loads.csv")
+        >>> chapter.title, file.name
+        ('Joint stiffness', 'stiffness.json')
     """
     if cell.loading is None:
         raise InputError(f"{cell.source}: $.loading", "expected where sensor, tool and targets sit; it is missing")

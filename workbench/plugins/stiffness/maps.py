@@ -56,6 +56,13 @@ def maps(
 
     Raises:
         InputError: the two axes are one, or a range is empty.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> [type(one).__name__ for one in stiffness.maps(cell, stiffness.read(cell))]
+        ['StiffnessMaps', 'Chapter']
     """
     a, b = axes[0] - 1, axes[1] - 1
     if a == b:

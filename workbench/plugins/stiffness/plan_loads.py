@@ -71,6 +71,14 @@ def plan_loads(
     Raises:
         InputError: the cell has no load points or too few targets; a posture is out of limits or collides; no posture
             is free.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> loads, *files = stiffness.plan_loads(cell, stiffness.read(cell))
+        >>> loads.relative_u.shape
+        (6,)
     """
     setup = _setup(cell, targets)
     if postures_deg is None:

@@ -35,6 +35,13 @@ def read(
 
     Raises:
         InputError: a stiffness of zero or less, a covariance that is none; a cell whose stiffness nobody states.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> type(stiffness.read(cell)).__name__
+        'JointStiffness'
     """
     if stiffness is not None:
         return read_stiffness(stiffness)

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider
 from workbench.path import read
-from workbench.plugins.stiffness import force, search
+from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness import read as read_stiffness
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.posture import posture
@@ -86,7 +86,7 @@ def study(cases: int, seed: int, asked: int, step_deg: float) -> Counter[str]:
         assert made is not None
         over = json.loads(made[2].content)["map"]  # type: ignore[misc,union-attr]
         cause, judged = np.array(over["cause"], object), np.array(over["judged"])
-        for how in ("sampled", "every point", "proven"):
+        for how in ("every point", "proven"):
             cells = np.argwhere((cause == None) & (judged == how))  # noqa: E711  (elementwise)
             for i, j in rng.permutation(cells)[:asked]:
                 angles = np.radians([over["cutter_rotation_deg"][i], over["turntable_deg"][j]])
@@ -104,9 +104,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--asked", type=int, default=20)
     parser.add_argument("--step-deg", type=float, default=10.0)
-    parser.add_argument("--confirmed", type=int, default=50, help="cells that are judged along the whole path")
     options = parser.parse_args()
-    search.MOST_CONFIRMED = options.confirmed
     for name, count in sorted(study(options.cases, options.seed, options.asked, options.step_deg).items()):
         print(f"{name:40s} {count}")
 

@@ -35,5 +35,27 @@ def test_no_posture_is_judged_otherwise(cell: Cell, margin_mm: float) -> None:
             assert screen.pair(hit) == model.names(*model.pairs[hit])
 
 
+def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell) -> None:
+    rng = np.random.default_rng(12)
+    pose = np.eye(4)
+    pose[:3, 3] = (1300, -600, 1500)
+    full = dataclasses.replace(cell, shapes=(*cell.shapes, Shape("post", ON_BASE, "cylinder", (150.0, 2500.0), pose)))
+    low, high = cell.chain.limits.T
+    at, between = np.linspace(0, 1, 25), np.linspace(0, 1, 193)  # every place, and seven between
+    start, go, bend = (rng.uniform(-1, 1, (80, 1, 6)) * size for size in ((high - low) / 2, 0.5, 0.3))
+    table, screen = rng.uniform(-np.pi, np.pi, 80), CollisionScreen(full)
+
+    def way(share: np.ndarray) -> np.ndarray:
+        s = share[None, :, None]
+        return np.asarray((low + high) / 2 + 0.8 * start + go * s + bend * np.sin(3 * s))
+
+    open_ = screen.swept(way(at), table)
+    hits = screen.hits(way(between).reshape(-1, 6), np.repeat(table, len(between))).reshape(80, -1)
+    near = np.round(between * 24).astype(int)
+    assert not (~open_[:, near] & (hits != FREE)).any()
+    assert 0.05 < open_.mean() < 0.5
+    assert (hits != FREE).any(axis=1).sum() > 10
+
+
 def test_no_postures_no_hits(cell: Cell) -> None:
     assert CollisionScreen(cell).hits(np.empty((0, 6)), np.empty(0)).shape == (0,)

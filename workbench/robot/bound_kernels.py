@@ -13,6 +13,7 @@ from workbench.units import AnyArray
 
 SECTION = 0.6180339887498949  # golden
 FAR_MM = 1e9  # farther apart than anything
+MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
@@ -125,6 +126,123 @@ def near_kernel(
         for i in range(len(pairs)):
             found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], start) <= least
     return found
+
+
+@kernel(error_model="numpy")
+def swept_kernel(
+    axes: AnyArray,
+    points: AnyArray,
+    joints: AnyArray,
+    table: AnyArray,
+    turned: AnyArray,
+    link: AnyArray,
+    is_box: AnyArray,
+    ends: AnyArray,
+    radius: AnyArray,
+    pose: AnyArray,
+    half: AnyArray,
+    around: AnyArray,
+    pairs: AnyArray,
+    outer: AnyArray,
+    moves: AnyArray,
+    least: float,
+) -> AnyArray:
+    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved."""
+    count, places = len(joints), joints.shape[1]
+    found = np.zeros((count, places), np.bool_)
+    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
+    turn[8] = table[:3]
+    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
+    first, last = np.zeros(64, np.int64), np.zeros(64, np.int64)
+    for n in range(count):
+        _steps(joints, n, step)
+        first[0], last[0], waiting = 0, places - 1, 1
+        while waiting > 0:
+            waiting -= 1
+            a, b = first[waiting], last[waiting]
+            m = (a + b) // 2
+            total = _reach(joints, n, a, b, m, step, reach)
+            free = total < MOST_SWEPT
+            if free:
+                _move(motion, turn, axes, points, joints[n], turned[n], m)
+                _place(at, placed, middle, motion, link, is_box, ends, pose)
+                _axes_there(motion, axes, points, lever)
+                for i in range(len(pairs)):
+                    moved = _moved(outer[i], moves, i, lever, reach, middle, around) / (1.0 - total)
+                    need = least + moved
+                    if (
+                        _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], need + 1e-6)
+                        <= need
+                    ):
+                        free = False
+                        break
+            if not free and a == b:
+                found[n, a] = True
+            elif not free:
+                first[waiting], last[waiting] = a, m
+                first[waiting + 1], last[waiting + 1] = m + 1, b
+                waiting += 2
+    return found
+
+
+@kernel(error_model="numpy")
+def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
+    """How far each joint goes (s, 6) from each place halfway to its neighbours, with what it bulges out in between.
+
+    A parabola through three places lies off their chords by an eighth of the second difference; a quarter is taken.
+    """
+    places = joints.shape[1]
+    for k in range(places):
+        for j in range(6):
+            most = 0.0
+            if k > 0:
+                most = abs(joints[n, k, j] - joints[n, k - 1, j])
+            if k + 1 < places:
+                most = max(most, abs(joints[n, k + 1, j] - joints[n, k, j]))
+            bulge = 0.0
+            for i in range(max(k - 1, 1), min(k + 2, places - 1)):
+                bulge = max(bulge, abs(joints[n, i - 1, j] - 2.0 * joints[n, i, j] + joints[n, i + 1, j]))
+            step[k, j] = most / 2 + bulge / 4
+
+
+@kernel(error_model="numpy")
+def _reach(joints: AnyArray, n: int, a: int, b: int, m: int, step: AnyArray, reach: AnyArray) -> float:
+    """How far each joint goes from place m between half a step before place a and half a step behind b; their sum."""
+    total = 0.0
+    for j in range(6):
+        far = 0.0
+        for k in range(a, b + 1):
+            far = max(far, abs(joints[n, k, j] - joints[n, m, j]) + step[k, j])
+        reach[j] = far
+        total += far
+    return total
+
+
+@kernel(error_model="numpy")
+def _axes_there(motion: AnyArray, axes: AnyArray, points: AnyArray, lever: AnyArray) -> None:
+    """Direction and a point (6, 2, 3) of each joint's axis where the links before it carried it."""
+    for j in range(6):
+        for r in range(3):
+            lever[j, 0, r], lever[j, 1, r] = 0.0, motion[j, r, 3]
+            for c in range(3):
+                lever[j, 0, r] += motion[j, r, c] * axes[j, c]
+                lever[j, 1, r] += motion[j, r, c] * points[j, c]
+
+
+@kernel(error_model="numpy")
+def _moved(
+    s: int, moves: AnyArray, i: int, lever: AnyArray, reach: AnyArray, middle: AnyArray, around: AnyArray
+) -> float:
+    """What the joints between the bodies of pair i move volume s by, at most, with the levers as they are."""
+    way = 0.0
+    for j in range(6):
+        if moves[i, j]:
+            x, y, z = middle[s, 0] - lever[j, 1, 0], middle[s, 1] - lever[j, 1, 1], middle[s, 2] - lever[j, 1, 2]
+            u, v, w = lever[j, 0, 0], lever[j, 0, 1], lever[j, 0, 2]
+            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
+            way += reach[j] * (np.sqrt(cx * cx + cy * cy + cz * cz) + around[s])
+    return way
 
 
 @kernel(error_model="numpy")

@@ -105,13 +105,3 @@ def _inverses(matrices: AnyArray) -> AnyArray:
             for c in range(6):
                 found[n, r, c] = work[r, 6 + c]
     return found
-
-
-def joint_reach(chain: Chain, joints: Float, tip_mm: Float, far_mm: float, turn: float) -> Float:
-    """How far each joint (n, 6) turns, to first order, while the tip (n, 3) moves by `far_mm`, the tool by `turn`."""
-    axes, points = joint_axes(chain, joints)
-    scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
-    back = _inverses(np.ascontiguousarray(jacobian_at(axes, points, tip_mm) / scale[:, None]))
-    by_place, by_turn = (np.linalg.norm(part, axis=2) for part in (back[..., :3], back[..., 3:]))
-    found = by_place * far_mm / scale[0] + by_turn * turn
-    return np.asarray(np.where(np.isfinite(found) & (np.abs(back).max(axis=(1, 2)) < REGULAR)[:, None], found, np.inf))

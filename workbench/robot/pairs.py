@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.robot.bounds import SAFE_MM, bounding_volumes, pair_bounds_mm
+from workbench.robot.bound_kernels import swept_kernel
+from workbench.robot.bounds import bounding_volumes
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import joint_axes
-from workbench.robot.margins import COVERAGE, joint_reach
+from workbench.robot.margins import COVERAGE
 from workbench.robot.shapes import ON_TURNTABLE
 from workbench.units import Bool, Float, Int
 
-CURVED = 1.3  # by how much joints may go beyond what the Jacobian says of a short way
-MOST_REACH = 0.25  # rad, of all joints together, for which that holds
+OFF_MM = 1.0  # at most between a way and what its places tell of it
 
 
 class Pairs:
@@ -35,7 +35,6 @@ class Pairs:
         self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
         self.table = on_table.any(axis=1)
         self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
-        self.by_tool = (high == 6) & (low == 0)  # what link 6 carries against what stands
         self.least_mm = self._least(pairs)
 
     def _least(self, pairs: Int) -> Float:
@@ -65,27 +64,34 @@ class Pairs:
         slack = 1 - reach.sum(axis=1, keepdims=True)
         return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
 
-    def proven(self, joints: Float, table: Float, tip_mm: Float, far_mm: float, turn: float) -> Bool:
-        """Which postures (n, 6), turntable (n,), are free of collision with all whose tip (n, 3) is so near to theirs.
+    def swept(self, joints: Float, table: Float) -> Bool:
+        """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
 
-        The tool goes no farther than its tip and what a turn adds. The joints go no farther than the Jacobian asks,
-        times CURVED for what it changes on so short a way. False: not proven, which says nothing.
+        A stretch of a way is proven when every pair of bodies is farther apart in its middle than the margin, and what
+        the joints may move it by on the whole stretch; else it is halved, down to half a step either side of a place.
 
         Args:
-            joints: rad.
-            table: rad.
-            tip_mm: in the base.
-            far_mm: of the tip.
-            turn: of the tool, rad.
+            joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
+            table: (c,) rad, standing.
         """
-        reach = CURVED * joint_reach(self.cell.chain, joints, tip_mm, far_mm, turn)
-        free = np.asarray(np.isfinite(joints).all(axis=1) & (reach.sum(axis=1) < MOST_REACH))
-        if self.model.pairs and free.any():
-            some = np.flatnonzero(free)
-            apart, middles = pair_bounds_mm(self.cell, self.volumes, joints[some], table[some])
-            moved = self.moved_mm(joints[some], np.column_stack([reach[some], np.zeros(len(some))]), middles)
-            lever = np.linalg.norm(middles - tip_mm[some, None], axis=2) + self.volumes.around_mm
-            carried = (far_mm + turn * lever)[:, self.outer]
-            moved = np.where(self.by_tool, np.minimum(moved, carried), moved)
-            free[some] = (apart - moved > self.least_mm + SAFE_MM).all(axis=1)
-        return free
+        v, chain = self.volumes, self.cell.chain
+        return np.asarray(
+            swept_kernel(
+                chain.axes,
+                chain.points_mm,
+                np.ascontiguousarray(joints, float),
+                turntable_pose(self.cell, 0.0),
+                np.ascontiguousarray(table, float),
+                v.link,
+                v.is_box,
+                v.ends_mm,
+                v.radius_mm,
+                v.pose,
+                v.half_mm,
+                v.around_mm,
+                v.pairs,
+                self.outer,
+                self.joints,
+                self.cell.margin_mm + OFF_MM,
+            )
+        )

@@ -45,9 +45,9 @@ class CollisionScreen:
     def _pairs(self) -> Pairs:
         return Pairs(self.cell)
 
-    def proven(self, joints: Float, turntable: Float, tip_mm: Float, far_mm: float, turn: float) -> Bool:
-        """Which postures (n, 6), (n,) are free with all that are so near them; see `Pairs.proven`."""
-        return self._pairs.proven(joints, turntable, tip_mm, far_mm, turn)
+    def swept(self, joints: Float, turntable: Float) -> Bool:
+        """Which places (c, s) of ways (c, s, 6), (c,) are not proven free; see `Pairs.swept`."""
+        return self._pairs.swept(joints, turntable)
 
     def pair(self, hit: int) -> tuple[str, str]:
         """Names of the bodies of a hit."""

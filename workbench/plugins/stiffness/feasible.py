@@ -7,21 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics
+from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics, inverse
 from workbench.plugins.stiffness.arm import AnyArm, joint_angles
-from workbench.plugins.stiffness.path_points import PathPoints
-from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses
+from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
+from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses, spread
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
 FREE, SINGULAR, LIMIT, UNREACHABLE, COLLISION = range(5)
 SOLVED, SAMPLED, EVERY_POINT, PROVEN = range(4)
-JUDGED = (
-    "solved",
-    "sampled",
-    "every point",
-    "proven",
-)  # by joint angles alone; at some points; at all; between them too
-NEAR_MM, LEVER_MM, MOST_MIDDLES = 12.0, 150.0, 60  # of points that are judged together; what a turn counts
+# by joint angles alone; by a fault at some places; at every point where doubtful, else proven; proven all along
+JUDGED = ("solved", "sampled", "every point", "proven")
+STATION_MM, LEVER_MM, CHORD_MM = 12.0, 150.0, 0.2  # of stations: their step, what a turn counts, off the chord
+SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are looked at
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 
@@ -56,88 +53,102 @@ class Examiner:
         self.cell, self.arm, self.points = cell, arm, points
         self.screen = CollisionScreen(cell)
 
-    def examine(self, branch: Int, rotation: Float, table: Float, at: Int) -> Verdicts:
-        """Verdicts on cells (c,), judged at the points `at` (p,) of the path; each flip of the wrist is tried."""
+    def examine(self, branch: Int, rotation: Float, table: Float) -> Verdicts:
+        """Verdicts on cells (c,) all along the path; each flip of the wrist is tried.
+
+        Joint angles and their limits at the stations. Bodies are proven apart along the whole way or, round the
+        stations where that fails, asked of fcl at every point. Margins to singular postures at SAMPLED_AT stations.
+        """
         count = len(branch)
-        cause, hit, flips = np.full(count, LIMIT), np.full(count, -1), np.zeros(count, int)
-        flange = flange_poses(
-            self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)), np.repeat(table, len(at))
+        cause, hit, flips, how = (
+            np.full(count, LIMIT),
+            np.full(count, -1),
+            np.zeros(count, int),
+            np.full(count, SAMPLED),
         )
-        flange = flange.reshape(count, len(at), 4, 4)
+        flange = self._flange(self._stations, rotation, table)
         for flip in (0, 1):
             for which in range(len(BRANCHES)):
                 todo = np.flatnonzero((branch == which) & (cause != FREE))
                 if not len(todo):
                     continue
-                joints = Configuration(which, flip).joints(self.arm, flange[todo].reshape(-1, 4, 4))
-                joints, inside = followed(self.cell.chain, joints.reshape(len(todo), len(at), 6))
-                poor = self.poor(joints)
-                swings = (_swings(joints, np.diff(at) == 1) | (poor == SINGULAR).any(axis=1)) & inside
-                inside &= ~(poor == LIMIT).any(axis=1)
-                inside &= ~swings
-                hits = np.full(len(todo), -1)
-                hits[inside] = self._hits(joints[inside], table[todo[inside]])
-                found = np.where(inside, np.where(hits >= 0, COLLISION, FREE), LIMIT)
-                found[swings] = SINGULAR
-                better = (found == FREE) | (found == COLLISION) | ((found == SINGULAR) & (cause[todo] == LIMIT))
-                cause[todo[better]], hit[todo[better]], flips[todo[better]] = found[better], hits[better], flip
+                found = self._judged(Configuration(which, flip), flange[todo], rotation[todo], table[todo])
+                better = (found.cause == FREE) | (found.cause == COLLISION)
+                better |= (found.cause == SINGULAR) & (cause[todo] == LIMIT)
+                into = todo[better]
+                cause[into], hit[into], how[into] = found.cause[better], found.hit[better], found.how[better]
+                flips[into] = flip
         hit[cause == FREE] = -1
-        return Verdicts(cause, hit, flips, np.full(count, SAMPLED))
+        return Verdicts(cause, hit, flips, how)
 
-    def spread(self, count: int) -> Int:
-        """At most `count` points of the path, in their order, that lie as far from each other as they can."""
-        return np.sort(self._farthest[1][:count])
-
-    @functools.cached_property
-    def _farthest(self) -> tuple[Float, Int]:
-        """Where the points lie (n, 12), turns in mm; and points of the path, each the farthest from those before."""
-        poses = self.points.base_from_point
-        there = np.hstack([poses[:, :3, 3], LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
-        chosen, away = [0], np.linalg.norm(there - there[0], axis=1)
-        while away.max() > NEAR_MM and len(chosen) < MOST_MIDDLES:
-            chosen.append(int(away.argmax()))
-            away = np.minimum(away, np.linalg.norm(there - there[chosen[-1]], axis=1))
-        return there, np.array(chosen)
-
-    @functools.cached_property
-    def _middles(self) -> tuple[Int, float, float]:
-        """Points of the path (k,) near which all its points lie, and how near: mm and rad."""
-        poses, (there, chosen) = self.points.base_from_point, self._farthest
-        nearest = np.argmin(np.linalg.norm(there[:, None] - there[chosen], axis=2), axis=1)
-        middle = poses[chosen[nearest]]
-        far = np.linalg.norm(poses[:, :3, 3] - middle[:, :3, 3], axis=1).max()
-        cosine = (np.einsum("nij,nij->n", poses[:, :3, :3], middle[:, :3, :3]) - 1) / 2
-        turn = float(np.arccos(np.clip(cosine, -1, 1)).max())
-        reach = self.points.point_from_tip[:3, 3]
-        return chosen, float(far + turn * np.linalg.norm(reach)), turn
-
-    def confirm(self, branch: Int, flip: Int, rotation: Float, table: Float) -> Verdicts:
-        """Verdicts on cells (c,) that are free where they were sampled: all points of the path, and what lies between.
-
-        All points lie near some middle points. Where the bodies cannot meet for anything that the joints may do within
-        that nearness, the cell is proven; else it is judged at every point.
-        """
-        at, far_mm, turn = self._middles
-        count = len(branch)
-        cause, hit, how = np.full(count, FREE), np.full(count, -1), np.full(count, PROVEN)
-        flange = flange_poses(
-            self.cell, self.points, np.tile(at, count), np.repeat(rotation, len(at)), np.repeat(table, len(at))
-        ).reshape(count, len(at), 4, 4)
-        joints = np.empty((count, len(at), 6))
-        for which, wrist in {(int(b), int(f)) for b, f in zip(branch, flip, strict=True)}:
-            some = (branch == which) & (flip == wrist)
-            found = Configuration(which, wrist).joints(self.arm, flange[some].reshape(-1, 4, 4))
-            joints[some] = found.reshape(-1, len(at), 6)
-        flat = joints.reshape(-1, 6)
-        tip = (flange.reshape(-1, 4, 4) @ self.cell.flange_from_cutter)[:, :3, 3]
-        proven = self.screen.proven(flat, np.repeat(table, len(at)), tip, far_mm, turn).reshape(count, -1).all(axis=1)
-        for i in np.flatnonzero(~proven).tolist():
+    def _judged(self, configuration: Configuration, flange: Float, rotation: Float, table: Float) -> Verdicts:
+        """Verdicts on cells (c,) in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
+        count, places = flange.shape[:2]
+        joints = configuration.joints(self.arm, flange.reshape(-1, 4, 4)).reshape(count, places, 6)
+        joints, within = followed(self.cell.chain, joints)
+        cause, inside = np.full(count, LIMIT), np.flatnonzero(within)
+        poor = self.poor(joints[inside][:, spread(np.arange(places), SAMPLED_AT)])
+        said = np.where((poor == LIMIT).any(axis=1), LIMIT, FREE)
+        said[(poor == SINGULAR).any(axis=1)] = SINGULAR
+        cause[inside] = said
+        hit, how = np.full(count, -1), np.full(count, SAMPLED)
+        asked = inside[said == FREE]
+        fast = (np.abs(np.diff(joints[asked], axis=1)) > MOST_STEP).any(axis=(1, 2))
+        for i in asked[fast].tolist():
             n = len(self.points.layer)
-            _, cause[i], hit[i] = self.along(
-                Configuration(int(branch[i]), int(flip[i])), np.full(n, rotation[i]), np.full(n, table[i])
-            )
+            _, cause[i], hit[i] = self.along(configuration, np.full(n, rotation[i]), np.full(n, table[i]))
             how[i] = EVERY_POINT
-        return Verdicts(cause, hit, flip, how)
+        asked = asked[~fast]
+        open_ = self.screen.swept(joints[asked], table[asked])
+        how[asked] = np.where(open_.any(axis=1), EVERY_POINT, PROVEN)
+        doubtful = np.flatnonzero(open_.any(axis=1))
+        some = asked[doubtful]
+        hit[some] = self._hits(configuration, joints[some], open_[doubtful], rotation[some], table[some])
+        cause[some[hit[some] >= 0]] = COLLISION
+        return Verdicts(cause, hit, np.full(count, configuration.flip), how)
+
+    def _hits(self, configuration: Configuration, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
+        """The first hit (c,) of paths with joints (c, s, 6) at the stations, or -1; where they are `open_` (c, s)."""
+        found = np.full(len(joints), -1)
+        first, last = open_.argmax(axis=1), open_.shape[1] - 1 - open_[:, ::-1].argmax(axis=1)
+        for at in (first, last, (first + last) // 2):  # a hit spares the rest
+            rest = np.flatnonzero(found < 0)
+            found[rest] = self.screen.hits(joints[rest, at[rest]], table[rest])
+        for rest in np.array_split(np.flatnonzero(found < 0), max(len(joints) // 256, 1)):
+            which, at = np.nonzero(open_[rest][:, self._owner])
+            if not len(which):
+                continue
+            of = rest[which]
+            flange = flange_poses(self.cell, self.points, at, rotation[of], table[of])
+            hits = self.screen.hits(configuration.joints(self.arm, flange), table[of])
+            found[of[hits >= 0]] = hits[hits >= 0]
+        return found
+
+    def _flange(self, at: Int, rotation: Float, table: Float) -> Float:
+        """Poses of the flange (c, p, 4, 4) at points (p,), with cutter and turntable turned by (c,)."""
+        turned = self.points.turned(self.cell, table)[:, None]
+        tool = turn_about_z(rotation) @ inverse(self.cell.flange_from_cutter)
+        return np.asarray(turned @ (self.points.base_from_point[at] @ self.points.point_from_tip) @ tool[:, None])
+
+    @functools.cached_property
+    def _stations(self) -> Int:
+        """Points of the path, in their order, so near each other that what lies between them is nearly a chord."""
+        poses, lever = self.points.base_from_point, self.points.point_from_tip[:3, 3]
+        there = np.hstack([poses[:, :3, 3] + poses[:, :3, :3] @ lever, LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
+        chosen, n = [0], len(there)
+        while chosen[-1] < n - 1:
+            a = chosen[-1]
+            b = a + 1
+            while b + 1 < n and _is_chord(there[a : b + 2]):
+                b += 1
+            chosen.append(b)
+        return np.array(chosen)
+
+    @functools.cached_property
+    def _owner(self) -> Int:
+        """The station (n,) that is nearest to each point along the path."""
+        at = self._stations
+        return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.points.layer))))
 
     def along(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""
@@ -166,14 +177,6 @@ class Examiner:
         said[(wrist < margins.wrist) | (condition > margins.condition)] = SINGULAR
         return np.asarray(said.reshape(joints.shape[:-1]))
 
-    def _hits(self, joints: Float, table: Float) -> Int:
-        """The first hit of each path (c, p, 6), or -1; points one after the other, so that a hit spares the rest."""
-        found = np.full(len(joints), -1)
-        for at in order(joints.shape[1]):
-            open_ = np.flatnonzero(found < 0)
-            found[open_] = self.screen.hits(joints[open_, at], table[open_])
-        return found
-
 
 def _swings(joints: Float, neighbours: Bool) -> Bool:
     """Whether a joint moves too far between neighbouring points, on each path (c, p, 6)."""
@@ -181,9 +184,14 @@ def _swings(joints: Float, neighbours: Bool) -> Bool:
     return np.asarray((steps[:, neighbours] > MOST_STEP).any(axis=1))
 
 
-def order(count: int) -> list[int]:
-    """Ends first, then the middle: where a path collides, it mostly does so there."""
-    return sorted(range(count), key=lambda i: min(i, count - 1 - i))
+def _is_chord(there: Float) -> bool:
+    """Whether places (k, 12) are no farther apart than a station's step, and lie on the chord from first to last."""
+    chord = there[-1] - there[0]
+    square = float(chord @ chord)
+    if square > STATION_MM**2:
+        return False
+    share = np.clip((there - there[0]) @ chord / max(square, 1e-12), 0.0, 1.0)
+    return bool(np.linalg.norm(there - there[0] - share[:, None] * chord, axis=1).max() <= CHORD_MM)
 
 
 def followed(chain: Chain, joints: Float) -> tuple[Float, Bool]:

@@ -79,6 +79,9 @@ def posture(
     whole_map: Annotated[
         bool, Field(description="false: cells worse than the optimum are not examined for collision")
     ] = True,
+    map_step_deg: Annotated[
+        float, Field(ge=0.25, le=30, description="of the map's grid, both ways, where larger than the grid's own")
+    ] = 5.0,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
@@ -108,6 +111,7 @@ def posture(
         acceleration_deg_s2: what the law may ask of a joint.
         step_cost_mm: what a step costs, times its size squared in grid steps; a larger one makes a calmer law.
         whole_map: whether all cells of the map are examined for collision.
+        map_step_deg: of the map: each of its free cells is judged along the whole path, which takes about 2 ms.
 
     Raises:
         InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
@@ -126,7 +130,11 @@ def posture(
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
     at = sample(points, sampled_points)
     examiner, some = Examiner(kept, arm, points), points.only(at)
-    choice, over = search(examiner, traversal(arm, kept, k, some, rotations, tables), whole_map=whole_map)
+    traversed = traversal(arm, kept, k, some, rotations, tables)
+    choice, over = search(examiner, traversed, whole_map=False)
+    if whole_map:
+        every = max(int(map_step_deg / step_deg + 1e-9), 1)
+        over = search(examiner, traversed.thinned(every, choice.rotation, choice.table), whole_map=True)[1]
     chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
         limits = Limits(

@@ -19,9 +19,7 @@ from workbench.plugins.stiffness.feasible import (
 )
 from workbench.plugins.stiffness.traversal import Traversal
 
-JUDGED_AT = 16  # points of the path at which a cell of the map is examined; the chosen one is at all
-MOST_CONFIRMED = 1500  # free cells that are looked at along the whole path, the best first: about 20 s
-FIRST_CHUNK, LARGEST_CHUNK = 64, 2048
+FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,27 +52,19 @@ def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Cho
     """Cells in the order of their mean displacement, each examined until one is free at every point of the path.
 
     All better cells are proven infeasible, so the choice is the optimum of the grid. `whole_map`: the others are
-    examined too; without it they count as infeasible by collision only where that was found. The best MOST_CONFIRMED
-    free cells are judged along the whole path, the others at JUDGED_AT points of it: the map says which (`how`).
+    examined too; without it they count as infeasible by collision only where that was found. No cell is called free
+    that was not judged along the whole path: the map says how (`how`).
 
     Raises:
         InputError: no cell is free; the line says what stands in the way.
     """
     state = _State(grid)
     ranked = grid.ranked
-    choice, start, size, confirmed = None, 0, FIRST_CHUNK, 0
-    at = examiner.spread(JUDGED_AT)
+    choice, start, size = None, 0, FIRST_CHUNK
     while start < len(ranked) and (whole_map or choice is None):
         flat = state.still_open(ranked[start : start + size])
         branch, table, rotation = np.unravel_index(flat, grid.said.shape)
-        verdicts = examiner.examine(branch, grid.rotations[rotation], grid.tables[table], at)
-        free = np.flatnonzero(verdicts.cause == FREE)[: MOST_CONFIRMED - confirmed]
-        confirmed += len(free)
-        if len(free):
-            sure = examiner.confirm(
-                branch[free], verdicts.flip[free], grid.rotations[rotation[free]], grid.tables[table[free]]
-            )
-            verdicts.cause[free], verdicts.hit[free], verdicts.how[free] = sure.cause, sure.hit, sure.how
+        verdicts = examiner.examine(branch, grid.rotations[rotation], grid.tables[table])
         state.note(flat, verdicts.cause, verdicts.hit, verdicts.how)
         for i in np.flatnonzero(verdicts.cause == FREE) if choice is None else ():
             choice = _tried(examiner, grid, int(flat[i]), int(verdicts.flip[i]), state)

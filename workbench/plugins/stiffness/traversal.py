@@ -28,6 +28,13 @@ class Traversal:
         flat = np.flatnonzero(self.said == CAUSES.index(""))
         return np.asarray(flat[np.argsort(self.mean_mm.reshape(-1)[flat], kind="stable")])
 
+    def thinned(self, every: int, rotation: float, table: float) -> Traversal:
+        """Every so many-th angle both ways, those of a cell of the grid among them."""
+        t, a = (int(np.abs(at - of).argmin()) % every for at, of in ((self.rotations, rotation), (self.tables, table)))
+        cells = (slice(None), slice(a, None, every), slice(t, None, every))
+        mean, said = np.ascontiguousarray(self.mean_mm[cells]), np.ascontiguousarray(self.said[cells])
+        return Traversal(self.rotations[t::every], self.tables[a::every], mean, said)
+
 
 def sample(points: PathPoints, count: int) -> Int:
     """Indices of at most `count` loaded points, evenly spread with both ends, and a quarter as many others."""

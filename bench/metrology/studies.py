@@ -70,7 +70,9 @@ STUDIES = {
     ),
     "planning": Study(
         Measurement(
-            measure_plan, PlanResult, (*MEASURING, "workbench/path", "bench/metrology", "bench/metrology/planning")
+            measure_plan,
+            PlanResult,
+            (*MEASURING, "workbench/path", "bench/coverage", "bench/metrology", "bench/metrology/planning"),
         ),
         tuple(RAW_CONDITIONS),
         100,
@@ -89,6 +91,7 @@ STUDIES = {
                 "workbench/path",
                 "workbench/inspect",
                 "workbench/twin",
+                "bench/coverage",
                 "bench/metrology",
                 "bench/metrology/planning",
                 "bench/metrology/loop",
@@ -111,6 +114,7 @@ STUDIES = {
                 "workbench/path",
                 "workbench/inspect",
                 "workbench/twin",
+                "bench/coverage",
                 "bench/metrology",
                 "bench/metrology/planning",
                 "bench/metrology/measured",

@@ -48,9 +48,9 @@ def test_results_rest_on_the_source_that_they_name():
 
 
 def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
-    """One part whose rough end face is not known well enough: refused and told; status 1: no goal was reached."""
-    chosen = ["--studies", "planning", "--conditions", "raw_rough", "--parts", "1", "--seed", "0"]
+    """One part whose lower edge may be rounded where the view does not show it: refused and told; status 1."""
+    chosen = ["--studies", "planning", "--conditions", "raw_straight", "--parts", "1", "--seed", "1200001"]
     assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "raw_rough, seed 0: refused: synthetic: known well enough on" in printed
-    assert (tmp_path / "planning" / "raw_rough.jsonl").exists()
+    assert "raw_straight, seed 1200001: refused: synthetic: the edge is known to" in printed
+    assert (tmp_path / "planning" / "raw_straight.jsonl").exists()

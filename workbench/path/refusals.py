@@ -58,8 +58,12 @@ def known_well(
             f"(1.645 u), where root_tolerance_mm is {root_tolerance_mm:g} and "
             f"bevel_tolerance_deg {bevel_tolerance_deg:g}",
         )
-    lost = ", ".join(f"{a:.0f} to {b:.0f}" for a, b in cut_stretches(edge.arc_length_mm, edge.seen & ~known))
-    told = (f"arc length {lost} mm: not cut, the scan does not tell the edge well enough",) if lost else ()
+    told = tuple(
+        f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not tell the edge well enough: "
+        f"to {np.max(root_mm[on]):.2g} mm of root and {np.max(angle_deg[on]):.2g} deg of bevel (1.645 u)"
+        for a, b in cut_stretches(edge.arc_length_mm, edge.seen & ~known)
+        for on in [(edge.arc_length_mm >= a - 1e-6) & (edge.arc_length_mm <= b + 1e-6) & edge.seen & ~known]
+    )
     return replace(edge, seen=known, warnings=edge.warnings + told)
 
 

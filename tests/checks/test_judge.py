@@ -304,3 +304,24 @@ def test_the_page_tells_every_check() -> None:
     page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
     assert limits_table() in page
     assert all(one.reason and one.meaning for one in LIMITS.values())
+
+
+def _still_in_view(shuffled: bool, wiggle_mm: float = 0.14) -> Recording:
+    """A part that wanders by a few tenths of a millimetre through the view, slowly or out of order."""
+    recording = good("straight", 41)
+    count = len(recording.time_s)
+    drift = wiggle_mm * np.sqrt(12.0) * (np.arange(count) / (count - 1) - 0.5)
+    order = np.random.default_rng(3).permutation(count) if shuffled else np.arange(count)
+    middle = np.broadcast_to(recording.z_mm[count // 2], recording.z_mm.shape)
+    noise = np.random.default_rng(4).normal(0, 0.01, middle.shape)
+    z = (middle + drift[order][:, None] + noise).astype(np.float32)
+    x = np.broadcast_to(recording.x_mm[count // 2], recording.x_mm.shape)
+    return dataclasses.replace(recording, x_mm=np.ascontiguousarray(x), z_mm=z)
+
+
+def test_frames_out_of_order_are_seen_on_a_part_that_hardly_moves_in_the_view():
+    named = {one.name: one for one in judge_recording(_still_in_view(shuffled=True))}
+    assert not named["wiggle_mm"].passed
+    assert "out of order" in named["wiggle_mm"].finding
+    assert named["wiggle_mm"].value < LIMITS["wiggle_mm"].bound  # by the common limit alone it would have passed
+    assert {one.name: one for one in judge_recording(_still_in_view(shuffled=False))}["wiggle_mm"].passed

@@ -38,6 +38,7 @@ SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistak
 TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
+UNORDERED, UNORDERED_MM = 0.5, 0.05  # neighbours that scatter as the whole pass does: robots vibrate by less
 VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
@@ -332,7 +333,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected: list[str] = []
     told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order?"
-    yield check("wiggle_mm", now.wiggle_mm, told, given=given)
+    allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
+    yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
         only = oblique.passed and varies.passed and twist.passed and unsteady.passed
@@ -431,7 +433,8 @@ def _pass_check(
     for number, made in _poses(recording, found, hand_eye, AS_READ).items():
         poses[frames[number]] = made
     apart = disagreement_mm(recording.x_mm, recording.z_mm, frames, poses)
-    told = f"two passes see one face {apart:.2f} mm apart: has the part been moved, or is the hand-eye pose wrong?"
+    told = f"two passes see one face {apart:.2f} mm apart: has the part been moved, "
+    told += "is the hand-eye pose wrong, or are frames of a pass in reverse order?"
     yield check(
         "pass_disagreement_mm", apart, told if np.isfinite(apart) else "no face was seen by two passes", given=given
     )

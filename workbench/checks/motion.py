@@ -30,6 +30,7 @@ class Consistency:
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     wiggle_mm: float  # robust standard deviation of a place across its way from a smooth one
+    in_view: float  # how much of that wiggle the profiles show without poses, over what they show over the whole pass
     way_mm: float  # of the edge, all passes
 
 
@@ -53,24 +54,26 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 6)
+        return Consistency(*[float("nan")] * 7)
     table = np.array(found)
-    oblique, varies, twist, unsteady, wiggle = table[:, :-1].max(axis=0).tolist()
-    return Consistency(oblique, varies, twist, unsteady, wiggle, float(table[:, -1].sum()))
+    oblique, varies, twist, unsteady, wiggle, in_view = table[:, :-1].max(axis=0).tolist()
+    return Consistency(oblique, varies, twist, unsteady, wiggle, in_view, float(table[:, -1].sum()))
 
 
-def _of_pass(chain: Chain, pose: Float) -> tuple[float, float, float, float, float, float] | None:
+def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
     place, across, stretch = _carried_by(chain, pose)
     way = way_of(place, stretch, pose)
     here = np.isfinite(way.oblique_deg)
     if here.sum() < 2:
         return None
     low, high = np.percentile(way.oblique_deg[here], [5, 95])
+    wiggle = _wiggle(place, stretch)
     return (
         float(np.median(way.oblique_deg[here])),
         float(high - low) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
-        _wiggle(place, stretch),
+        wiggle,
+        _in_view(chain, wiggle),
         way.length_mm,
     )
 
@@ -101,6 +104,23 @@ def _wiggle(place: Float, stretch: Int) -> float:
     size = np.maximum(np.linalg.norm(chord, axis=1), LEAST_MM)
     aside = np.linalg.norm(np.cross(bend, chord), axis=1) / size
     return float(np.median(aside)) / 1.1774 / math.sqrt(20.0)  # of two normal numbers; of 1, -3, 3, -1
+
+
+def _in_view(chain: Chain, wiggle_mm: float) -> float:
+    """Scatter of the section's place in the view from profile to profile, over that in the whole pass; 0 to about 1.
+
+    Frames out of order scatter as much between neighbours as over the pass. 0 where the view does not show half of the
+    wiggle: it is then the poses that jump.
+    """
+    point, _, stretch = chain.track
+    together = stretch[3:] == stretch[:-3]
+    longest = stretch == np.bincount(stretch).argmax()
+    over_all = float(point[longest].std(axis=0).max())
+    if together.sum() < LEAST_STRETCH or over_all < LEAST_MM:
+        return 0.0
+    bend = np.diff(point, n=3, axis=0)[together]
+    near = float(np.median(np.abs(bend), axis=0).max()) / 0.6745 / math.sqrt(20.0)
+    return near / over_all if near > 0.5 * wiggle_mm else 0.0
 
 
 def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float] | None:

@@ -91,7 +91,8 @@ def check(
             faults,
             collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False),
         )
-    return decision(toolpath, faults, penetration_mm, (*weakened(penetration_mm), *loosened_checks(toolpath)))
+    loosened = (*weakened(penetration_mm), *loosened_checks(toolpath))
+    return decision(toolpath, faults, penetration_mm, loosened, unseen_checks(toolpath))
 
 
 def decision(
@@ -121,6 +122,12 @@ def weakened(penetration_mm: float) -> tuple[str, ...]:
 def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     """Checks of the recording behind the path that a parameter made weaker than the rule."""
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
+
+
+def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
+    """What the recording behind the path could not show of its own poses: it may move the whole path."""
+    told = [check.finding for check in toolpath.evidence if check.name == "flange_turn_deg"]
+    return tuple(finding for finding in told if "would not show" in finding or "in no value" in finding)
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

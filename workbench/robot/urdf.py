@@ -199,6 +199,12 @@ def _check_joints(model: pin.Model, path: Path) -> None:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected a revolute joint, all six in one chain")
         if not model.lowerPositionLimit[i] < model.upperPositionLimit[i]:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected limits with lower < upper")
+        low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+        if i in (1, 2) and max(-low, high) > 1.01 * TURNS * 2 * np.pi:  # more than a continuous joint is given
+            raise InputError(
+                f"{path}: {model.names[i + 1]}",
+                f"expected limits in radians, found {low:g}, {high:g}: degrees? Divide them by 57.3",
+            )
         if not model.velocityLimit[i] > 0:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected a limit with a velocity above 0")
 

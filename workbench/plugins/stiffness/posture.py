@@ -143,6 +143,12 @@ def posture(
         over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), step_cost_mm)
         chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
+    worst = float(np.linalg.norm(made.displacement_mm, axis=1).max())
+    if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
+        raise InputError(
+            "stiffness.posture",
+            f"the cutter gives way by {worst:.3g} mm, more than its radius: expected stiffness of the joints in Nm/rad",
+        )
     found = Found(
         postures=made,
         points=points,

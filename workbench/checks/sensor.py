@@ -19,6 +19,7 @@ LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
 LEAST_SHARE = 0.6  # of a piece's columns that returned
 OUTLIERS = 6.0  # median misfits
+BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
 FLAT = 2.0  # standard deviations of the noise by which neighbouring columns of a flat piece differ at most
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
 LEAST_STEPS = 16  # of a profile
@@ -138,7 +139,7 @@ def moving_mean(z: Float) -> float:
     known = np.isfinite(bend)
     if known.sum() < LEAST_BENDS:
         return 0.0
-    bend[np.abs(np.where(known, bend, np.inf)) > OUTLIERS * np.median(np.abs(bend[known]))] = np.nan
+    bend[np.abs(np.where(known, bend, np.inf)) > BENT * np.median(np.abs(bend[known]))] = np.nan
     used = np.isfinite(bend)
     bend = np.where(used, bend, 0.0)
     power = float((bend**2).sum()) / max(int(used.sum()), 1)

@@ -43,7 +43,7 @@ class Scan:
 def scan_of(recipe: Recipe) -> Scan:
     recording, truth = simulate_recording(recipe)
     # Poses without noise look held, and faces that drift under an oblique laser plane look turned.
-    return Scan(recipe, denoise(fuse(recording, limits={"held_twist_deg": 5.0})), truth)
+    return Scan(recipe, denoise(fuse(recording)), truth)
 
 
 @pytest.fixture(scope="session")

@@ -352,10 +352,6 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
     yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
-    held = now.twist_deg if _held(recording) else 0.0
-    told = f"the orientation is the same to the last digit, yet the section turns by {held:.2f} deg about the edge"
-    told += ": an orientation that was held or commanded, not measured?"
-    yield check("held_twist_deg", held, told if held else "", given=given)
     yield _unseen(recording)
     yield from _pass_check(recording, found, hand_eye, given)
     offset = clock_offset(

@@ -109,12 +109,6 @@ LIMITS: dict[str, Limit] = {
         "reading also halves an obliquity of 10 deg and more",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
-    "held_twist_deg": Limit(
-        0.5,
-        "turn of the section about the edge over 150 mm of it, where all poses of each pass have one orientation",
-        "measured orientations differ in their last digits; one that was held leaves the flange's turn to the section. "
-        "Estimates of straight plates stay below 0.4",
-    ),
     "wiggle_mm": Limit(
         0.12,
         "standard deviation of the edge's way through the base from a smooth one, from profile to profile; 0.05 where "

@@ -130,3 +130,13 @@ def test_too_few_frames_are_refused(scanned: Scans, count: int) -> None:
     )
     with pytest.raises(InputError, match="expected"):
         segment(few)
+
+
+def test_lower_end_that_is_blurred_in_every_frame_is_refused_with_the_suspicion(scanned: Scans) -> None:
+    """As a median or Gaussian filter of the sensor leaves it: no frame tells the root face's line."""
+    from workbench.edge.measure import measure_edge
+
+    scan = scanned(part=WAVES)
+    blurred = replace(scan.tracked, end_is_burred=np.ones(len(scan.tracked.end_is_burred), bool))
+    with pytest.raises(InputError, match=r"burr all along the edge, or a smoothing filter of the sensor\?"):
+        measure_edge(scan.cloud, blurred)

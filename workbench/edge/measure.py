@@ -66,6 +66,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])
+    check_ends(cloud, tracked, seen)
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(corners[seen], along[seen], cloud.pass_index[seen])
     curve = fit_curve(corners[seen], s[seen], cloud.pass_index[seen])
@@ -73,6 +74,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     for _ in range(2):
         _, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=False)
         good = _sound(cloud, lower_edge, s_low, corners)
+        check_ends(cloud, tracked, good)
         clean = good & ~tracked.end_is_burred
         curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
         s[good] = curve.project(lower_edge[good], s_low[good])
@@ -127,6 +129,18 @@ def check_advance(cloud: Cloud, corners: Float) -> None:
             f"expected at least {LEAST_FRAMES} frames that see the edge along at least "
             f"{LEAST_LENGTH_MM:g} mm of it, found {len(corners)} frames along "
             f"{np.linalg.norm(travelled):.2f} mm",
+        )
+
+
+def check_ends(cloud: Cloud, tracked: TrackedFaces, used: Bool) -> None:
+    """Refuse an edge of which too few of the `used` frames (N,) show the root face's lower end as faces end."""
+    clean = int((used & ~tracked.end_is_burred).sum())
+    if clean < LEAST_FRAMES:
+        raise InputError(
+            cloud.source,
+            f"the lower end of the root face is bent or drawn out in all but {clean} of {int(used.sum())} frames, "
+            "so that nothing tells the root face's line: a burr all along the edge, or a smoothing filter of the "
+            "sensor? switch the filter off, or remove the burr",
         )
 
 

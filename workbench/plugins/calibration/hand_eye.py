@@ -43,7 +43,10 @@ def hand_eye(
         float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
     ] = 0.05,
     sensor_scale_u: Annotated[
-        float, Field(gt=0, le=0.05, description="relative standard uncertainty of the profiler's own x and z")
+        float,
+        Field(
+            gt=0, le=0.05, description="standard uncertainty of the profiler's own x and z, as a share of themselves"
+        ),
     ] = 0.003,
     robot_error: Annotated[
         Literal["independent", "correlated"],

@@ -39,8 +39,9 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
 def _how(found: Found) -> str:
     choice, over = found.choice, found.map
     line = (
-        f"Of {over.mean_mm.size} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g}° and "
-        f"{choice.table / DEG:g}° give the least mean displacement; every better pair was examined and excluded."
+        f"Of {choice.of} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g}° and "
+        f"{choice.table / DEG:g}° give the least mean displacement; every better pair was examined and excluded. "
+        f"The map shows {over.mean_mm.size} of them."
     )
     if found.mode == "along_path":
         gap = found.law_gap or 0.0

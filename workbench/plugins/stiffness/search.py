@@ -32,6 +32,7 @@ class Choice:
     joints: Float  # (n, 6) at all points
     mean_mm: float
     examined: int  # cells that were better or equal, itself included
+    of: int  # cells of the grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +88,7 @@ def _tried(examiner: Examiner, grid: Traversal, flat: int, flip: int, state: _St
         joints, cause, hit = examiner.along(configuration, np.full(n, at[0]), np.full(n, at[1]))
         if cause == FREE:
             mean = float(grid.mean_mm[branch, table, rotation])
-            return Choice(float(at[0]), float(at[1]), configuration, joints, mean, state.examined)
+            return Choice(float(at[0]), float(at[1]), configuration, joints, mean, state.examined, grid.said[0].size)
     state.note(np.array([flat]), np.array([cause]), np.array([hit]), np.array([EVERY_POINT]))
     return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.raw_measure import LOCAL_MM, local_mean
+from workbench.edge.raw_measure import LOCAL_MM, _shared, local_mean
 from workbench.edge.sizes import changes, off_commonest
 
 RNG = np.random.default_rng(8)
@@ -51,3 +51,20 @@ def test_what_lies_off_the_commonest_level_is_uncertain_by_it() -> None:
     assert off[80] == 0.0
     _, off = off_commonest(8.0 - 0.3 * (at < 45.0))  # no level has 70 % of the edge
     assert off.min() == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("length_mm", "expected"), [(0.2, False), (6.0, True), (12.0, True)])
+def test_texture_does_not_reach_from_frame_to_frame_and_what_a_flame_cut_leaves_does(
+    length_mm: float, expected: bool
+) -> None:
+    rng = np.random.default_rng(31)
+    s = np.sort(rng.uniform(0.0, 120.0, 400))
+    s[::9] = np.nan
+    phases = rng.uniform(0.0, 2.0 * np.pi, 40)
+    waves = np.nan_to_num(s)[:, None] * 2.0 * np.pi / (length_mm * rng.uniform(0.7, 1.4, 40)) + phases
+    face = 0.002 * np.sin(waves).sum(axis=1) / np.sqrt(20.0)
+    turning = 0.003 * np.nan_to_num(s)  # a plate that turns along its edge is not rough
+    noise = rng.normal(0.0, 0.002, s.size)
+    passes = (np.arange(s.size) > 200).astype(np.int64)
+    assert _shared(s, face + turning + noise, passes) == expected
+    assert not _shared(s, turning + noise, passes)

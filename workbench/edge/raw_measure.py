@@ -34,6 +34,9 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
 # noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.01, 0.25
+# From here on it is, where the directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS: texture does not
+# reach from frame to frame, what a flame cut leaves does.
+SHARED_MM, SHARED_LAG_MM, SHARED_SIGMAS = 0.003, (0.7, 1.5), 3.0
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
@@ -143,7 +146,10 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     angle = angle - turn * np.abs((face.place * np.stack([n[:, 1], -n[:, 0]], axis=1)).sum(axis=1))
     face = replace(face, place=face.place - (turn * face.spread)[:, None] * n)
     tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index, stiffness=tilt.stiffness)
-    rough = _roughness(found, sigma) > max(ROUGH_MM, ROUGH_SHARE * sigma)
+    height = _roughness(found, sigma)
+    rough = height > max(ROUGH_MM, ROUGH_SHARE * sigma)
+    if not rough and height > max(SHARED_MM, ROUGH_SHARE * sigma):
+        rough = _shared(face.s, angle, cloud.pass_index)
     if rough:
         face = _lines(cloud, found, found.whole, curve, s, sigma)
         mid = np.where(np.isfinite(face.s), face.s, 0.0)
@@ -241,6 +247,32 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
         variance=variance[shown],
         slope_variance=none,
     )
+
+
+def _shared(s: Float, angle: Float, pass_index: Int) -> bool:
+    """Do the directions (N,) of frames at s (N,) go together over SHARED_LAG_MM, beside their mean over LOCAL_MM?"""
+    product, square, pairs = 0.0, 0.0, 0
+    for p in np.unique(pass_index):
+        on = np.flatnonzero((pass_index == p) & np.isfinite(s) & np.isfinite(angle))
+        on = on[np.argsort(s[on], kind="stable")]
+        if on.size <= TREND:
+            continue
+        place, value = s[on], angle[on]
+        value = value - np.polynomial.Polynomial.fit(place, value, TREND)(place)
+        total = np.concatenate([[0.0], np.cumsum(value)])
+        first = np.searchsorted(place, place - 0.5 * LOCAL_MM)
+        last = np.searchsorted(place, place + 0.5 * LOCAL_MM, side="right")
+        off = value - (total[last] - total[first]) / np.maximum(last - first, 1)
+        most = 4.0 * float(np.median(np.abs(off)))
+        off = np.clip(off, -most, most)
+        other = np.searchsorted(place, place + sum(SHARED_LAG_MM) / 2.0)
+        near = other < place.size
+        far = place[np.minimum(other, place.size - 1)] - place
+        near &= (far >= SHARED_LAG_MM[0]) & (far <= SHARED_LAG_MM[1])
+        product += float((off[near] * off[other[near]]).sum())
+        square += float((off[near] ** 2).sum())
+        pairs += int(near.sum())
+    return pairs > 1 and product > SHARED_SIGMAS * square / math.sqrt(pairs)
 
 
 def _whole(found: RawFaces) -> Bool:

@@ -53,7 +53,7 @@ def test_what_lies_off_the_commonest_level_is_uncertain_by_it() -> None:
     assert off.min() == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize(("length_mm", "expected"), [(0.2, False), (6.0, True), (12.0, True)])
+@pytest.mark.parametrize(("length_mm", "expected"), [(0.2, False), (8.0, True), (12.0, True)])
 def test_texture_does_not_reach_from_frame_to_frame_and_what_a_flame_cut_leaves_does(
     length_mm: float, expected: bool
 ) -> None:

@@ -21,8 +21,8 @@ from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import Arm, fast_arm
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law_bound import Grid
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
-from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses, sample, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD

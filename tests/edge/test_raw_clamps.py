@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.raw_clamps import not_in_front
+from workbench.edge.raw_faces import not_in_front
 from workbench.units import Bool, Float
 
 WAY = np.arange(0.0, 100.0, 0.25)

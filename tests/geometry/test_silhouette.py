@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from workbench.geometry.course import fit_course
-from workbench.geometry.settling import settled
+from workbench.geometry.frame_noise import settled
 from workbench.geometry.silhouette import EndCourse, Ends, find_end
 from workbench.units import Float
 

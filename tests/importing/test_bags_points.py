@@ -7,7 +7,7 @@ import pytest
 
 from tests.importing.bag_files import Ros
 from workbench.errors import InputError
-from workbench.importing.bags_points import cloud_points, scan_points
+from workbench.importing.bags_profiles import cloud_points, scan_points
 
 ROS = Ros("mcap")
 X = np.array([-1.5, 0.25, 7.0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from workbench.report import path_charts, ramp
+from workbench.report import colour_scales, path_charts
 from workbench.report.path_views import path_views
 from workbench.report.picture import picture
 from workbench.report.planned import whole_run
@@ -49,12 +49,12 @@ def test_layers_have_a_colour_each_and_grow_darker(run, views):
 
 
 def test_the_darker_the_slower(run):
-    colours = ramp.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
+    colours = colour_scales.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
     order = np.argsort(run.feed_mm_s, kind="stable")
     assert (np.diff(colours[order]) >= 0).all()
     assert colours[run.feed_mm_s == 1.0].max() < colours[run.feed_mm_s == 20.0].min() - 50
     constant = dataclasses.replace(run, feed_mm_s=np.full(len(run.layer), 3.0))
-    assert ramp.feed_range(constant) == (0.0, 3.0)
+    assert colour_scales.feed_range(constant) == (0.0, 3.0)
 
 
 def test_the_close_up_shows_layers_near_the_middle_only(views):
@@ -66,9 +66,9 @@ def test_the_close_up_shows_layers_near_the_middle_only(views):
 
 def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     figures = []
-    monkeypatch.setattr(ramp, "svg", lambda figure: figures.append(figure) or b"")
-    ramp.layer_scale(planned().toolpath)
-    ramp.feed_scale(run)
+    monkeypatch.setattr(colour_scales, "svg", lambda figure: figures.append(figure) or b"")
+    colour_scales.layer_scale(planned().toolpath)
+    colour_scales.feed_scale(run)
     layers, feeds = (figure.axes[0] for figure in figures)
     assert [text.get_text() for text in layers.get_xticklabels()] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
     assert (layers.get_xlabel(), feeds.get_xlabel()) == ("layer (its height above the finished bevel)", "feed, mm/s")
@@ -77,9 +77,9 @@ def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
 
 def test_many_layers_are_not_all_named(planned, monkeypatch):
     figures = []
-    monkeypatch.setattr(ramp, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(colour_scales, "svg", lambda figure: figures.append(figure) or b"")
     layer = planned().toolpath.layers[0]
-    ramp.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
+    colour_scales.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
     assert len(figures[0].axes[0].get_xticklabels()) == 12
 
 

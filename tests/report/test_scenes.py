@@ -11,9 +11,9 @@ import pytest
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Chapter, Mark, Scene, Shading, Strokes
 from workbench.report import closed_loop, html, inspection, plan
-from workbench.report.choose import evenly, telling
 from workbench.report.pack import packed
 from workbench.report.sample import Points
+from workbench.report.scene_points import evenly, telling
 from workbench.report.scenes import inspection_scene, loop_scene
 from workbench.report.shadings import UNKNOWN, along, always, by_deviation, deviation_mm, laid_out_faces
 from workbench.units import DEG

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from workbench.scan.chunks import read_frames, unpacks_here
+from workbench.scan.read import read_frames, unpacks_here
 
 FRAMES, COLUMNS = 23, 9
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.synthetic.collisions import clamp_overlap, table_overlap
+from workbench.synthetic.milling import clamp_overlap, table_overlap
 
 BOX = np.array([10.0, 0, 1, 0, -4, 4, -6, 3, 0, 5])  # x 6..14, y -3..6 (outwards is -y), z 0..5
 RADIUS = np.full(3, 5.0)

@@ -24,8 +24,8 @@ from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.frame_noise import settled
 from workbench.geometry.sections import SectionLines, in_section, section_lines
-from workbench.geometry.settling import settled
 from workbench.geometry.silhouette import Ends, find_end
 from workbench.units import Bool, Float, Int
 

@@ -14,8 +14,6 @@ from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.faces import plates_check
 from workbench.edge.form import MOST_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.hand_eye_u import place_u_mm, turn_u
-from workbench.edge.raw_burrs import raw_burr_stations
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
@@ -23,7 +21,7 @@ from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, doubtful_slope
 from workbench.geometry.gaps import covered
 from workbench.stage import stage
-from workbench.units import Float
+from workbench.units import Bool, Float, Int
 
 ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
 ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
@@ -179,3 +177,62 @@ def _between(s: Float, value: Float, at: Float) -> Float:
     on = np.flatnonzero(np.isfinite(s))
     order = on[np.argsort(s[on], kind="stable")]
     return np.interp(at, s[order], value[order])
+
+
+# What an uncertain hand-eye pose makes of a place and of a direction in the base.
+
+
+def place_u_mm(cloud: Cloud, frame: Int, point_mm: Float, along: Float) -> Float:
+    """Standard uncertainty (k,) mm, along unit vectors (k, 3), of points (k, 3) in the base that `frame` (k,) shows.
+
+    With w the six errors of the pose (HandEye.covariance) a point moves by R (dt + dr x lever), R from flange to base.
+    All that was scanned in one posture moves alike: it matters to a path, not to sizes.
+    """
+    pose = cloud.base_from_profiler[frame]
+    lever = point_mm - pose[:, :3, 3]
+    flange = _flange_axes(cloud, frame)
+    return _propagated(cloud, np.concatenate([_turned(flange, along), _turned(flange, np.cross(lever, along))], axis=1))
+
+
+def turn_u(cloud: Cloud, frame: Int, axis: Float) -> Float:
+    """Standard uncertainty (k,) rad of a direction's turn about unit vectors (k, 3) in the base."""
+    turned = _turned(_flange_axes(cloud, frame), axis)
+    return _propagated(cloud, np.concatenate([np.zeros_like(turned), turned], axis=1))
+
+
+def _flange_axes(cloud: Cloud, frame: Int) -> Float:
+    """Rotation (k, 3, 3) from the flange to the base."""
+    assert cloud.flange_from_profiler is not None
+    return np.asarray(cloud.base_from_profiler[frame, :3, :3] @ cloud.flange_from_profiler[:3, :3].T)
+
+
+def _turned(base_from_flange: Float, vectors: Float) -> Float:
+    return np.asarray(np.einsum("kji,kj->ki", base_from_flange, vectors))
+
+
+def _propagated(cloud: Cloud, rows: Float) -> Float:
+    assert cloud.hand_eye_covariance is not None
+    return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, cloud.hand_eye_covariance, rows)))
+
+
+# Burrs on a raw edge: where most frames show points standing out beside an edge. They move nothing.
+
+NEAR_MM = 1.2  # of a station, whose frames have a say
+LEAST_FRAMES, LEAST_SHARE = 2, 0.5  # of them: streaks of outliers do not last that long
+
+
+def raw_burr_stations(found: RawFaces, measured: RawMeasured, at: Float) -> Int:
+    """Stations (of `at`, mm) at which the lower or the upper edge carries a burr."""
+    low = _most(measured.s_face, found.lower.burred, at)
+    high = _most(measured.s_face, found.upper.burred, at)
+    return np.flatnonzero(low | high)
+
+
+def _most(s: Float, burred: Bool, at: Float) -> Bool:
+    """Do most frames near each place (m,) show a burr?"""
+    seen = np.isfinite(s)
+    order = np.argsort(s[seen], kind="stable")
+    place, count = s[seen][order], np.concatenate([[0], np.cumsum(burred[seen][order])])
+    first, last = np.searchsorted(place, at - NEAR_MM), np.searchsorted(place, at + NEAR_MM)
+    shown = count[last] - count[first]
+    return np.asarray((shown >= LEAST_FRAMES) & (shown >= LEAST_SHARE * (last - first)))

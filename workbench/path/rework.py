@@ -3,25 +3,81 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Inspection, MilledEdge, Rework, Stretch, Toolpath
+from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, Rework, Stretch, Toolpath
 from workbench.errors import InputError
+from workbench.geometry.stations import nearest_stations
 from workbench.path.check import check
 from workbench.path.course import Course, lower_course, with_thickness
-from workbench.path.excess import Excess, excess_of
 from workbench.path.feed import feed
-from workbench.path.first_cut import thickness_before, unmilled
 from workbench.path.make_plan import make_plan, travels_of
-from workbench.path.obstacles import LEAST_CUT_MM, Lift
+from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
+from workbench.path.poses import poses_of
 from workbench.path.refusals import refuse_cutter
 from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
+
+# How much material stands above the required bevel, or lacks, along an inspected edge.
+
+LEAST_MM = 0.02  # no less than this is milled, or missed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Excess:
+    """What the face as measured has above the required one, along its normal, at n stations; NaN where not measured."""
+
+    root_end_mm: Float  # (n,) at the root face
+    upper_end_mm: Float  # (n,) at the upper surface
+    fails: Bool  # (n,) out of tolerance by the guard band
+    lacks: Bool  # (n,) of those: too small a root, or an angle that leaves part of the face below the required one
+
+    @property
+    def height_mm(self) -> Float:
+        """(n,) of the most that stands above."""
+        return np.asarray(np.fmax(self.root_end_mm, self.upper_end_mm))
+
+    @property
+    def lack_mm(self) -> Float:
+        """(n,) of the most that lacks."""
+        return np.asarray(np.fmax(-np.fmin(self.root_end_mm, self.upper_end_mm), 0.0))
+
+
+def excess_of(inspection: Inspection, bevel: Bevel, thickness_mm: Float) -> Excess:
+    """Excess along the inspection's profile; `thickness_mm` (n,) of the stock there.
+
+    The measured face goes up from root face r at its own angle b: over the required face (R, B) it has
+    (r - R) sin B at the root face and (T - R) sin B - (T - r) tan b cos B at the upper surface, T the thickness.
+    """
+    profile, required = inspection.profile, inspection.requirements
+    root, angle = profile.root_mm, profile.bevel_deg * DEG
+    sine, cosine = np.sin(bevel.angle), np.cos(bevel.angle)
+    low = (root - bevel.root_mm) * sine
+    high = (thickness_mm - bevel.root_mm) * sine - (thickness_mm - root) * np.tan(angle) * cosine
+    guard = inspection.guard_factor
+    low_u = profile.root_u_mm * sine
+    high_u = np.hypot(
+        profile.root_u_mm * np.tan(angle) * cosine,
+        (thickness_mm - root) * profile.bevel_u_deg * DEG * cosine / np.cos(angle) ** 2,
+    )
+    small, large = _outside(root - required.root_nominal_mm, required.root_tolerance_mm, guard * profile.root_u_mm)
+    steep, flat = _outside(
+        profile.bevel_deg - required.bevel_nominal_deg, required.bevel_tolerance_deg, guard * profile.bevel_u_deg
+    )
+    below = (low < -np.maximum(guard * low_u, LEAST_MM)) | (high < -np.maximum(guard * high_u, LEAST_MM))
+    return Excess(low, high, small | large | steep | flat, small | ((steep | flat) & below))
+
+
+def _outside(deviation: Float, tolerance: tuple[float, float], guard: Float) -> tuple[Bool, Bool]:
+    """Whether deviations (n,) lie below, or above, the tolerance by at least the guard band."""
+    return np.asarray(deviation <= tolerance[0] - guard), np.asarray(deviation >= tolerance[1] + guard)
+
 
 LEAVE = "nothing to rework"
 
@@ -181,3 +237,36 @@ def _reason(too_much: tuple[Stretch, ...], too_little: tuple[Stretch, ...]) -> s
             f"{too_little[0].from_mm:.1f} mm: these cannot be mended"
         )
     return "; ".join(parts) or LEAVE
+
+
+# Where a path milled an edge, found on the edge as it was measured afterwards.
+
+
+def thickness_before(edge: Edge, toolpath: Toolpath) -> tuple[Float, Float]:
+    """Arc lengths (g,) and the stock's thickness there: where the plan's finished bevel met the upper surface."""
+    final = toolpath.layers[-1]
+    if not final.cutting.any():
+        raise InputError("toolpath", "expected a path that cuts something")
+    poses = poses_of(toolpath, final)
+    top = (poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z)[final.cutting]
+    arc, height = _along(edge, top, final.arc_length_mm[final.cutting])
+    order = np.argsort(arc)
+    return arc[order], height[order]
+
+
+def _along(edge: Edge, points: Float, guess_mm: Float) -> tuple[Float, Float]:
+    """Arc length (k,) and height (k,) over the lower edge, in the measured edge's sections, of points (k, 3)."""
+    guess = np.clip(np.rint(guess_mm), 0, len(edge.arc_length_mm) - 1).astype(np.int64)
+    _, arc, section = nearest_stations(points, guess, sections_of(lower_course(edge, edge.arc_length_mm)))
+    return arc, section[:, 1]
+
+
+def unmilled(edge: Edge, toolpath: Toolpath) -> Bool:
+    """Stations (n,) within a cutter's radius of where the path did not cut: what is measured there is no bevel."""
+    final, radius = toolpath.layers[-1], toolpath.cutter.diameter_mm / 2.0
+    arc, _ = _along(edge, poses_of(toolpath, final).origin_mm, final.arc_length_mm)
+    inside = (final.arc_length_mm >= 0.0) & (final.arc_length_mm <= toolpath.edge_length_mm)
+    out = np.zeros(len(edge.arc_length_mm), bool)
+    for a, b in cut_stretches(arc, inside & ~final.cutting):
+        out |= (edge.arc_length_mm > a - radius) & (edge.arc_length_mm < b + radius)
+    return out

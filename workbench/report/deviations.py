@@ -9,9 +9,9 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Section
 from workbench.report.colours import FACES, GREY, INK
-from workbench.report.develop import in_section
 from workbench.report.plot import Axes
 from workbench.report.sample import frame_arc_length_mm, of_section
+from workbench.report.unrolled_edge import in_section
 from workbench.units import DEG, AnyArray, Bool, Float
 
 STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material

@@ -6,11 +6,11 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.report.along import hidden_stretches
+from workbench.report.colour_scales import layer_colours
 from workbench.report.colours import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE
 from workbench.report.figures import hatch_hidden, svg
 from workbench.report.plot import Axes, Figure
 from workbench.report.procedure import shown_stretch
-from workbench.report.ramp import layer_colours
 from workbench.report.sample import face_ends
 from workbench.units import Bool, Float
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import Cloud, Edge, Toolpath
+from workbench.report.colour_scales import feed_colours, layer_colours
 from workbench.report.colours import PALE, rgb
 from workbench.report.planned import Run, middle_of_cut_mm
 from workbench.report.procedure import AXIS_MM, LOOK, station_frame
-from workbench.report.ramp import feed_colours, layer_colours
 from workbench.report.sample import Points, around, overview
 from workbench.report.scene import View, joined, towards
 from workbench.units import AnyArray, Bool, Float

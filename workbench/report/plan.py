@@ -53,15 +53,15 @@ def plan(
         'Plan'
     """
     # jinja2 and pillow cost time to import: only where a report is made.
+    from workbench.report.colour_scales import feed_scale, layer_scale
+    from workbench.report.layer_section import stepped_section, stepping_drawing
     from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
     from workbench.report.path_views import path_views
     from workbench.report.picture import pictures
     from workbench.report.plan_text import plan_html, plan_summary
     from workbench.report.planned import whole_run
     from workbench.report.procedure import procedure_views
-    from workbench.report.ramp import feed_scale, layer_scale
     from workbench.report.scenes import plan_scene
-    from workbench.report.stepping import stepped_section, stepping_drawing
 
     if not toolpath.layers:
         raise InputError(toolpath.source or "path", "expected at least one layer")

@@ -8,6 +8,7 @@ from workbench.artefacts import Cloud, Edge, Gate, Moves, RawEdge, Toolpath
 from workbench.errors import one_line
 from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
 from workbench.report.inspection_text import faces_seen
+from workbench.report.layer_section import Stepped
 from workbench.report.plan_tables import (
     duration,
     layer_rows,
@@ -19,7 +20,6 @@ from workbench.report.plan_tables import (
 )
 from workbench.report.planned import Run
 from workbench.report.procedure import AXIS_MM, TOOL_AXIS_MM, shown_stretch
-from workbench.report.stepping import Stepped
 from workbench.report.tables import facts
 from workbench.report.template import data_address, render
 

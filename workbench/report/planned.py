@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, step_times_s
-from workbench.report.develop import axes_at, developed
+from workbench.report.unrolled_edge import axes_at, developed
 from workbench.units import DEG, Bool, Float, Int
 
 

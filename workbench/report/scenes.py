@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, RawEdge, Scene, Strokes, Toolpath
-from workbench.report.choose import telling
-from workbench.report.colours import INK, rgb
+from workbench.artefacts import (
+    Cloud,
+    Edge,
+    EdgeProfile,
+    Inspection,
+    Mark,
+    MilledEdge,
+    RawEdge,
+    Scene,
+    Section,
+    Strokes,
+    Toolpath,
+)
+from workbench.report.colour_scales import feed_colours, layer_colours
+from workbench.report.colours import INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, rgb
 from workbench.report.inspection_text import faces_seen
 from workbench.report.loop import Compared
-from workbench.report.marks import layer_marks, section_marks
-from workbench.report.planned import Run, middle_of_cut_mm, planned_bevel
-from workbench.report.procedure import station_frame
-from workbench.report.ramp import feed_colours, layer_colours
+from workbench.report.plan_tables import layer_rows
+from workbench.report.planned import Run, frames_in_base, middle_of_cut_mm, planned_bevel
+from workbench.report.procedure import TOOL_AXIS_MM, runs, station_frame
 from workbench.report.sample import Points
-from workbench.report.section_views import of_interest
+from workbench.report.scene_points import telling
+from workbench.report.section_views import faces_extent, of_interest, plane_corners
 from workbench.report.shadings import Along, along, always, by_deviation, by_face, laid_out_faces
-from workbench.report.strokes import both_edges, fitted_lines, lower_edge, tool_axes
-from workbench.units import AnyArray, Float
+from workbench.report.values import decimals, measured
+from workbench.units import DEG, AnyArray, Float
 
 
 def inspection_scene(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> Scene:
@@ -89,3 +103,96 @@ def section_axes(inspection: Inspection) -> Float:
     """t, n, m of the section that matters most."""
     section = of_interest(inspection)
     return np.array([section.tangent, section.normal, section.across])
+
+
+# What can be chosen in a scene: the sections of an inspection, the layers of a path.
+
+LAYER_FACTS = ("Layer", "Height", "Width of its face", "Length cut", "Points", "Feed", "Time")
+LAYER_UNITS = ("", " mm", " mm", " mm", "", " mm/s", "")
+
+
+def section_marks(
+    points: Points, sections: tuple[Section, ...], planned: list[Compared] | None = None
+) -> tuple[Mark, ...]:
+    """A section each: its plane outlined in the colour of its verdict, its values; with what was planned, if given."""
+    corners = plane_corners(points, sections)
+    places = (decimals(s.root_u_mm for s in sections), decimals(s.bevel_u_deg for s in sections))
+    marks = []
+    for k, s in enumerate(sections):
+        facts = section_facts(s, places)
+        if planned is not None:
+            root, bevel = measured(planned[k].root_mm, None, 3), measured(planned[k].bevel_deg, None, 2)
+            facts = (*facts, ("Root planned", f"{root} mm"), ("Bevel planned", f"{bevel}°"))
+        outline = corners[k][[0, 1, 2, 3, 0]]
+        marks.append(Mark(f"{s.index}", corners[k][[2, 3]].mean(axis=0), outline, VERDICTS[s.verdict], facts))
+    return tuple(marks)
+
+
+def section_facts(s: Section, places: tuple[int, int]) -> tuple[tuple[str, str], ...]:
+    """What is known of a section, as text: values with U = 2 u, and u itself."""
+    root_u = "–" if s.root_u_mm is None else f"{s.root_u_mm:.4f} mm"
+    bevel_u = "–" if s.bevel_u_deg is None else f"{s.bevel_u_deg:.4f}°"
+    return (
+        ("Section", f"{s.index}"),
+        ("Arc length", f"{s.arc_length_mm:.2f} mm"),
+        ("Root face ± U", f"{measured(s.root_mm, s.root_u_mm, places[0])} mm"),
+        ("u of root face", root_u),
+        ("Bevel angle ± U", f"({measured(s.bevel_deg, s.bevel_u_deg, places[1])})°"),
+        ("u of bevel angle", bevel_u),
+        ("Verdict", f"{SIGNS[s.verdict]} {s.verdict}"),
+        *([("Reason", s.reason)] if s.reason else []),
+    )
+
+
+def layer_marks(toolpath: Toolpath, run: Run) -> tuple[Mark, ...]:
+    """A layer each, its label at a place of its own along it; facts as in the table of layers."""
+    count, marks = len(toolpath.layers), []
+    for k, (layer, row) in enumerate(zip(toolpath.layers, layer_rows(toolpath, run), strict=False)):
+        line = toolpath.in_base(layer.position_mm)
+        colour = "#{:02x}{:02x}{:02x}".format(*layer_colours(np.array([layer.index]), count)[0])
+        facts = tuple((name, value + unit) for name, value, unit in zip(LAYER_FACTS, row, LAYER_UNITS, strict=True))
+        marks.append(Mark(f"{layer.index}", line[int((k + 0.5) / count * len(line))], line, colour, facts))
+    return tuple(marks)
+
+
+# The lines of a scene: edges, fitted lines, cutter axes.
+
+TOOLS = 400  # cutter axes drawn at most
+
+
+def fitted_lines(points: Points, sections: tuple[Section, ...]) -> Strokes:
+    """The two lines of each measured section: along the root face, and up the bevel face as far as it reaches."""
+    top = float(faces_extent(points, sections)[1, 1])
+    lines = []
+    for s in sections:
+        if s.root_mm is None or s.bevel_deg is None:
+            continue
+        beta, up = s.bevel_deg * DEG, max(0.0, top - s.root_mm)
+        corners = np.array([[0.0, 0.0], [0.0, s.root_mm], [-up * math.tan(beta), s.root_mm + up]])
+        lines.append(s.origin_mm + corners @ np.array([s.normal, s.across]))
+    return Strokes("fitted lines of the sections", tuple(lines), tuple(np.tile(rgb(INK), (3, 1)) for _ in lines))
+
+
+def lower_edge(profile: EdgeProfile) -> Strokes:
+    """The measured lower edge, broken where hidden."""
+    lines = tuple(runs(profile.position_mm))
+    return Strokes("lower edge", lines, tuple(np.tile(rgb(LOWER_EDGE), (len(line), 1)) for line in lines))
+
+
+def both_edges(edge: RawEdge) -> Strokes:
+    """Lower and upper edge of a raw part, broken where hidden."""
+    curves = ((edge.position_mm, LOWER_EDGE), (edge.upper_position_mm, UPPER_EDGE))
+    found = [(line, rgb(colour)) for curve, colour in curves for line in runs(curve)]
+    return Strokes("edges", tuple(line for line, _ in found), tuple(np.tile(c, (len(line), 1)) for line, c in found))
+
+
+def tool_axes(toolpath: Toolpath) -> Strokes:
+    """x, y, z of the tool frame at some key points of the final layer."""
+    final = toolpath.layers[-1]
+    keys = np.flatnonzero(final.cutting)
+    keys = keys[:: max(1, math.ceil(len(keys) / TOOLS))]
+    place, frames = toolpath.in_base(final.position_mm)[keys], frames_in_base(toolpath, final)[keys]
+    ends = place[:, None] + TOOL_AXIS_MM / 2.0 * frames.transpose(0, 2, 1)
+    lines = tuple(np.array([p, end]) for p, three in zip(place, ends, strict=True) for end in three)
+    colours = tuple(np.tile(rgb(TOOL_AXES[k % 3]), (2, 1)) for k in range(len(lines)))
+    return Strokes("tool axes x, y, z of the final layer", lines, colours, shown=False)

@@ -8,9 +8,9 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Shading
 from workbench.report.colours import GREY, face_shades, rgb
-from workbench.report.develop import developed
 from workbench.report.deviations import outside_mm, round_limit
 from workbench.report.sample import Points, frame_arc_length_mm
+from workbench.report.unrolled_edge import developed
 from workbench.units import DEG, Float
 
 BELOW, NONE, ABOVE = "#1f5fa8", "#e4e1d6", "#b3261e"  # too little material, as it should be, too much

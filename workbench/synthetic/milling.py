@@ -11,12 +11,116 @@ import numpy as np
 
 from workbench.geometry.poses import inverse
 from workbench.synthetic import raycast
-from workbench.synthetic.collisions import clamp_overlap, table_overlap
-from workbench.synthetic.dexels import Sweep, cut_lines
-from workbench.synthetic.stock_lines import ceiling_mm, lines_of, new_cut, raw_heights_mm
-from workbench.synthetic.surface import build_surface, clamp_boxes, pose
+from workbench.synthetic.dexels import Lines, Sweep, cut_lines
+from workbench.synthetic.surface import build_surface, clamp_boxes, course_values, edge_frames, pose
 from workbench.synthetic.workpiece import CONVERGING, Cut, Workpiece
 from workbench.units import Float, Int
+
+# The lines (dexels) on which a part's material is counted while it is milled: normal to a bevel plane.
+
+U_STEP_MM, W_STEP_MM = 0.2, 0.1
+_BESIDE_MM = 1.5  # lines lie so far beyond the face at its two edges
+_ABOVE_MM = 2.0  # what is this far above the highest place that the stock can have is clear of it
+_NEAR_MM = 0.05  # a ray starts this far above the highest place that its line can have
+
+
+def new_cut(surface: raycast.Surface, root_mm: float, bevel: float) -> Cut:
+    """Nothing cut yet: lines from beyond the root face's lower edge to beyond the bevel's upper edge."""
+    columns, upwards = math.ceil(surface.length / U_STEP_MM) + 1, surface.tilt_cos * math.cos(bevel)
+    upper_edge = (surface.top - surface.tilt_cos * root_mm) / (upwards + surface.tilt_sin * math.sin(bevel))
+    first = -root_mm * math.cos(bevel) - _BESIDE_MM
+    rows = max(2, math.ceil((upper_edge + _BESIDE_MM - first) / W_STEP_MM) + 1)
+    uncut = np.full((columns, rows), np.inf)
+    return Cut(uncut, uncut, surface.length / (columns - 1), first, W_STEP_MM, root_mm, bevel, 0)
+
+
+def lines_of(surface: raycast.Surface, cut: Cut) -> Lines:
+    """The lines in the part's frame, and where each leaves the part through the lower surface."""
+    edge, cosine, sine = edge_frames(surface, cut.u), math.cos(cut.bevel), math.sin(cut.bevel)
+    outward, up = edge[:, :3, 0], edge[:, :3, 2]
+    n = surface.tilt_cos * outward - surface.tilt_sin * up
+    m = surface.tilt_cos * up + surface.tilt_sin * outward
+    base, across, normal = edge[:, :3, 3] + cut.root_mm * m, cosine * m - sine * n, cosine * n + sine * m
+    floor = np.full(len(cut.w_mm), -np.inf)
+    if normal[0, 2] > 0.0:  # else the lines leave the part elsewhere
+        through = cut.w_mm > -cut.root_mm * cosine  # the others pass beside it
+        floor[through] = -(base[0, 2] + cut.w_mm[through] * across[0, 2]) / normal[0, 2]
+    return Lines(base, across, normal, cut.w_first_mm, cut.w_step_mm, floor)
+
+
+def ceiling_mm(surface: raycast.Surface, cut: Cut) -> float:
+    """A height over the bevel plane that no material reaches."""
+    corner = math.sin(cut.bevel) * (surface.top / surface.tilt_cos - cut.root_mm)
+    return max(corner, 0.0) + surface.reserve + _ABOVE_MM
+
+
+def raw_heights_mm(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
+    """Height (U, W) at which each line, from above, meets the raw part; -inf where it misses it."""
+    start = _smooth_heights(surface, cut, lines) + surface.reserve + _NEAR_MM
+    origins = lines.base[:, None] + cut.w_mm[:, None] * lines.across[:, None] + start[:, :, None] * lines.up[:, None]
+    down = np.broadcast_to(-lines.up[:, None], origins.shape)
+    found = raycast.drop(surface, origins.reshape(-1, 3), down.reshape(-1, 3), 2.0 * (surface.reserve + _NEAR_MM))
+    return np.asarray(start - found.reshape(start.shape))
+
+
+def _smooth_heights(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
+    """As `raw_heights_mm`, without roughness and burrs: where each line crosses the end face or the upper surface."""
+    rise = lines.up[0, 2]
+    height = np.asarray(np.broadcast_to(cut.w_mm * math.tan(cut.bevel), (len(cut.u), len(cut.w_mm))))
+    if rise <= 0.0:  # the end face leans further than the bevel
+        return height
+    thickness = course_values(surface.thickness, cut.u)
+    above = lines.base[:, 2, None] + cut.w_mm * lines.across[:, 2, None]
+    return np.asarray(np.minimum(height, (thickness[:, None] - above) / rise))
+
+
+# Whether the cutter runs into a clamp or the table: what a real cell would not forgive.
+
+_GRID_MM = 1.0  # clamps are looked at so finely; a cutter of radius R overlaps by 1 mm^2 / (8 R) more at most
+
+
+def clamp_overlap(box: Float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float) -> Float:
+    """How deep (k,) the surface of a clamp, `box` (10,) as for `raycast.enter_box`, lies inside the cutter; 0: not.
+
+    The cutter's axis runs through `centre` (k, 3) along `axis` (k, 3), as far as `tip_mm` beyond it.
+    """
+    points = _surface_points(box)
+    middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    overlap = np.zeros(len(centre))
+    to_middle = middle - centre
+    aside = to_middle - np.sum(to_middle * axis, axis=1)[:, None] * axis
+    near = np.flatnonzero(np.linalg.norm(aside, axis=1) < extent + radius_mm)
+    for k in near:
+        offset = points - centre[k]
+        along = offset @ axis[k]
+        distance = np.sqrt(np.maximum(np.sum(offset**2, axis=1) - along**2, 0.0))
+        overlap[k] = np.max(np.where(along < tip_mm, radius_mm[k] - distance, 0.0), initial=0.0)
+    return overlap
+
+
+def table_overlap(table_z_mm: float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float) -> Float:
+    """How deep (k,) the cutter's tip is in a table at height `table_z_mm`; 0: not."""
+    tip_z = centre[:, 2] + tip_mm * axis[:, 2]
+    lowest = tip_z - radius_mm * np.sqrt(np.maximum(1.0 - axis[:, 2] ** 2, 0.0))
+    return np.asarray(np.maximum(table_z_mm - lowest, 0.0))
+
+
+def _surface_points(box: Float) -> Float:
+    """Points (p, 3) on a grid over a box's faces, its edges and corners among them."""
+    low, high = box[4::2], box[5::2]
+    ticks = [np.linspace(a, b, max(2, int(np.ceil((b - a) / _GRID_MM)) + 1)) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    on_face = np.any((grid == low) | (grid == high), axis=1)
+    along, outward, up = grid[on_face].T
+    tangent = np.array([box[2], box[3], 0.0])
+    aside = np.array([box[3], -box[2], 0.0])
+    return np.asarray(
+        np.array([box[0], box[1], 0.0])
+        + along[:, None] * tangent
+        + outward[:, None] * aside
+        + up[:, None] * np.array([0.0, 0.0, 1.0])
+    )
+
 
 STEP_MM = 0.1  # the cutter is set down this often: it leaves ridges of STEP_MM^2 / (8 radius)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.plugins.stiffness import plan_loads
-from workbench.plugins.stiffness.simulate import simulate_tests
+from workbench.plugins.stiffness.simulate_loads import simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
 from workbench.robot import Cell, abb_angles, read_cell
 from workbench.robot.cell import LoadingSetup

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.plugins.stiffness.simulate import simulate_tests
+from workbench.plugins.stiffness.simulate_loads import simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
 from workbench.robot import Cell, abb_angles, read_cell
 from workbench.units import Float

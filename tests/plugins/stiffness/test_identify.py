@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.plugins.stiffness import identify
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.identify import identify_from
-from workbench.plugins.stiffness.simulate import loads_csv, simulate_tests
+from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import LoadingTests
 from workbench.robot import Cell
 

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, HandEye, InputError, Recording, Seed, frozen, pose_from, stage
+from workbench.api import (
+    DEG,
+    Document,
+    Float,
+    HandEye,
+    HandEyeFile,
+    InputError,
+    Recording,
+    Seed,
+    frozen,
+    pose_from,
+    rpy_from_rotation,
+    stage,
+)
 from workbench.plugins.calibration import bundle, methods
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.correlated import correlated
 from workbench.plugins.calibration.determinacy import check_determined, directions
-from workbench.plugins.calibration.document import hand_eye_document
 from workbench.plugins.calibration.model import Estimate, Linear, Noise, View, linearise, view_of_points, volume_u
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
-from workbench.plugins.calibration.scales import NEAR, Scales, Sensor, rescaled, scales_of
 from workbench.plugins.calibration.solve import Answer, asked, check_scans, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
-from workbench.plugins.calibration.verdicts import rejections, warnings
+from workbench.plugins.calibration.verdicts import NEAR, Scales, Sensor, rejections, rescaled, scales_of, warnings
 
 ROUNDS = 8  # of scales: each frees one, or comes nearer
 NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
@@ -291,3 +303,32 @@ def _point_rms(
             distance = np.sqrt((x - centre[0]) ** 2 + centre[1] ** 2 + (z - centre[2]) ** 2)
             squares.append((distance - estimate.radius_mm) ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+# `handeye.json` (INTERFACES section 4; docs/pipelines.md): strict JSON, mm, s, degrees only where the name says so.
+
+
+def hand_eye_document(found: Calibration) -> Document:
+    """The calibration as the file that inspection and planning read by their input `hand_eye`."""
+    pose = found.hand_eye.flange_from_profiler
+    content = {
+        "part": asdict(found.part),
+        "flange_from_profiler": pose,
+        "translation_mm": pose[:3, 3],
+        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
+        "covariance": found.covariance,
+        "sensor_scale": found.hand_eye.sensor_scale,
+        "sensor_middle_mm": found.hand_eye.sensor_middle_mm,
+        "sensor_scale_u": found.sensor_scale_u,
+        "sphere_center_mm": found.sphere_center_mm,
+        "sphere_diameter_mm": 2 * found.sphere_radius_mm,
+        "time_offset_s": found.time_offset_s,
+        "time_offset_u_s": found.time_offset_u_s,
+        "volume_u_mm": found.volume_u_mm,
+        "residual_rms_mm": found.residual_rms_mm,
+        "method": found.method,
+        "frames_used": found.frames_used,
+        "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in found.frames_rejected],
+        "warnings": found.warnings,
+    }
+    return Document(HandEyeFile.NAME, HandEyeFile.written(content))

@@ -28,8 +28,8 @@ from workbench.plugins.calibration.common import settled
 from workbench.plugins.calibration.model import Estimate, Noise, information, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.planning import Limits, Optics
-from workbench.plugins.calibration.scales import rescaled, sensor_of
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
+from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
 CANDIDATES = 800
 MAP_STEPS = 15  # of the map, along each tilt

@@ -2,20 +2,140 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, Recording, frozen, stage
-from workbench.plugins.calibration.held_out import HeldOut, by_folds, second_recording
-from workbench.plugins.calibration.model import Noise
+from workbench.api import Document, Float, InputError, Int, Recording, frozen, stage
+from workbench.plugins.calibration import bundle
+from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration.determinacy import MIN_POSTURES
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.plan import estimate_of
-from workbench.plugins.calibration.scales import rescaled, sensor_of
+from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
+from workbench.plugins.calibration.verdicts import rescaled, sensor_of
+
+# Postures that a calibration is not made from: left out in turn, or a second recording.
+
+STEPS = 10  # of the fit of a second recording's sphere
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Postures predicted, not fitted: residuals of (x_c, z_c, w) and their covariance."""
+
+    residual: Float  # (k, 3)
+    covariance: Float  # (k, 3, 3)
+    y_mm: Float  # (k,) of the sphere's centre
+    chi2: float
+    freedom: int
+
+
+def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, source: str) -> tuple[str, HeldOut]:
+    """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
+    passes = _passes(seen)
+    count = len(passes)
+    parts = min(folds, count) if folds > 1 else count
+    if count - math.ceil(count / parts) < MIN_POSTURES:
+        raise InputError(
+            f"{source}: /robot",
+            f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
+            f"expected {MIN_POSTURES} others at least",
+        )
+    whole, noise = as_noisy_as_found(estimate, seen, noise)
+    residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
+    chi2 = 0.0
+    for part in range(parts):
+        rows = np.concatenate(passes[part::parts])
+        out = np.isin(np.arange(len(seen)), rows)
+        fitted = bundle.fit(whole.estimate, seen, noise, used=~out)
+        residual[out], covariance[out], y[out], one = _predicted(fitted, seen.subset(out), noise)
+        chi2 += one
+    how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
+    return how, HeldOut(residual, covariance, y, chi2, 3 * len(seen))
+
+
+def _predicted(fitted: Fit, out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
+    """Residuals of held-out postures, their covariances, y, and chi-square with all correlations."""
+    linear = linearise(fitted.estimate, out, noise)
+    J = linear.jacobian.reshape(-1, SIZE)
+    all_ = _noise(linear, out, noise) + J @ fitted.covariance[:SIZE, :SIZE] @ J.T
+    r = linear.residual.ravel()
+    blocks = all_.reshape(len(out), 3, len(out), 3)
+    index = np.arange(len(out))
+    return linear.residual, blocks[index, :, index], linear.centre[:, 1], float(r @ np.linalg.solve(all_, r))
+
+
+def _passes(seen: Observations) -> list[Int]:
+    """Rows of each posture held still, and of each scan: what is held out together."""
+    return [*seen.still[:, None], *(scan.rows for scan in seen.scans)]
+
+
+def _noise(linear: Linear, seen: Observations, noise: Noise) -> Float:
+    """Covariance (3k, 3k) of the measured circles; those of a scan share errors of its poses."""
+    k = len(seen)
+    out, index = np.zeros((k, 3, k, 3)), np.arange(k)
+    out[index, :, index] = linear.covariance
+    for scan in seen.scans:
+        m = np.arange(len(scan.rows))
+        weight = np.zeros((len(m), scan.nodes))
+        weight[m, scan.node], weight[m, scan.node + 1] = 1 - scan.fraction, scan.fraction
+        spread = linear.by_pose[scan.rows] * noise.spread
+        alike = (1 - noise.common) * weight @ weight.T + noise.common
+        shared = np.einsum("ab,aip,bjp->aibj", alike, spread, spread)
+        shared[m, :, m] += linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2)
+        out[np.ix_(scan.rows, np.arange(3), scan.rows, np.arange(3))] = shared
+    return out.reshape(3 * k, 3 * k)
+
+
+def second_recording(
+    calibration: Calibration, estimate: Estimate, seen: Observations, noise: Noise, source: str
+) -> HeldOut:
+    """A second recording: where its sphere stood is fitted with the calibration's hand-eye pose."""
+    if len(seen) < 2:
+        raise InputError(f"{source}: /robot", f"expected at least 2 postures to validate on, found {len(seen)}")
+    start = _center(estimate, seen, noise)
+    free = np.s_[6:SIZE]
+    for _ in range(STEPS):
+        linear = linearise(start, seen, noise)
+        J, r = linear.jacobian.reshape(-1, SIZE), linear.residual.ravel()
+        spread = _noise(linear, seen, noise) + J[:, :6] @ calibration.covariance @ J[:, :6].T
+        weighted = np.linalg.solve(spread, J[:, free])
+        matrix = J[:, free].T @ weighted
+        matrix[3, 3] += noise.radius_u_mm**-2
+        side = weighted.T @ r
+        side[3] += (noise.radius_mm - start.radius_mm) / noise.radius_u_mm**2
+        start = start.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix, side)]))
+    index = np.arange(len(seen))
+    return HeldOut(
+        linear.residual,
+        spread.reshape(len(seen), 3, len(seen), 3)[index, :, index],
+        linear.centre[:, 1],
+        float(r @ np.linalg.solve(spread, r)),
+        len(r) - 3,
+    )
+
+
+def _center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
+    """Where the second sphere stood, roughly: of all frames and both signs of y the centre that fits all best."""
+    h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
+    best: tuple[float, Estimate] | None = None
+    for sign in (1.0, -1.0):
+        centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
+        for point in bundle.to_base(centre, estimate, seen):
+            one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
+            off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
+            if best is None or off < best[0]:
+                best = float(off), one
+    assert best is not None
+    return best[1]
+
 
 NEAR_EQUATOR = 0.1  # |y| over the largest, below which w says nothing of y
 

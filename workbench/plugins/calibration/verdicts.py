@@ -3,16 +3,150 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
-from workbench.api import Float
+from workbench.api import Float, Recording
+from workbench.plugins.calibration import arcs
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import Linear, Noise
+from workbench.plugins.calibration.model import Linear, Noise, linearise, normal_equations
 from workbench.plugins.calibration.observations import Observations, Passes
-from workbench.plugins.calibration.scales import AXES, Scales
 from workbench.plugins.calibration.solve import Answer
-from workbench.plugins.calibration.values import Method, Rejected, SphereProfiles
+from workbench.plugins.calibration.values import Calibration, Method, Rejected, SphereProfiles
+
+# The profiler's own scales: x and z may count a millimetre as a little more or less than it is.
+#
+# A scaled sphere is no sphere: its circle's centre moves with its place in the view, its arc bends otherwise. Both
+# errors are unknowns beside the pose, held to what is stated of the sensor, and free where the data contradict it.
+
+AXES = ("x", "z")
+SURE = 2e-3  # probability, two-sided, below which a stated scale is contradicted: freeing one costs little
+SPARE = 4  # degrees of freedom below which the question is not asked
+STEP = 1e-3  # relative, for differences
+FREE = 0.1  # standard deviation of a scale that the data contradict
+NEAR = 0.05  # of its u, by which a scale may still move
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Relative errors of the profiler's x and z, measured = (1 + error) true."""
+
+    error: Float  # (2,)
+    covariance: Float  # (2, 2)
+    by_scale: Float  # (P, 2) change of the fit's unknowns where an error is larger
+    free: tuple[bool, bool]
+    student: Float  # (2,) an error by itself over its u, by residuals as large as they are
+    chance: Float  # (2,) probability of such a one
+
+    @property
+    def contradicted(self) -> int | None:
+        """The axis whose stated scale the data contradict most."""
+        chance = np.where(self.free, 1.0, self.chance)
+        worst = int(np.argmin(chance))
+        return worst if chance[worst] < SURE else None
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is taken out of a profiler's x and z: errors of scale (2,), about the place (2,) mm that stays.
+
+    Scales about the middle of the view and about the sensor's origin differ by a shift, which is the pose's.
+    """
+
+    error: Float
+    middle_mm: Float
+
+    def true(self, recording: Recording) -> tuple[Float, Float]:
+        """x and z (N, M) of a recording, mm."""
+        x, z = (
+            middle + (measured.astype(float) - middle) / (1.0 + error)
+            for measured, middle, error in zip(
+                (recording.x_mm, recording.z_mm), self.middle_mm, self.error, strict=True
+            )
+        )
+        return x, z
+
+    def more(self, axis: int) -> Sensor:
+        """The same with a little more error of one axis."""
+        return replace(self, error=self.error + STEP * np.eye(2)[axis])
+
+
+def sensor_of(calibration: Calibration) -> Sensor:
+    """What a calibration took out."""
+    return Sensor(np.array(calibration.hand_eye.sensor_scale) - 1.0, np.array(calibration.hand_eye.sensor_middle_mm))
+
+
+def rescaled(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> SphereProfiles:
+    """The circles through the same points with the scales' errors taken out."""
+    if not sensor.error.any():
+        return profiles
+    x, z = sensor.true(recording)
+    circle, covariance = profiles.circle.copy(), profiles.covariance.copy()
+    for k, frame in enumerate(profiles.frame):
+        on = profiles.on_arc[frame]
+        old, before, _, _ = _fit(
+            recording.x_mm[frame, on].astype(float), recording.z_mm[frame, on], circle[k], profiles
+        )
+        new, after, _, fitted = _fit(x[frame, on], z[frame, on], circle[k], profiles)
+        if fitted:
+            circle[k] += new - old
+            covariance[k] = after * (covariance[k, 1, 1] / before[1, 1])
+    return replace(profiles, circle=circle, covariance=covariance)
+
+
+def _fit(x: Float, z: Float, start: Float, profiles: SphereProfiles) -> tuple[Float, Float, float, bool]:
+    return arcs.fit(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
+
+
+def scales_of(
+    result: Fit,
+    seen: Observations,
+    passes: Passes,
+    profiles: SphereProfiles,
+    recording: Recording,
+    noise: Noise,
+    sensor: Sensor,
+    free: tuple[bool, bool],
+    stated_u: float,
+    with_offset: bool,
+) -> Scales:
+    """Both errors as the residuals about a fit tell them, which was made with `sensor` taken out."""
+    count = result.covariance.shape[0]
+    linear = linearise(result.estimate, seen, noise, with_offset)
+    columns = -_by_scale(passes, profiles, recording, sensor)
+    linear = replace(linear, jacobian=np.concatenate([linear.jacobian, columns], axis=-1)).subset(result.used)
+    now = normal_equations(linear, seen.subset(result.used), noise, result.estimate.radius_mm)
+    matrix, side = now.matrix[:count, :count], now.side[:count]
+    by_scale = -np.linalg.solve(matrix, now.matrix[:count, count:])
+    power = now.matrix[count:, count:] + now.matrix[count:, :count] @ by_scale  # information of the scales, rest free
+    pull = now.side[count:] + by_scale.T @ side
+    left = now.chi2 - side @ np.linalg.solve(matrix, side)
+    prior = np.where(free, FREE, stated_u) ** -2.0
+    covariance = np.linalg.inv(power + np.diag(prior))
+    found = sensor.error + covariance @ (pull - prior * sensor.error)
+    alone = pull**2 / np.diag(power)
+    freedom = max(result.freedom - 1, 1)
+    student = np.sign(pull) * np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
+    chance = 2.0 * scipy.special.stdtr(freedom, -np.abs(student)) if result.freedom >= SPARE else np.ones(2)
+    return Scales(
+        np.asarray(found, float), np.asarray(covariance, float), np.asarray(by_scale, float), free, student, chance
+    )
+
+
+def _by_scale(passes: Passes, profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> Float:
+    """Derivatives (k, 3, 2) of the circles of all passes by both errors, repeats of a posture averaged as they are."""
+    here = rescaled(profiles, recording, sensor)
+    more = [rescaled(profiles, recording, sensor.more(axis)) for axis in range(2)]
+    change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=-1)
+    information = np.linalg.inv(here.covariance)
+    row = {int(frame): k for k, frame in enumerate(profiles.frame)}
+    members = [[row[frame] for frame in frames] for frames in passes.frames]
+    return np.stack(
+        [np.linalg.solve(information[m].sum(axis=0), (information[m] @ change[m]).sum(axis=0)) for m in members]
+    )
+
 
 FEW = 6  # postures below which hardly anything checks the answer
 NOISY = 2.0  # over the stated noise of the profile's points

@@ -10,6 +10,7 @@ import scipy
 from pydantic import Field
 
 from workbench.api import (
+    DEG,
     AngleConvention,
     Cell,
     Chain,
@@ -21,14 +22,14 @@ from workbench.api import (
     LoadingSetup,
     abb_angles,
     stage,
+    within_limits,
 )
 from workbench.plugins.stiffness.chapter import stiffness_chapter
-from workbench.plugins.stiffness.checks import check_filled, check_limits, check_observed, check_size
-from workbench.plugins.stiffness.equations import equations
+from workbench.plugins.stiffness.equations import Equations, covariances, curvature, equations
 from workbench.plugins.stiffness.estimate import Estimate, robust, solve
+from workbench.plugins.stiffness.load_mistakes import PLAUSIBLE_NM_PER_RAD, explain, mean_stiffness
 from workbench.plugins.stiffness.loads import read_loads
-from workbench.plugins.stiffness.mistakes import explain
-from workbench.plugins.stiffness.pairs import check_pairs
+from workbench.plugins.stiffness.observability import reason, unobserved
 from workbench.plugins.stiffness.read import stiffness_document
 from workbench.plugins.stiffness.rigid import check_rigid
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
@@ -155,3 +156,100 @@ def _stiffness(
         source=tests.source,
         warnings=warnings,
     )
+
+
+# Pairs of opposite loads: what does not reverse is drift, backlash or friction, not elasticity.
+
+OPPOSITE = 0.05  # of the wrench: how far the two may be from opposite
+SURE = 1e-3  # chance that sound pairs are complained of
+
+
+def opposite_pairs(tests: LoadingTests) -> list[tuple[int, int]]:
+    """Loads (i, j) of one posture whose wrenches are opposite; each load in one pair at most."""
+    pairs: list[tuple[int, int]] = []
+    free = set(range(len(tests.lines)))
+    for i in range(len(tests.lines)):
+        for j in range(i + 1, len(tests.lines)):
+            same = tests.labels[i] == tests.labels[j] and np.abs(tests.joints[i] - tests.joints[j]).max() < 1e-6
+            opposed = np.abs(tests.wrench[i] + tests.wrench[j]).max() <= OPPOSITE * np.abs(tests.wrench[i]).max()
+            if same and opposed and {i, j} <= free:
+                pairs.append((i, j))
+                free -= {i, j}
+    return pairs
+
+
+def check_pairs(tests: LoadingTests, eq: Equations, compliance: Float, use: Float, scale2: float) -> tuple[str, ...]:
+    """A line for each posture whose opposite loads do not give opposite displacements."""
+    covariance = covariances(eq, compliance) * max(scale2, 1.0)
+    even = eq.y - eq.a @ compliance - curvature(eq, compliance)
+    sums: dict[str, list[tuple[float, int, float]]] = {}
+    for i, j in opposite_pairs(tests):
+        both = (eq.seen[i] * eq.seen[j] * use[i] * use[j]) > 0
+        if not both.any():
+            continue
+        e = (even[i] + even[j])[both] / 2
+        square = e @ np.linalg.solve((covariance[i] + covariance[j])[np.ix_(both, both)] / 4, e)
+        sums.setdefault(tests.labels[i], []).append((float(square), int(both.sum()), float(np.linalg.norm(e[:3]))))
+    notes = []
+    for label, found in sums.items():
+        if sum(s for s, _, _ in found) > scipy.special.chdtri(sum(n for _, n, _ in found), SURE / len(sums)):
+            most = max(mm for _, _, mm in found)
+            notes.append(
+                f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
+                "remain): drift, backlash or friction beside elasticity"
+            )
+    return tuple(notes)
+
+
+# What loading tests must be before and after their equations are solved; each refusal is one line.
+
+
+def check_filled(tests: LoadingTests) -> None:
+    """Columns of zeros are no tests."""
+    if not tests.wrench.any():
+        raise InputError(tests.source, "loads without wrench: every force and torque is 0")
+    moved = tests.displacement if tests.targets_mm is None else np.nan_to_num(tests.targets_mm)
+    if moved is None or not moved.any():
+        raise InputError(tests.source, "loads without displacement: every displacement is 0")
+
+
+def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention) -> None:
+    """Angles beyond the robot's limits are no angles of this robot, or of another convention."""
+    beyond = np.isnan(within_limits(chain, tests.joints, tests.joints))
+    beyond |= (tests.joints < chain.limits[:, 0] - 1e-6) | (tests.joints > chain.limits[:, 1] + 1e-6)
+    if beyond.any() and convention == "abb":
+        i, j = np.argwhere(beyond)[0]
+        low, high = chain.limits[j] / DEG
+        raise InputError(
+            f"{tests.source}: line {tests.lines[i]}: q{j + 1}_deg",
+            f"expected {low:.5g} to {high:.5g} deg (the robot's limits), found {tests.joints[i, j] / DEG:.5g}; "
+            "Denavit-Hartenberg angles need angle_convention 'dh'",
+        )
+
+
+def check_observed(
+    found: Estimate, eq: Equations, chain: Chain, setup: LoadingSetup, tests: LoadingTests, largest_relative_u: float
+) -> None:
+    """Joints that are not known well enough are refused, each with the reason."""
+    lost = unobserved(found, largest_relative_u)
+    if lost:
+        why = {j: reason(j, found, eq, chain, setup, tests) for j in sorted(lost)}
+        texts = {text: [str(j + 1) for j in why if why[j] == text] for text in why.values()}
+        lines = [
+            f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"
+            for text, j in texts.items()
+        ]
+        raise InputError(tests.source, "; ".join(lines))
+
+
+def check_size(found: Estimate, tests: LoadingTests) -> None:
+    """All lengths or all forces in another unit fit as well as they should, but to an impossible robot."""
+    mean = mean_stiffness(found)
+    low, high = PLAUSIBLE_NM_PER_RAD
+    if not low <= mean <= high:
+        cause = "displacements in m, or wrenches in mN" if mean > high else "wrenches in kN, or displacements too large"
+        raise InputError(
+            tests.source,
+            f"expected joint stiffness of some 1e5 to 1e7 Nm/rad, found a mean of {mean:.2g}: "
+            f"are units mixed by a factor of 1,000 ({cause})?",
+        )

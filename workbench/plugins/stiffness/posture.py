@@ -24,12 +24,12 @@ from workbench.api import (
 from workbench.plugins.stiffness.arm import arm_of
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
+from workbench.plugins.stiffness.law_bound import Grid
+from workbench.plugins.stiffness.law_postures import Case, Found, case_at, postures
 from workbench.plugins.stiffness.path_points import Load, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.posture_document import posture_document
-from workbench.plugins.stiffness.relaxed import Grid
 from workbench.plugins.stiffness.search import Choice, PostureMap, search
-from workbench.plugins.stiffness.standing import Case, Found, case_at, postures
 from workbench.plugins.stiffness.traversal import lowest, sample, traversal
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 

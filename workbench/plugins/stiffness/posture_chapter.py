@@ -6,9 +6,9 @@ import numpy as np
 
 from workbench.api import DEG, Cell, Chapter, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
+from workbench.plugins.stiffness.law_postures import Case, Found
 from workbench.plugins.stiffness.posture_pictures import along_picture, map_picture
 from workbench.plugins.stiffness.robot_picture import key_of, robot_picture
-from workbench.plugins.stiffness.standing import Case, Found
 
 CELL_MM, CLOSE_UP_MM = 3600.0, 500.0  # what the pictures of the robot show
 

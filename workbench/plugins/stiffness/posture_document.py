@@ -9,8 +9,8 @@ import numpy as np
 
 from workbench.api import DEG, AnyArray, Float, PostureFile, Postures
 from workbench.plugins.stiffness.feasible import CAUSES, JUDGED
+from workbench.plugins.stiffness.law_postures import Case, Found
 from workbench.plugins.stiffness.search import PostureMap
-from workbench.plugins.stiffness.standing import Case, Found
 
 
 def posture_document(found: Found) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.api import DEG, AnyArray, Cell, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
-from workbench.plugins.stiffness.standing import Found
+from workbench.plugins.stiffness.law_postures import Found
 
 SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by cause
 

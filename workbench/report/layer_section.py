@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Cloud, Edge, Layer, RawEdge, Toolpath
+from workbench.report.colour_scales import layer_colours
 from workbench.report.colours import FACES, GREY, INK
-from workbench.report.develop import axes_at, developed
 from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
 from workbench.report.figures import svg
 from workbench.report.planned import frames_in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
 from workbench.report.plot import Axes, Figure
-from workbench.report.ramp import layer_colours
 from workbench.report.sample import around, frame_arc_length_mm
+from workbench.report.unrolled_edge import axes_at, developed
 from workbench.report.values import decimals, measured
 from workbench.units import Float
 

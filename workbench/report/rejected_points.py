@@ -10,10 +10,10 @@ import numpy as np
 from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection
 from workbench.report.along import hidden_stretches
 from workbench.report.colours import FACES, INK, REJECTED
-from workbench.report.develop import developed
 from workbench.report.figures import hatch_hidden, mark_sections, svg
 from workbench.report.plot import Figure
 from workbench.report.sample import Points, frame_arc_length_mm, overview, rejected
+from workbench.report.unrolled_edge import developed
 from workbench.units import Float, Int
 
 SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for rejects; points drawn of each sort

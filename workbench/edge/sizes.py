@@ -17,6 +17,7 @@ SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so f
 SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
 UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
+MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a half steps: one alone says nothing
 
 
 def sizes(
@@ -125,7 +126,7 @@ def end_loose_mm(end: EndCourse, s: Float) -> Float:
     if end.s.size < 3:
         return off
     apart = np.gradient(end.s)
-    least = max(SUDDEN_MM, SUDDEN_SIGMAS * float(np.median(end.middle_u)))  # more than the steps make
+    least = max(SUDDEN_MM, MORE_THAN_STEPS * float(np.median(end.middle_u)))
     changes = sudden(end.s, end.middle, end.middle_u, least, seen=apart < 1.5 * float(np.median(apart)))
     return np.asarray(np.maximum(off, np.interp(s, end.s, changes)))
 

@@ -10,6 +10,7 @@ from workbench import pieces
 from workbench.artefacts import (
     NO_NAMES,
     UNKNOWN_PART,
+    ChainU,
     Chapter,
     Check,
     Cloud,
@@ -127,6 +128,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "BoundingVolumes",
     "Cell",
     "Chain",
+    "ChainU",
     "Chapter",
     "Check",
     "Clearance",

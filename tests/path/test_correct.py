@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
-from workbench.artefacts import EdgeProfile, Inspection, PathDeflection, Requirements, Toolpath
+from workbench.artefacts import ChainU, EdgeProfile, Inspection, PathDeflection, Requirements, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, correct, feed, layers
@@ -227,3 +227,11 @@ def test_inputs_that_do_not_belong_together(scan: Raw, plan: Toolpath) -> None:
 def test_an_allowance_that_cannot_be_milled_is_refused(scan: Raw, allowance: float) -> None:
     with pytest.raises(InputError, match="finish_allowance_mm"):
         layers(scan.edge, scan.cloud, finish_allowance_mm=allowance)
+
+
+def test_a_cut_farther_off_than_the_calibrations_say_is_told(scan: Raw, plan: Toolpath) -> None:
+    stated = replace(plan, chain=ChainU(0.03, 0.0, ("tool",)), part=replace(plan.part, hand_eye_u_mm=0.05))
+    for off_mm, told in ((0.05, False), (0.3, True)):
+        _, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE), stated, **QUIET)
+        assert any("hand-eye pose, tool and repeatability say 0.04 mm" in said for said in found.warnings) == told
+        assert found.refused is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -296,5 +297,25 @@ def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
             .all()
         )
     vague = replace(scan.edge, position_u_mm=np.tile([0.4, 0.02], (at.size, 1)))
-    with pytest.raises(InputError, match="known well enough on 0 % of its length"):
+    with pytest.raises(InputError, match=r"known well enough on 0 % of its length"):
         layers(vague, scan.cloud)
+
+
+def test_tool_turntable_and_robot_count_in_what_the_place_is_known_to(raw, tmp_path) -> None:
+    scan = raw()
+    tool, table = tmp_path / "tcp.json", tmp_path / "turntable.json"
+    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.03}], "axis": {"u_deg": 0.02}}))
+    table.write_text(json.dumps({"format": "turntable-calibration", "u_mm": 0.04, "direction_u_deg": 0.01}))
+    assert layers(scan.edge, scan.cloud).chain is None
+    path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_accuracy_mm=0.12)
+    assert path.chain is not None
+    assert path.chain.place_mm == pytest.approx(0.13)
+    assert path.chain.turn == pytest.approx(np.radians(np.hypot(0.02, 0.01)))
+    assert path.chain.rests_on == ("tool", "turntable", "robot")
+    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.3}], "axis": None}))
+    with pytest.raises(InputError, match=r"known well enough on 0 % .* with tool known to 0.3 mm and 0.05 deg"):
+        layers(scan.edge, scan.cloud, tool=tool)
+    first = layers(scan.edge, scan.cloud, tool=tool, finish_allowance_mm=0.5)  # a measured cut will show it
+    assert first.chain is not None
+    with pytest.raises(InputError, match="expected 'tool-calibration'"):
+        layers(scan.edge, scan.cloud, tool=table)

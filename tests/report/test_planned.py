@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from workbench.artefacts import ChainU
 from workbench.report.planned import planned_bevel, planned_u, thickness_mm, whole_run
 
 
@@ -77,9 +78,14 @@ def test_the_scans_uncertainty_moves_the_planned_bevel_so_far(planned):
         shift = rng.normal(0, 0.006) * p.edge.normal + rng.normal(0, 0.004) * p.edge.across
         edge = dataclasses.replace(p.edge, position_mm=p.edge.position_mm + shift)
         roots.append(planned_bevel(p.toolpath, edge).root_mm[0])
-    root_u, bevel_u = planned_u(p.edge, 40.0)
+    root_u, bevel_u = planned_u(p.edge, p.toolpath)
     assert np.std(roots) == pytest.approx(root_u, rel=0.15)
     assert bevel_u == pytest.approx(np.degrees(0.0005))
+    chain = ChainU(0.1, 0.001, ("tool",))
+    more = planned_u(p.edge, dataclasses.replace(p.toolpath, chain=chain))
+    slope = 1.0 / np.tan(np.radians(p.toolpath.bevel_deg))
+    assert more[0] == pytest.approx(np.hypot(root_u, 0.1 * np.hypot(1.0, slope)))
+    assert more[1] == pytest.approx(np.degrees(np.hypot(0.0005, 0.001)))
 
 
 def test_thickness_is_not_invented(planned):

@@ -48,7 +48,7 @@ from workbench.artefacts.inspections import (
 from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
 from workbench.artefacts.parts import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Part, PartNames
-from workbench.artefacts.paths import Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
+from workbench.artefacts.paths import ChainU, Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
 from workbench.artefacts.programs import (
     EventKind,
     Judgement,
@@ -81,6 +81,7 @@ __all__ = [
     "UNKNOWN_PART",
     "UNLABELLED",
     "UPPER_SURFACE",
+    "ChainU",
     "Chapter",
     "Check",
     "Cloud",

@@ -54,6 +54,15 @@ class Travel:
     feed_mm_s: Float  # (k,)
 
 
+@dataclass(frozen=True, slots=True)
+class ChainU:
+    """What tool, turntable and robot make of a path's place, beyond edge and hand-eye pose: one error of all of it."""
+
+    place_mm: float  # standard uncertainty along any axis
+    turn: float  # of the face's direction, rad
+    rests_on: tuple[str, ...]  # the links that are in it
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Toolpath:
     """A milling path: layers in cutting order, the last one final, and the travel moves between them."""
@@ -75,6 +84,7 @@ class Toolpath:
     claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
     finish_allowance_mm: float = 0.0  # left on the bevel face for `finishing`, along its normal
     before: tuple[Layer, ...] = ()  # milled earlier along this edge, heights above this path's finished face
+    chain: ChainU | None = None  # None: no link is stated
     finishing: Toolpath | None = None  # the pass that takes the allowance, once the cut was measured (path.correct)
 
     @property

@@ -40,6 +40,7 @@ ROOT_3 = math.sqrt(3.0)
 LEAST_PLACES = 5  # that were cut and measured
 YIELD_U = 0.3  # relative standard uncertainty of a predicted giving way: of force and stiffness together
 BALANCING = 30  # rounds of stock and giving way, each halfway to the next: far below a micrometre
+BEYOND = 3.0  # standard uncertainties that calibrations may be off by before they are doubted
 LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
 
 
@@ -174,7 +175,7 @@ def correct(
         variation_mm=shift.variation,
         comes=comes,
         reason=_reason(shift, made, turn, by, tilt, finish.cutting),
-        warnings=finishing.warnings,
+        warnings=finishing.warnings + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm),
     )
     checks = _checks(cut, found, shift, finish, most_moved_mm, toolpath.depth_of_cut_mm)
     evidence = (*finishing.evidence, *inspection.checks, *checks)
@@ -381,6 +382,21 @@ def _stock(allowance_mm: float, shift_mm: Float | float, turn: Estimate, tilt: F
     low = allowance_mm + shift_mm
     high = low - (turn.value if tilt.any() else 0.0) * finish.width_mm
     return np.asarray(np.minimum(low, high) + np.zeros(len(finish.arc_length_mm)))
+
+
+def _beyond_chain(toolpath: Toolpath, shift: Estimate, cut: Bool, repeatability_mm: float) -> tuple[str, ...]:
+    """A cut that lies farther off than calibrations and robot say: it is corrected, but one of them is wrong."""
+    chain, eye_mm = toolpath.chain, toolpath.part.hand_eye_u_mm
+    if chain is None or eye_mm is None:
+        return ()
+    mean, stated = float(shift.value[cut].mean()), math.hypot(chain.place_mm, eye_mm / ROOT_3, repeatability_mm)
+    if abs(mean) <= BEYOND * math.hypot(stated, float(shift.u[cut].mean())):
+        return ()
+    links = ", ".join(("hand-eye pose", *chain.rests_on))
+    return (
+        f"the cut lies {mean:+.2f} mm off its plan, where {links} and repeatability say {stated:.2f} mm (u): one of "
+        "them is wrong, or the part has moved",
+    )
 
 
 def _checks(

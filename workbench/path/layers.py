@@ -12,6 +12,7 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
+from workbench.path.chain import chain_u
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
@@ -24,7 +25,7 @@ from workbench.path.refusals import (
     refuse_small_root,
 )
 from workbench.path.section import Bevel, bevel_of, layer_heights, raised
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 from workbench.units import Bool, Float
 
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
@@ -57,6 +58,12 @@ def layers(
     smoothing_mm: Annotated[
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
     ] = 10.0,
+    tool: Annotated[InputFile | None, Field(description="a tcp.json: how well the tool is known")] = None,
+    turntable: Annotated[InputFile | None, Field(description="a turntable.json: how well its axis is known")] = None,
+    robot_accuracy_mm: Annotated[
+        float,
+        Field(ge=0, le=100, description="u of the robot's place, along an axis; 0: not stated"),
+    ] = 0.0,
     least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
     root_tolerance_mm: Annotated[
         float, Field(gt=0, le=10, description="of the root: the edge is not cut where 1.645 u is more")
@@ -91,6 +98,8 @@ def layers(
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
+        tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written: their u counts as the edge's own.
+        robot_accuracy_mm: of the robot between scan and cut: likewise.
         least_seen_share: an edge seen, or known well enough, on less of its length is refused.
         root_tolerance_mm: where the guard band of the edge's place (1.645 u) is larger it is not cut.
         bevel_tolerance_deg: the same of the end face's direction, from which the bevel angle counts.
@@ -110,7 +119,9 @@ def layers(
     refuse_partial_view(edge, least_seen_share)
     bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
     refuse_small_root(edge, bevel)
-    edge = known_well(edge, bevel, root_tolerance_mm, bevel_tolerance_deg, least_seen_share)
+    chain = chain_u(tool, turntable, robot_accuracy_mm)
+    counts = None if finish_allowance_mm > 0.0 else chain  # a measured cut shows what these do
+    edge = known_well(edge, bevel, root_tolerance_mm, bevel_tolerance_deg, least_seen_share, counts)
     course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
@@ -137,6 +148,7 @@ def layers(
             refused=_refused(plan, cut[-1]),
             warnings=edge.warnings,
             evidence=edge.checks,
+            chain=chain,
         )
 
     if finish_allowance_mm == 0.0:

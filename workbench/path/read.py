@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import UNKNOWN_PART, Cutter, Gate, Layer, Toolpath, Travel
+from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
 from workbench.stage import InputFile, stage
@@ -62,6 +62,7 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         depth_of_cut_mm=depth,
         claim=_claim(file),
         evidence=tuple(file.evidence),
+        chain=None if file.chain is None else ChainU(file.chain.place_mm, file.chain.turn, tuple(file.chain.rests_on)),
     )
 
 

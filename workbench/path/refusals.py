@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.artefacts import Cutter, Edge, RawEdge
+from workbench.artefacts import ChainU, Cutter, Edge, RawEdge
 from workbench.errors import InputError
 from workbench.path.course import Course
 from workbench.path.plan import cut_stretches, stretch_factor
@@ -33,7 +33,12 @@ def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:
 
 
 def known_well(
-    edge: RawEdge, bevel: Bevel, root_tolerance_mm: float, bevel_tolerance_deg: float, least_seen_share: float
+    edge: RawEdge,
+    bevel: Bevel,
+    root_tolerance_mm: float,
+    bevel_tolerance_deg: float,
+    least_seen_share: float,
+    chain: ChainU | None = None,
 ) -> RawEdge:
     """The edge without the stations at which a bevel cut right on its nominal values could not be told to pass.
 
@@ -43,10 +48,11 @@ def known_well(
     Raises:
         InputError: too little of the edge is left.
     """
-    u = np.hypot(edge.position_u_mm, 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm)
+    place_mm, turn = (0.0, 0.0) if chain is None else (chain.place_mm, chain.turn)
+    u = np.hypot(np.hypot(edge.position_u_mm, 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm), place_mm)
     root_mm = GUARD * np.hypot(*(u * bevel.normal).T) / np.sin(bevel.angle)
     oblique = (GUARD * edge.tangent_u) ** 2 * np.sin(2.0 * bevel.angle) / 4.0
-    angle_deg = (GUARD * edge.normal_u + oblique) / DEG
+    angle_deg = (GUARD * np.hypot(edge.normal_u, turn) + oblique) / DEG
     known = edge.seen & (root_mm <= root_tolerance_mm) & (angle_deg <= bevel_tolerance_deg)
     share = float(np.mean(known))
     if share < least_seen_share:
@@ -56,7 +62,7 @@ def known_well(
             f"{100 * least_seen_share:.0f} % (least_seen_share): typically to "
             f"{np.median(root_mm[edge.seen]):.2g} mm of root and {np.median(angle_deg[edge.seen]):.2g} deg of bevel "
             f"(1.645 u), where root_tolerance_mm is {root_tolerance_mm:g} and "
-            f"bevel_tolerance_deg {bevel_tolerance_deg:g}",
+            f"bevel_tolerance_deg {bevel_tolerance_deg:g}" + (f"; with {_named(chain)}" if chain is not None else ""),
         )
     told = tuple(
         f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not tell the edge well enough: "
@@ -65,6 +71,10 @@ def known_well(
         for on in [(edge.arc_length_mm >= a - 1e-6) & (edge.arc_length_mm <= b + 1e-6) & edge.seen & ~known]
     )
     return replace(edge, seen=known, warnings=edge.warnings + told)
+
+
+def _named(chain: ChainU) -> str:
+    return f"{' and '.join(chain.rests_on)} known to {chain.place_mm:.2g} mm and {chain.turn / DEG:.2g} deg (u)"
 
 
 def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:

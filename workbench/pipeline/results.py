@@ -68,6 +68,7 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
         "cutter": dataclasses.asdict(path.cutter),
         "requirements": {"root_mm": path.root_mm, "bevel_deg": path.bevel_deg, "depth_of_cut_mm": path.depth_of_cut_mm},
         "edge_length_mm": path.edge_length_mm,
+        **({} if path.chain is None else {"chain": dataclasses.asdict(path.chain)}),
         **(
             {}
             if path.finishing is None

@@ -171,7 +171,7 @@ def _named(stepped: Stepped, size: float) -> set[int]:
 
 
 def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
-    root_u, bevel_u = planned_u(edge, stepped.bevel_deg)
+    root_u, bevel_u = planned_u(edge, toolpath)
     root = measured(stepped.root_mm, root_u, decimals([root_u]))
     dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
     dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)

@@ -24,8 +24,8 @@ def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, st
     """Root and angle: name, required, planned lowest and highest along the final layer, expanded uncertainty."""
     bevel = planned_bevel(toolpath, edge)
     rows = (
-        ("Root face", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath.bevel_deg)[0]),
-        ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, planned_u(edge, toolpath.bevel_deg)[1]),
+        ("Root face", " mm", toolpath.root_mm, bevel.root_mm, planned_u(edge, toolpath)[0]),
+        ("Bevel angle", "°", toolpath.bevel_deg, bevel.bevel_deg, planned_u(edge, toolpath)[1]),
     )
     for name, unit, nominal, values, u in rows:
         places = decimals([u])

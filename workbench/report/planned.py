@@ -90,8 +90,8 @@ def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
     return float(first[k] + last[k]) / 2.0
 
 
-def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]:
-    """Standard uncertainty of the planned root face, mm, and bevel angle, deg: of the scan and its hand-eye pose.
+def planned_u(edge: Edge, toolpath: Toolpath) -> tuple[float | None, float | None]:
+    """Standard uncertainty of the planned root face, mm, and bevel angle, deg: of scan, hand-eye pose and stated links.
 
     The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
     None where the edge does not state its own.
@@ -99,8 +99,10 @@ def planned_u(edge: Edge, bevel_deg: float) -> tuple[float | None, float | None]
     if not isinstance(edge, RawEdge):
         return None, None
     shared = 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm
-    u_out, u_across = np.nanmedian(np.hypot(edge.position_u_mm, shared), axis=0)
-    return float(np.hypot(u_across, u_out / np.tan(bevel_deg * DEG))), float(np.median(edge.normal_u) / DEG)
+    place_mm, turn = (0.0, 0.0) if toolpath.chain is None else (toolpath.chain.place_mm, toolpath.chain.turn)
+    u_out, u_across = np.nanmedian(np.hypot(np.hypot(edge.position_u_mm, shared), place_mm), axis=0)
+    root = float(np.hypot(u_across, u_out / np.tan(toolpath.bevel_deg * DEG)))
+    return root, float(np.median(np.hypot(edge.normal_u, turn)) / DEG)
 
 
 def thickness_mm(edge: Edge) -> Float:

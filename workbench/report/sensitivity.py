@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
-from workbench.errors import InputError
 from workbench.report.error_chain import Link, needs, thermal_mm
+from workbench.result_files.links import tool_u, turntable_u
 from workbench.stage import InputFile, stage
-from workbench.strict_json import read_json, strict_json
+from workbench.strict_json import strict_json
 from workbench.units import DEG
 
 PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
@@ -87,12 +86,9 @@ def sensitivity(
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
     tool_from, table_from = "given", "given"
     if tool is not None:
-        tool_mm, tool_deg, tool_from = *_tool(tool, tool_deg), "its calibration"
+        tool_mm, tool_deg, tool_from = *tool_u(tool, tool_deg), "its calibration"
     if turntable is not None:
-        found = read_json(turntable)
-        where = f"{turntable}: $"
-        _want(found.get("format") == "turntable-calibration", f"{where}.format", "expected 'turntable-calibration'")
-        turntable_mm, turntable_deg = (_size(found.get(key), f"{where}.{key}") for key in ("u_mm", "direction_u_deg"))
+        turntable_mm, turntable_deg = turntable_u(turntable)
         table_from = "its calibration"
     reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
     warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
@@ -174,25 +170,3 @@ def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
         return 0.0, 0.0
     u = np.hypot(edge.position_u_mm[:, 0] * math.cos(bevel), edge.position_u_mm[:, 1] * math.sin(bevel))
     return float(np.nanmedian(u)), float(np.median(edge.normal_u)) / DEG
-
-
-def _tool(path: Path, tool_deg: float) -> tuple[float, float]:
-    """u of the tip (mm) and of the axis (deg; `tool_deg` where none was measured) in a tcp.json."""
-    found, where = read_json(path), f"{path}: $"
-    _want(found.get("format") == "tool-calibration", f"{where}.format", "expected 'tool-calibration'")
-    points, axis = found.get("points"), found.get("axis")
-    if not isinstance(points, list) or not points or not isinstance(points[0], dict):
-        raise InputError(f"{where}.points", "expected a list of points")
-    _want(axis is None or isinstance(axis, dict), f"{where}.axis", "expected an axis or null")
-    u_deg = tool_deg if axis is None else _size(axis.get("u_deg"), f"{where}.axis.u_deg")
-    return _size(points[0].get("u_mm"), f"{where}.points[0].u_mm"), u_deg
-
-
-def _size(value: Any, where: str) -> float:
-    _want(type(value) in (int, float) and 0.0 <= value <= 1e6, where, "expected a number from 0")
-    return float(value)
-
-
-def _want(fulfilled: bool, where: str, expected: str) -> None:
-    if not fulfilled:
-        raise InputError(where, expected)

@@ -165,6 +165,14 @@ class PathClaim(Row):
     sha256: str | None = Field(default=None, description="absent: the path counts as changed")
 
 
+class ChainRow(Row):
+    """What tool, turntable and robot make of a path's place and direction: standard uncertainties, mm and rad."""
+
+    place_mm: NotNegative
+    turn: NotNegative
+    rests_on: list[str]
+
+
 class ToolpathFile(ResultFile):
     """`toolpath.json`: a milling path in layers."""
 
@@ -177,6 +185,7 @@ class ToolpathFile(ResultFile):
     cutter: CutterRow
     requirements: PathRequirements = PathRequirements()
     edge_length_mm: Positive | None = None
+    chain: ChainRow | None = None
     refused: list[str] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
     evidence: list[Check] = Field(default_factory=list, max_length=100)

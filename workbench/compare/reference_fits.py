@@ -46,6 +46,17 @@ def reference_fits(
 
     Raises:
         InputError: unreadable, another count of numbers, points that leave the shape open.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from workbench import compare
+        >>> file = Path(tempfile.mkdtemp()) / "octahedron.ds"
+        >>> file.write_text("1 0 0\\n-1 0 0\\n0 1 0\\n0 -1 0\\n0 0 1\\n0 0 -1\\n")
+        39
+        >>> document, chapter = compare.reference_fits(points=[file], shape="sphere")
+        >>> document.name, chapter.title
+        ('reference_fits.json', 'Reference fits')
     """
     if answers and len(answers) != len(points):
         raise InputError(

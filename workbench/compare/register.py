@@ -77,6 +77,15 @@ def register(
 
     Raises:
         InputError: open directions, a small overlap, a poor fit.
+
+    Example:
+        >>> from workbench import compare, scan
+        >>> first = scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5"))
+        >>> again = scan.fuse(scan.read(recording="data/synthetic/milled_edge_again.h5"))
+        >>> surfaces = [compare.surface(points) for points in (again, first)]
+        >>> found, document = compare.register(*surfaces, open_directions="hold", spacing_mm=2.0)
+        >>> round(found.overlap, 1), len(found.held)
+        (1.0, 1)
     """
     pose = np.eye(4) if initial is None else rigid(initial, "compare.register.initial")
     if start == "features" and (initial is not None or open_directions == "hold"):

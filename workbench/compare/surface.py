@@ -78,6 +78,16 @@ def mesh(
 
     Raises:
         InputError: unreadable, no triangles, not finite, no rigid motion.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> from workbench import compare
+        >>> file = Path(tempfile.mkdtemp()) / "plate.obj"
+        >>> file.write_text("v 0 0 0\\nv 10 0 0\\nv 0 10 0\\nf 1 2 3\\n")
+        34
+        >>> compare.mesh(mesh=file).points_mm.shape
+        (3, 3)
     """
     points, triangles = read_mesh(mesh)
     points = points * TO_MM[unit]

@@ -122,6 +122,17 @@ def correct(
 
     Raises:
         InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path.
+
+    Example:
+        >>> from workbench import edge, inspect, path, scan, twin
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points, finish_allowance_mm=0.5), points, raw)
+        >>> part, engagement = twin.mill(twin.part(recipe="data/synthetic/raw_edge.json"), plan)
+        >>> found = inspect.sections(edge.segment(scan.fuse(twin.scan(part))))
+        >>> finishing, correction = path.correct(found, plan)
+        >>> correction.allowance_mm, len(finishing.layers)
+        (0.5, 1)
     """
     if toolpath.finishing is None:
         raise InputError("toolpath", "expected a path with a finishing pass (path.layers: finish_allowance_mm above 0)")

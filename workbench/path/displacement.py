@@ -53,7 +53,9 @@ class Estimate:
         mean, square = float(np.trace(self.by_chance)), float((self.by_chance**2).sum())
         if mean <= 0.0:
             return bool(self.value.any())
-        return bool(self.value @ self.value > square / mean * scipy.stats.chi2.ppf(SURE, mean**2 / square))
+        return bool(
+            self.value @ self.value > square / mean * 2.0 * scipy.special.gammaincinv(0.5 * mean**2 / square, SURE)
+        )
 
     def less_sure(self, u: Float | float) -> Estimate:
         """The same with one more error of the whole edge, u (m,) or the same everywhere."""

@@ -118,6 +118,16 @@ def rework(
         InputError: a raw edge, an inspection of another edge.
 
     A path that cannot be planned, or that its checks refuse, is left out with a warning.
+
+    Example:
+        >>> from workbench import edge, inspect, path, scan
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/paths/raw_arc_milled.h5"))
+        >>> milled = edge.segment(points)
+        >>> found = inspect.sections(milled, root_nominal_mm=1.0, root_tolerance_mm=[-0.2, 0.2])
+        >>> again = path.rework(milled, found, plan, points)
+        >>> len(again.too_much_material), len(again.toolpath.layers)
+        (1, 1)
     """
     if len(inspection.profile.root_mm) != len(edge.arc_length_mm):
         raise InputError("edge", "expected the milled edge that was inspected")

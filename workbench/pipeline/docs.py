@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import textwrap
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from workbench.stage import Stage
 
 DIRECTORY = Path("docs/stages")
 NOTE = "<!-- Written by `python -m workbench.pipeline.docs` from the stage's signature: change it there. -->"
+EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 
 
 def pages() -> dict[str, str]:
@@ -38,7 +40,7 @@ def page(stage: Stage) -> str:
     parts = [
         NOTE,
         f"# `{stage.name}`",
-        _markdown(prose(stage)),
+        _markdown(EXAMPLE.sub("", prose(stage)).strip()),
         "## Takes",
         "\n".join(takes) or "No artefact.",
         "## Makes",
@@ -53,6 +55,8 @@ def page(stage: Stage) -> str:
     parts += ["## Parameters", "\n".join(table) if parameters else "None."]
     example = {"stage": stage.name} | {one.name: f"${{{one.name}}}" for one in parameters if one.default == "required"}
     parts += ["## In a pipeline", f"```json\n{json.dumps(example)}\n```"]
+    if shown := EXAMPLE.search(stage.doc):
+        parts += ["## In Python", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
     return "\n\n".join(parts) + "\n"
 
 

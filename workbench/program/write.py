@@ -84,6 +84,20 @@ def write(
         InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that
             leave the path farther than its check allows for; what the controller cannot do (URScript: a turntable
             that turns).
+
+    Example:
+        >>> from workbench import path, program, robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> at = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
+        >>> gate = path.check_file(plan)
+        >>> postures, gate, *_ = stiffness.posture(cell, springs, plan, force, gate, **at)
+        >>> made = program.write(path.simplify(plan, postures), gate, cell)
+        >>> [type(one).__name__ for one in made]
+        ['Document', 'Document', 'PathGate', 'Judgement', 'Chapter']
     """
     known = cell.controller.dialect if isinstance(cell, Cell) and cell.controller else None
     chosen = controller or known

@@ -34,6 +34,15 @@ def closed_loop(
 
     Raises:
         InputError: no section, or a path without layers.
+
+    Example:
+        >>> from workbench import edge, inspect, path, report, scan
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/paths/raw_arc_milled.h5"))
+        >>> milled = edge.segment(points)
+        >>> chapter = report.closed_loop(inspect.sections(milled), plan)
+        >>> chapter.title, chapter.verdict
+        ('Closed loop', 'pass')
     """
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.closed_loop_text import closed_loop_html, closed_loop_summary, contradictions

@@ -22,6 +22,17 @@ def correction(
         first: inspection of the first cut, which it rests on.
         corrected: inspection of the finished part; the same as `first`: not yet finished.
         blind: inspection of a part that was milled without looking; the same as another: there is none.
+
+    Example:
+        >>> from workbench import edge, inspect, path, report, scan, twin
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> plan = path.feed(path.layers(raw, points, finish_allowance_mm=0.5), points, raw)
+        >>> part, engagement = twin.mill(twin.part(recipe="data/synthetic/raw_edge.json"), plan)
+        >>> found = inspect.sections(edge.segment(scan.fuse(twin.scan(part))))
+        >>> finishing, correction = path.correct(found, plan)
+        >>> report.correction(correction, found).title
+        'Measured correction'
     """
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.correction_text import correction_html, correction_summary

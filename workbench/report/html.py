@@ -23,6 +23,15 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
 
     Raises:
         InputError: no chapter, or one whose HTML reaches outside the page.
+
+    Example:
+        >>> from workbench import edge, inspect, report, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> groove = edge.segment_groove(points)
+        >>> chapter = report.groove(points, groove, inspect.groove(groove))
+        >>> page = report.html([chapter])
+        >>> page.name, page.content[:15]
+        ('report.html', b'<!doctype html>')
     """
     # jinja2 costs time to import: only where a page is made.
     from workbench.report.contained import outside

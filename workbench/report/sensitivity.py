@@ -76,6 +76,14 @@ def sensitivity(
 
     Raises:
         InputError: a tcp.json or turntable.json that is none.
+
+    Example:
+        >>> from workbench import edge, path, report, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
+        >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+        >>> chapter, document = report.sensitivity(path.layers(raw, points), raw)
+        >>> chapter.title, document.name
+        ('Error budget of the milled bevel', 'sensitivity.json')
     """
     from workbench.report.sensitivity_text import sensitivity_html
 

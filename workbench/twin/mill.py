@@ -90,6 +90,14 @@ def mill(
 
     Raises:
         InputError: a path without layers, an unusable file of deflections, a bending of another path.
+
+    Example:
+        >>> from workbench import path, twin
+        >>> part = twin.part(recipe="data/synthetic/raw_arc.json")
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> milled, engagement = twin.mill(part, plan)
+        >>> type(milled).__name__, type(engagement).__name__
+        ('Workpiece', 'Engagement')
     """
     _refuse_empty(toolpath)
     if correction is not None and correction.refused is not None:

@@ -81,7 +81,7 @@ def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> f
     factor = np.linalg.cholesky(covariances[:, :POSE, :POSE])
     drawn = off[pick, :POSE] + np.einsum("kpq,kq->kp", factor[pick], normal)
     distance = np.einsum("kp,pk->k", drawn, np.linalg.solve(together[:POSE, :POSE], drawn.T))
-    return float(np.quantile(distance, LEVEL) / scipy.stats.chi2.ppf(LEVEL, POSE))
+    return float(np.quantile(distance, LEVEL) / (2.0 * scipy.special.gammaincinv(0.5 * POSE, LEVEL)))
 
 
 def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool) -> Estimate:

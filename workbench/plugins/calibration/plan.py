@@ -85,6 +85,16 @@ def plan(
 
     Raises:
         InputError: the cell's robot reaches hardly any posture within the limits.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/synthetic/sphere.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> pose, found, document = calibration.hand_eye(arcs, ball)
+        >>> plan, table = calibration.plan(found, arcs, ball, postures=1)
+        >>> len(plan.base_from_flange), table.name
+        (1, 'calibration_plan.csv')
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     estimate = estimate_of(calibration)

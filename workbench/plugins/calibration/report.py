@@ -31,6 +31,15 @@ def report(
         recording: its points.
         plan: where the next posture would help most.
         validation: errors on held-out postures.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/synthetic/sphere.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> pose, found, document = calibration.hand_eye(arcs, ball)
+        >>> calibration.report(found, arcs, ball).title
+        'Hand-eye calibration'
     """
     parts = [
         _answer(calibration),

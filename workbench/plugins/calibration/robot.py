@@ -121,6 +121,16 @@ def robot(
     Raises:
         InputError: scans instead of postures, too few of them, angles that are not those of the recorded poses, an
             undetermined direction.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/calibration/sphere_robot.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> files = {"cell": "data/robot/cell.json", "joints": "data/calibration/sphere_joints.csv"}
+        >>> pose, document, chapter = calibration.robot(arcs, ball, **files)
+        >>> chapter.title, document.name
+        ('Robot calibration', 'robot.json')
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where, chain = f"{recording.source}: /robot", chain_of(cell)

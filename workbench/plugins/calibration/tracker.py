@@ -121,6 +121,13 @@ def tracker(
 
     Raises:
         InputError: an unusable table or cell; too few postures; more blunders than can be told apart.
+
+    Example:
+        >>> from workbench.plugins import calibration
+        >>> files = {"cell": "data/robot/cell.json", "readings": "data/calibration/tracker.csv"}
+        >>> document, chapter = calibration.tracker(**files)
+        >>> chapter.title, document.name
+        ('Robot calibration', 'robot.json')
     """
     where, chain = str(readings), chain_of(cell)
     every = read_readings(readings, chain)

@@ -170,6 +170,16 @@ def validate(
 
     Raises:
         InputError: too few postures to hold any out.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> ball = scan.read(recording="data/synthetic/sphere.h5")
+        >>> arcs = calibration.circles(ball)
+        >>> pose, found, document = calibration.hand_eye(arcs, ball)
+        >>> held_out, document = calibration.validate(found, arcs, ball)
+        >>> held_out.error_mm.shape
+        (12, 3)
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     estimate = estimate_of(calibration)

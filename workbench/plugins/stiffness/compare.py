@@ -25,6 +25,22 @@ def compare(without: Inspection, compensated: Inspection, bending: PathDeflectio
         without: the part that was milled along the path as planned.
         compensated: the part that was milled along the corrected one.
         bending: how far the cutter gave way while both were milled.
+
+    Example:
+        >>> from workbench import edge, inspect, path, robot, scan
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> at = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
+        >>> postures, *_ = stiffness.posture(cell, springs, plan, force, **at)
+        >>> bending, file = stiffness.predict(cell, springs, plan, force, postures)
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/paths/raw_arc_milled.h5"))
+        >>> found = inspect.sections(edge.segment(points))
+        >>> document, chapter = stiffness.compare(found, found, bending)  # one part twice: no difference
+        >>> chapter.title
+        'Deflection, without and with compensation'
     """
     errors = {name: _errors(one) for name, one in (("without", without), ("compensated", compensated))}
     gave = np.concatenate([np.linalg.norm(moved, axis=1) for moved in bending.by_layer_mm.values()])

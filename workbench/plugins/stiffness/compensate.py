@@ -29,6 +29,20 @@ def compensate(
 
     Raises:
         InputError: the prediction is of another path.
+
+    Example:
+        >>> from workbench import path, robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> at = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
+        >>> postures, *_ = stiffness.posture(cell, springs, plan, force, **at)
+        >>> predicted, file = stiffness.predict(cell, springs, plan, force, postures)
+        >>> moved = stiffness.compensate(plan, predicted)
+        >>> [len(layer.position_mm) for layer in (plan.layers[-1], moved.layers[-1])]
+        [171, 171]
     """
     return dataclasses.replace(
         toolpath, claim=None, layers=tuple(_moved(layer, predicted, share) for layer in toolpath.layers)

@@ -58,6 +58,14 @@ def deflection(
 
     Raises:
         InputError: the load is so large that the robot finds no balance.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> found, document = stiffness.deflection(cell, stiffness.read(cell), force_n=[0, 0, -200])
+        >>> found.displacement_mm.round(2).tolist()
+        [0.31, -0.02, -0.96]
     """
     joints = abb_angles(np.array(joints_deg, float) * DEG, angle_convention)
     tip = cell.flange_from_cutter[:3, 3]

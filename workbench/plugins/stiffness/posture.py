@@ -116,6 +116,18 @@ def posture(
     Raises:
         InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
             kernels hold for; the force is of another path.
+
+    Example:
+        >>> from workbench import path, robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> at = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
+        >>> postures, gate, *files = stiffness.posture(cell, springs, plan, force, path.check_file(plan), **at)
+        >>> gate.passed, [type(one).__name__ for one in files]
+        (True, ['Document', 'Chapter'])
     """
     if cell is None:
         return None if gate is None else (gate,)

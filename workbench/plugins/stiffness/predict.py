@@ -53,6 +53,19 @@ def predict(
 
     Raises:
         InputError: postures or force are of another path.
+
+    Example:
+        >>> from workbench import path, robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
+        >>> force, file = stiffness.force(plan, None, cell)
+        >>> at = {"cutter_rotation_deg": (0, 0), "turntable_deg": (0, 0), "whole_map": False}
+        >>> postures, *_ = stiffness.posture(cell, springs, plan, force, **at)
+        >>> predicted, file = stiffness.predict(cell, springs, plan, force, postures)
+        >>> file.name
+        'deflections.csv'
     """
     if postures.toolpath is not toolpath:
         raise InputError("postures", "expected those of this path, found another path's")

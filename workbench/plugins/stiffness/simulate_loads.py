@@ -44,6 +44,15 @@ def simulate_loads(
 
     Raises:
         InputError: the cell says nothing of loading tests, or has fewer targets.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> springs = stiffness.read(cell)
+        >>> loads, *files = stiffness.plan_loads(cell, springs)
+        >>> stiffness.simulate_loads(loads, cell, springs).name
+        'loads.csv'
     """
     if cell.loading is None or targets > len(cell.loading.targets_mm):
         raise InputError(f"{cell.source}: $.loading", f"expected the set-up of loading tests with {targets} targets")

@@ -84,10 +84,22 @@ def test_bad_parameter_is_one_clear_line(given: dict[str, Any], message: str) ->
 
 
 def test_wrong_artefact_is_named() -> None:
-    with pytest.raises(PipelineError, match=r"test\.example\.pose: expected HandEye, got int"):
+    made = r"\(made by .*calibrate\.hand_eye"
+    with pytest.raises(PipelineError, match=rf"test\.example\.pose: expected one HandEye {made}.*\), got int"):
         STAGE(3)
-    with pytest.raises(PipelineError, match="others: expected several HandEye, got str"):
+    with pytest.raises(PipelineError, match=rf"others: expected a list of HandEye {made}.*'x': read it first"):
         STAGE(POSE, ("x",))
+    with pytest.raises(PipelineError, match="others: expected a list of HandEye .*put it in a list"):
+        STAGE(POSE, POSE)
+    with pytest.raises(PipelineError, match=r"pose: .*got a tuple of 2 values \(int, HandEye\): give its part \[1\]"):
+        STAGE((1, POSE))
+
+
+def test_missing_artefact_is_named() -> None:
+    with pytest.raises(PipelineError, match=r"test\.example\.pose: missing: expected one HandEye \(made by "):
+        STAGE()
+    with pytest.raises(PipelineError, match=r"test\.example\.pose: given twice"):
+        STAGE(POSE, pose=POSE)
 
 
 def test_default_outside_its_own_range_is_found() -> None:

@@ -12,8 +12,10 @@ import inspect
 import re
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -121,9 +123,14 @@ class Stage:
         args, kwargs = self._files_by_name(args, kwargs)
         passed = {key: value for key, value in kwargs.items() if key in kinds or self._is_progress(key)}
         parameters = self.validate({key: value for key, value in kwargs.items() if key not in passed})
-        for name, value in [*zip(kinds, args, strict=False), *passed.items()]:
-            if name in kinds:
-                self._check_source(kinds[name], value)
+        placed = dict(zip(kinds, args, strict=False))
+        for name, source in kinds.items():
+            if name in placed and name in passed:
+                raise PipelineError(f"{self.name}.{name}", "given twice, by position and by name")
+            if name in placed or name in passed:
+                self._check_source(source, placed.get(name, passed.get(name)))
+            elif source.required:
+                raise PipelineError(f"{self.name}.{name}", f"missing: expected {_expected(source)}")
         return self.function(*args, **passed, **parameters)
 
     def _files_by_name(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[tuple[Any, ...], dict[str, Any]]:
@@ -140,10 +147,14 @@ class Stage:
         return self.parameters.get(key) is Role.PROGRESS
 
     def _check_source(self, source: Source, value: Any) -> None:
-        expected = f"expected {'several ' if source.several else ''}{source.type.__name__}"
-        for one in value if source.several and isinstance(value, Sequence) else [value]:
-            if not isinstance(one, source.type) and (source.required or one is not None):
-                raise PipelineError(f"{self.name}.{source.name}", f"{expected}, got {type(one).__name__}")
+        where = f"{self.name}.{source.name}"
+        if value is None and (source.nullable or not source.required):
+            return
+        if source.several and not isinstance(value, list | tuple):
+            raise PipelineError(where, f"expected {_expected(source)}, got {_got(value, source)}")
+        for one in value if source.several else [value]:
+            if not isinstance(one, source.type):
+                raise PipelineError(where, f"expected {_expected(source)}, got {_got(one, source)}")
 
     def _signature(self, kind: Any) -> list[tuple[str, inspect.Parameter]]:
         """The function's parameters of one kind; refuses signatures that no pipeline could fill."""
@@ -160,6 +171,36 @@ class Stage:
 
 
 REGISTRY: dict[str, Stage] = {}
+GROUP = "workbench.stages"  # entry points of families of stages
+MOST_MAKERS = 4  # named in a message
+
+
+def _expected(source: Source) -> str:
+    """What a source is, and the stages that make it, those first that do not take one themselves."""
+    for entry in entry_points(group=GROUP):
+        with suppress(Exception):  # a plug-in that cannot be imported makes nothing
+            entry.load()
+    makers = sorted(
+        (any(issubclass(source.type, one.type) for one in stage.sources), name)
+        for name, stage in REGISTRY.items()
+        if any(issubclass(made, source.type) for made in stage.produces)
+    )
+    shown = ", ".join(name for _, name in makers[:MOST_MAKERS]) + (", ..." if len(makers) > MOST_MAKERS else "")
+    name = f"a list of {source.type.__name__}" if source.several else f"one {source.type.__name__}"
+    return name + (f" (made by {shown})" if makers else "")
+
+
+def _got(value: Any, source: Source) -> str:
+    """What was given instead, with what to do where that is plain."""
+    if isinstance(value, str | Path):
+        return f"the path or text {str(value)!r}: read it first"
+    if isinstance(value, list | tuple):
+        parts = [type(one).__name__ for one in value]
+        fits = [i for i, one in enumerate(value) if isinstance(one, source.type)]
+        advice = f": give its part [{fits[0]}]" if fits else ""
+        return f"a {type(value).__name__} of {len(parts)} values ({', '.join(parts[:MOST_MAKERS])}){advice}"
+    alone = ": put it in a list" if source.several and isinstance(value, source.type) else ""
+    return "None" if value is None else type(value).__name__ + alone
 
 
 def stage(name: str) -> Callable[[F], F]:

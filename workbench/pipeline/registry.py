@@ -17,9 +17,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from workbench.errors import PipelineError, nearest
-from workbench.stage import REGISTRY, Stage
+from workbench.stage import GROUP, REGISTRY, Stage
 
-GROUP = "workbench.stages"
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
 

@@ -89,7 +89,7 @@ def test_wrong_artefact_is_named() -> None:
         STAGE(3)
     with pytest.raises(PipelineError, match=rf"others: expected a list of HandEye {made}.*'x': read it first"):
         STAGE(POSE, ("x",))
-    with pytest.raises(PipelineError, match="others: expected a list of HandEye .*put it in a list"):
+    with pytest.raises(PipelineError, match=r"others: expected a list of HandEye .*put it in a list"):
         STAGE(POSE, POSE)
     with pytest.raises(PipelineError, match=r"pose: .*got a tuple of 2 values \(int, HandEye\): give its part \[1\]"):
         STAGE((1, POSE))

@@ -7,6 +7,7 @@ from scipy.interpolate import make_interp_spline
 
 from workbench.geometry.curves import with_frame
 from workbench.geometry.slices import MARGIN, cut, lay_out
+from workbench.geometry.splines import Spline
 
 RADIUS = 300.0
 
@@ -22,7 +23,8 @@ def test_a_ring_becomes_straight_and_each_cell_keeps_what_lies_in_front():
     behind = rng.random(angle.size) < 0.3
     points = on_ring(angle, np.where(behind, RADIUS - 4.0, RADIUS + 0.2 * height), height)
     at = np.linspace(-0.05, 0.35, 60)
-    course = with_frame(make_interp_spline(at * RADIUS, on_ring(at, RADIUS, 0.0 * at)), at * RADIUS)
+    spline = make_interp_spline(at * RADIUS, on_ring(at, RADIUS, 0.0 * at))
+    course = with_frame(Spline(spline.t, spline.c), at * RADIUS)
     laid = lay_out(points, course, angle * RADIUS + 0.4)
     np.testing.assert_allclose(laid.s, angle * RADIUS, atol=1e-3)
     middle = course.position(np.array([0.15 * RADIUS]))[0]

@@ -27,6 +27,7 @@ from workbench.geometry.faces import FaceLines
 from workbench.geometry.frame_noise import settled
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end
+from workbench.geometry.splines import Spline
 from workbench.units import Bool, Float, Int
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
@@ -242,7 +243,7 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     none = np.zeros(int(shown.sum()))
     return replace(
         course,
-        spline=spline,
+        spline=Spline(spline.t, spline.c, spline.k),
         at_mm=np.asarray(place[shown], dtype=float),
         variance=variance[shown],
         slope_variance=none,
@@ -458,7 +459,7 @@ def _bend(curve: Curve, tilt: Course) -> scipy.interpolate.CubicSpline:
 
     Else waves of the reference curve, which started from the middles of the face, would pass for the edge's.
     """
-    at = np.arange(curve.spline.t[3] - ALONG_MM, curve.spline.t[-4] + 2.0 * ALONG_MM, ALONG_MM)
+    at = np.arange(curve.spline.ends[0] - ALONG_MM, curve.spline.ends[1] + 2.0 * ALONG_MM, ALONG_MM)
     _, a, b = curve.frame(at)
     angle = tilt.value(at)[:, None]
     curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
@@ -529,7 +530,7 @@ def _end_along(
     if whole and not rough and not side.by_corners:
         rounding = _rounding(cloud, found, side, most_radius_mm)
         spline = course.spline
-        course = replace(course, spline=scipy.interpolate.BSpline(spline.t, spline.c + rounding.beyond_mm, spline.k))
+        course = replace(course, spline=Spline(spline.t, spline.c + rounding.beyond_mm, spline.k))
     return EndAlong(_scaled(course, side.outward), bend, side.s, rounding, loose_mm)
 
 
@@ -554,7 +555,7 @@ def _at_rim(s: Float) -> Bool:
 
 
 def _scaled(course: Course, factor: float) -> Course:
-    return replace(course, spline=scipy.interpolate.BSpline(course.spline.t, factor * course.spline.c, course.spline.k))
+    return replace(course, spline=Spline(course.spline.t, factor * course.spline.c, course.spline.k))
 
 
 def _cells(s: Float, chosen: Bool) -> Int:

@@ -19,6 +19,7 @@ from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.scan_traces import Traces
 from workbench.geometry.slices import MOST_COLUMNS, Laid, cut, lay_out
+from workbench.geometry.splines import Spline
 from workbench.units import DEG, Bool, Float, Int
 
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
@@ -92,7 +93,8 @@ def _straight(points: PointSet) -> Laid:
     middle = points.points_mm.mean(axis=0)
     s = (points.points_mm - middle) @ along
     at = np.linspace(s.min(), s.max(), 8)
-    course = with_frame(scipy.interpolate.make_interp_spline(at, middle + at[:, None] * along, k=3), at)
+    spline = scipy.interpolate.make_interp_spline(at, middle + at[:, None] * along, k=3)
+    course = with_frame(Spline(spline.t, spline.c), at)
     return lay_out(points.points_mm, course, s)
 
 

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.penalised import Penalised, penalised
+from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
@@ -49,7 +49,7 @@ PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise tha
 class Course:
     """A smooth function of arc length with its uncertainty: posterior mean and standard deviation."""
 
-    spline: scipy.interpolate.BSpline  # mean; values () or (d,)
+    spline: Spline  # mean; values () or (d,)
     at_mm: Float  # (k,) where the uncertainty was computed
     variance: Float  # (k,) of each component there
     slope_variance: Float  # (k,) of df/ds
@@ -62,16 +62,11 @@ class Course:
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
-        inside = self._inside(s)
-        beyond = np.asarray(s) - inside
-        if not beyond.any():
-            return np.asarray(self.spline(inside))
-        ahead = beyond.reshape(beyond.shape + (1,) * (self.spline.c.ndim - 1))
-        return np.asarray(self.spline(inside) + ahead * self.spline(inside, 1))
+        return self.spline.straight_on(s)
 
     def slope(self, s: Float) -> Float:
         """df/ds: (m,) or (m, d)."""
-        return np.asarray(self.spline(self._inside(s), 1))
+        return self.spline(np.clip(s, *self.spline.ends), 1)
 
     def u(self, s: Float) -> Float:
         """Standard uncertainty (m,) of each component of f(s)."""
@@ -84,9 +79,6 @@ class Course:
     def slope_u(self, s: Float) -> Float:
         """Standard uncertainty (m,) of each component of df/ds."""
         return np.sqrt(np.interp(s, self.at_mm, self.slope_variance))
-
-    def _inside(self, s: Float) -> Float:
-        return np.clip(s, self.spline.t[3], self.spline.t[-4])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,13 +217,11 @@ def _fit(
     coefficients, value, slope = _average(problems, found, stations, knots)
     y = bins.y
     if orders[0] > 1:  # the mean of a bin lies off the bend
-        y = y - 0.5 * bins.spread[:, None] ** 2 * scipy.interpolate.BSpline(knots, coefficients, 3).derivative(2)(
-            inside
-        )
+        y = y - 0.5 * bins.spread[:, None] ** 2 * Spline(knots, coefficients)(inside, 2)
         problems = _problems(inside, y - trend(bins.s), weight, knots, orders)
         coefficients, value, slope = _average(problems, found, stations, knots)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
-    spline = scipy.interpolate.BSpline(knots, coefficients if bins.vector else coefficients[:, 0], 3)
+    spline = Spline(knots, coefficients if bins.vector else coefficients[:, 0])
     left = y - spline(inside).reshape(y.shape)
     spent = float((weight * np.interp(bins.s, stations, value)).sum())
     misfit = _misfit(left, weight, bins.group, spent)
@@ -272,7 +262,7 @@ def _average(problems: dict[int, Penalised], priors: Float, at: Float, knots: Fl
     mean = np.asarray(sum(share * found for share, found, _, _ in parts))
     value, slope = np.zeros(at.size), np.zeros(at.size)
     for share, found, value_variance, slope_variance in parts:
-        off = scipy.interpolate.BSpline(knots, found - mean, 3)
+        off = Spline(knots, found - mean)
         value += share * (value_variance + (off(at) ** 2).mean(axis=1))
         slope += share * (slope_variance + (off(at, 1) ** 2).mean(axis=1))
     return mean, value, slope

@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
+from workbench.geometry.splines import Spline, derivatives, piece_of
+from workbench.kernels import kernel
 from workbench.units import Float, Int
 
 STEP_MM = 0.05  # a pass that moves less than this between frames stands still
 POSE_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 BLOCK_MM = 4.0  # of motion, averaged for the rough course
 ACROSS = math.sqrt(1.5)  # points scatter about a curve in two of three components: none of it lies along the curve
+NEWTON, LEAST_SLOPE = (
+    3,
+    0.2,
+)  # steps to a point's foot; a curve that bends towards the point as a circle about it has none
 DOUBTFUL = 2.0  # times the robot's noise: waves of less rms may as well be the robot's path as the part's
 
 
@@ -26,23 +33,19 @@ class Curve:
     on a straight one (Wang et al., "Computation of rotation minimizing frames", ACM TOG 27, 2008).
     """
 
-    spline: scipy.interpolate.BSpline  # s -> position (3), mm
-    stations_mm: Float  # (k,) where the frame was computed
+    spline: Spline  # s -> position (3), mm
+    stations_mm: Float  # (k,) evenly spaced, where the frame was computed
     references: Float  # (k, 3) a at the stations
     course: Course | None  # of the points that it was fitted to; None: it is known
 
     def position(self, s: Float) -> Float:
         """c(s), (n, 3) mm; beyond the ends of what it was fitted to it goes straight on."""
-        inside = self._inside(s)
-        return np.asarray(self.spline(inside) + (s - inside)[..., None] * self.spline(inside, 1))
+        return self.spline.straight_on(s)
 
     def tangent(self, s: Float) -> Float:
         """Unit tangent t, (n, 3)."""
-        d = np.asarray(self.spline(self._inside(s), 1))
+        d = self.spline(np.clip(s, *self.spline.ends), 1)
         return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
-
-    def _inside(self, s: Float) -> Float:
-        return np.clip(s, self.spline.t[self.spline.k], self.spline.t[-1 - self.spline.k])
 
     def u(self, s: Float) -> Float:
         """Standard uncertainty (n,) of the position across the tangent, each way, mm: of what the points show."""
@@ -59,35 +62,96 @@ class Curve:
 
     def curvature(self, s: Float) -> Float:
         """Curvature vector dt/ds, (n, 3) 1/mm; 0 beyond the ends."""
-        inside = self._inside(s)
-        d1, d2 = np.asarray(self.spline(inside, 1)), np.asarray(self.spline(inside, 2))
+        inside = np.clip(s, *self.spline.ends)
+        d1, d2 = self.spline(inside, 1), self.spline(inside, 2)
         speed2 = (d1 * d1).sum(-1, keepdims=True)
         bend = (d2 - d1 * (d1 * d2).sum(-1, keepdims=True) / speed2) / speed2
         return np.where((s == inside)[..., None], bend, 0.0)
 
     def frame(self, s: Float) -> tuple[Float, Float, Float]:
         """(t, a, b), each (n, 3) unit, right-handed and not twisting along the curve."""
-        t = self.tangent(s)
-        a = np.stack([np.interp(s, self.stations_mm, self.references[:, k]) for k in range(3)], axis=-1)
-        a -= t * (a * t).sum(-1, keepdims=True)
-        a /= np.linalg.norm(a, axis=-1, keepdims=True)
-        return t, a, np.cross(t, a)
+        at = np.asarray(s, dtype=float)
+        out = np.empty((3, at.size, 3))
+        _frames(*self.compiled, as_input(at.reshape(-1)), out)
+        t, a, b = out.reshape(3, *at.shape, 3)
+        return t, a, b
+
+    @property
+    def compiled(self) -> tuple[Float, Float, Float, Float]:
+        """As kernels take it: breaks and powers of the pieces, first and last station, references."""
+        pieces = self.spline.pieces
+        return pieces.breaks, pieces.powers, as_input(self.stations_mm[[0, -1]]), as_input(self.references)
 
     def shifted(self, s0: float) -> Curve:
         """The same curve with its arc length counted from s0."""
-        spline = scipy.interpolate.BSpline(self.spline.t - s0, self.spline.c, self.spline.k)
+        spline = Spline(self.spline.t - s0, self.spline.c, self.spline.k)
         return Curve(spline, self.stations_mm - s0, self.references, self.course)
 
     def project(self, points_mm: Float, s: Float) -> Float:
         """Arc length (n,) of the feet of points (n, 3) mm, by Newton steps from the guess s."""
-        for _ in range(3):
-            inside = self._inside(s)
-            d1 = np.asarray(self.spline(inside, 1))
-            off = points_mm - self.position(s)
-            bend = np.where(s == inside, (off * np.asarray(self.spline(inside, 2))).sum(-1), 0.0)
-            slope = (d1 * d1).sum(-1) - bend
-            s = s + (off * d1).sum(-1) / np.where(slope > 0.2, slope, 1.0)
-        return s
+        out = np.empty(len(s))
+        _project(*self.compiled[:2], as_input(points_mm), as_input(s), out)
+        return out
+
+
+@kernel
+def foot(breaks: Float, powers: Float, x: float, y: float, z: float, s: float) -> float:
+    """Arc length of the foot of a point on the curve that goes straight on beyond its ends."""
+    for _ in range(NEWTON):
+        inside = min(max(s, breaks[0]), breaks[-1])
+        i = piece_of(breaks, inside)
+        u, beyond = inside - breaks[i], s - inside
+        x0, x1, x2 = derivatives(powers, i, 0, u)
+        y0, y1, y2 = derivatives(powers, i, 1, u)
+        z0, z1, z2 = derivatives(powers, i, 2, u)
+        dx, dy, dz = x - x0 - beyond * x1, y - y0 - beyond * y1, z - z0 - beyond * z1
+        slope = x1 * x1 + y1 * y1 + z1 * z1
+        if beyond == 0.0:
+            slope -= dx * x2 + dy * y2 + dz * z2
+        s += (dx * x1 + dy * y1 + dz * z1) / (slope if slope > LEAST_SLOPE else 1.0)
+    return s
+
+
+@kernel
+def _project(breaks: Float, powers: Float, points: Float, guess: Float, out: Float) -> None:
+    for m in range(out.size):
+        out[m] = foot(breaks, powers, points[m, 0], points[m, 1], points[m, 2], guess[m])
+
+
+@kernel
+def frame_at(breaks: Float, powers: Float, limits: Float, references: Float, s: float, out: Float) -> None:
+    """Fill t, a, b (3, 3) at s; limits (2,): first and last of the evenly spaced stations of the references."""
+    inside = min(max(s, breaks[0]), breaks[-1])
+    i = piece_of(breaks, inside)
+    place = (min(max(s, limits[0]), limits[1]) - limits[0]) / (limits[1] - limits[0]) * (references.shape[0] - 1)
+    k = max(min(int(place), references.shape[0] - 2), 0)
+    share = place - k
+    size2 = along = 0.0
+    for d in range(3):
+        out[0, d] = derivatives(powers, i, d, inside - breaks[i])[1]
+        out[1, d] = (1.0 - share) * references[k, d] + share * references[k + 1, d]
+        size2 += out[0, d] * out[0, d]
+        along += out[0, d] * out[1, d]
+    left = 0.0
+    for d in range(3):
+        out[1, d] -= out[0, d] * along / size2
+        left += out[1, d] * out[1, d]
+    for d in range(3):
+        out[0, d] /= math.sqrt(size2)
+        out[1, d] /= math.sqrt(left)
+    for d in range(3):
+        e, f = (d + 1) % 3, (d + 2) % 3
+        out[2, d] = out[0, e] * out[1, f] - out[0, f] * out[1, e]
+
+
+@kernel
+def _frames(breaks: Float, powers: Float, limits: Float, references: Float, s: Float, out: Float) -> None:
+    one = np.empty((3, 3))
+    for m in range(s.size):
+        frame_at(breaks, powers, limits, references, s[m], one)
+        for k in range(3):
+            for d in range(3):
+                out[k, m, d] = one[k, d]
 
 
 def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
@@ -135,8 +199,7 @@ def fit_curve(
     for _ in range(2):  # the spline's own parameter becomes its arc length
         course = fit_course(s, points_mm, None, group, (2, 3), stiffness, together_mm=together_mm)
         stiffness = course.stiffness
-        inside = course.spline.t[3], course.spline.t[-4]
-        dense = np.linspace(*inside, 8 * (course.spline.t.size - 7) + 1)
+        dense = np.linspace(*course.spline.ends, 8 * (course.spline.t.size - 7) + 1)
         speed = np.linalg.norm(course.spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
         s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
@@ -145,7 +208,7 @@ def fit_curve(
     return with_frame(course.spline, s, course)
 
 
-def with_frame(spline: scipy.interpolate.BSpline, s: Float, course: Course | None = None) -> Curve:
+def with_frame(spline: Spline, s: Float, course: Course | None = None) -> Curve:
     """The curve that a spline of arc length makes, its frame from a little before the first s to after the last."""
     stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int(s.max() - s.min()) + 10))
     bare = Curve(spline, stations, np.zeros((stations.size, 3)), course)
@@ -170,7 +233,7 @@ def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:
 
     What a cubic polynomial leaves of the curve, if its rms is below DOUBTFUL times the robot's noise on each axis.
     """
-    s = np.linspace(curve.spline.t[3], curve.spline.t[-4], 200)
+    s = np.linspace(*curve.spline.ends, 200)
     line = np.polynomial.Polynomial
     span = [line.fit(s, p, 3) for p in curve.position(s).T]
     wave = np.stack([p - f(s) for p, f in zip(curve.position(s).T, span, strict=True)], axis=1)

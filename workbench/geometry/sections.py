@@ -7,12 +7,16 @@ section plane than its near end. Errors of second order in that distance are tak
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.geometry.curves import Curve
+from workbench.geometry.blocks import as_input
+from workbench.geometry.curves import Curve, foot, frame_at
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.splines import derivatives, piece_of
+from workbench.kernels import kernel
 from workbench.units import Float
 
 
@@ -50,34 +54,61 @@ def section_lines(
     side (n,): the upper side lies towards falling side * x. range_sigma_mm (n,): noise along z. s_frame (n,): about
     where each frame crosses the edge.
     """
-    ex, ez = base_from_profiler[:, :3, 0], base_from_profiler[:, :3, 2]
-    centroid = base_from_profiler[:, :3, 3] + face.x_mean[:, None] * ex + face.z_mean[:, None] * ez
-    seen = np.isfinite(centroid[:, 0]) & np.isfinite(s_frame)
-    s = np.full(len(centroid), np.nan)
-    s[seen] = curve.project(centroid[seen], s_frame[seen])
-    safe = np.where(seen, s, 0.0)
-    t, a, b = curve.frame(safe)
-    off = centroid - curve.position(safe)
-    place = np.stack([_dot(off, a), _dot(off, b)], axis=1)
-    line = -side[:, None] * (ex + slope[:, None] * ez)
-    du, dv = _dot(line, a), _dot(line, b)
-    size2 = du * du + dv * dv
-    ray = np.stack([_dot(ez, a), _dot(ez, b)], axis=1)
-    turn = -side * (du * ray[:, 1] - dv * ray[:, 0]) / size2  # d angle / d slope
-    across = np.abs(du * ray[:, 1] - dv * ray[:, 0]) / np.sqrt(size2)  # range noise seen across the line
-    run = _dot(line, t) / np.sqrt(size2)
-    spread = face.sxx / face.count * size2
-    # A curved edge bends the face away from its chord by bow * (distance along the face)^2.
-    lean = np.stack([-dv, du], axis=1) / np.sqrt(size2)[:, None]
-    kappa = curve.curvature(safe)
-    bend = np.stack([_dot(kappa, a), _dot(kappa, b)], axis=1)
-    bow = 0.5 * (bend * lean).sum(axis=1) * run**2 / (1.0 - (bend * place).sum(axis=1))
-    place = place - (bow * spread)[:, None] * lean
-    variance = range_sigma_mm**2
-    angle = np.arctan2(dv, du) + turn * (face.sxz / face.sxx - slope)
-    return SectionLines(
-        s, place, angle, variance / face.sxx * turn**2, variance * across**2 / face.count, run, spread, ray
+    known = np.stack(
+        [face.x_mean, face.z_mean, face.sxx, face.sxz, face.count, slope, side, range_sigma_mm, s_frame], axis=1
     )
+    out = np.empty((10, len(known)))
+    _section_lines(*curve.compiled, as_input(base_from_profiler), as_input(known), out)
+    return SectionLines(out[0], out[1:3].T.copy(), out[3], out[4], out[5], out[6], out[7], out[8:].T.copy())
+
+
+@kernel(error_model="numpy")
+def _section_lines(
+    breaks: Float, powers: Float, limits: Float, references: Float, pose: Float, known: Float, out: Float
+) -> None:
+    """Fill `out` (10, n): what SectionLines holds, in its order."""
+    frame, e = np.empty((3, 3)), np.empty((2, 3))
+    for m in range(known.shape[0]):
+        x, z, sxx, sxz, count, slope, side, sigma, guess = known[m]
+        e[0], e[1] = pose[m, :3, 0], pose[m, :3, 2]
+        p = pose[m, :3, 3] + x * e[0] + z * e[1]
+        s = foot(breaks, powers, p[0], p[1], p[2], guess)
+        at = s if s == s else 0.0
+        frame_at(breaks, powers, limits, references, at, frame)
+        inside = min(max(at, breaks[0]), breaks[-1])
+        i = piece_of(breaks, inside)
+        place, line, ray, bend = np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)
+        speed2 = along = 0.0
+        for d in range(3):
+            value, first, second = derivatives(powers, i, d, inside - breaks[i])
+            speed2 += first * first
+            along += first * second
+            off = p[d] - value - (at - inside) * first
+            to_upper = -side * (e[0, d] + slope * e[1, d])
+            for k in range(2):
+                place[k] += off * frame[k + 1, d]
+                ray[k] += e[1, d] * frame[k + 1, d]
+                bend[k] += second * frame[k + 1, d]  # a and b stand square to the first derivative
+            for k in range(3):
+                line[k] += to_upper * frame[k, d]
+        for k in range(2):
+            bend[k] = bend[k] / speed2 if at == inside else 0.0
+        run, du, dv = line
+        size2 = du * du + dv * dv
+        size = math.sqrt(size2)
+        across = (du * ray[1] - dv * ray[0]) / size  # range noise seen across the line
+        turn = -side * across / size  # d angle / d slope
+        run /= size
+        spread = sxx / count * size2
+        # A curved edge bends the face away from its chord by bow * (distance along the face)^2.
+        lean_a, lean_b = -dv / size, du / size
+        bow = 0.5 * (bend[0] * lean_a + bend[1] * lean_b) * run * run
+        bow /= 1.0 - bend[0] * place[0] - bend[1] * place[1]
+        out[0, m] = s
+        out[1, m], out[2, m] = place[0] - bow * spread * lean_a, place[1] - bow * spread * lean_b
+        out[3, m] = math.atan2(dv, du) + turn * (sxz / sxx - slope)
+        out[4, m], out[5, m] = sigma * sigma / sxx * turn * turn, sigma * sigma * across * across / count
+        out[6, m], out[7, m], out[8, m], out[9, m] = run, spread, ray[0], ray[1]
 
 
 def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, Float]:
@@ -85,7 +116,7 @@ def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, F
     s = curve.project(points_mm, s_guess)
     _, a, b = curve.frame(s)
     off = points_mm - curve.position(s)
-    return s, np.stack([_dot(off, a), _dot(off, b)], axis=1)
+    return s, np.stack([(off * a).sum(axis=-1), (off * b).sum(axis=-1)], axis=1)
 
 
 def crossing(place_a: Float, angle_a: Float, place_b: Float, angle_b: Float) -> Float:
@@ -98,7 +129,3 @@ def crossing(place_a: Float, angle_a: Float, place_b: Float, angle_b: Float) -> 
 def on_line(place: Float, angle: Float, distance: Float) -> Float:
     """Points (N, 2) at a distance along lines through `place` in direction `angle`."""
     return np.asarray(place + distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-
-
-def _dot(p: Float, q: Float) -> Float:
-    return np.asarray((p * q).sum(axis=-1))

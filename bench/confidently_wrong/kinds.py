@@ -7,11 +7,12 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse, pose_from
+from workbench.scan.checks import normalised
 from workbench.units import Float
 
 Spoil = Callable[[Recording, np.random.Generator], Recording]
@@ -21,12 +22,12 @@ class Kind(NamedTuple):
     """A corruption; `words`: any of them in a refusal is the right suspicion.
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
-    it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
+    it), travel (a scale of it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange"] = ""
+    unseen: Literal["", "sensor", "flange", "travel"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -115,6 +116,158 @@ def _median(columns: int) -> Spoil:
     return _grid(change)
 
 
+def _gauss(columns: float) -> Spoil:
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        seen = np.isfinite(r.z_mm)
+        weight = gaussian_filter1d(seen.astype(float), columns, axis=1)
+        total = gaussian_filter1d(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
+        return r.x_mm, np.where(seen, total / np.maximum(weight, 1e-9), np.nan)
+
+    return _grid(change)
+
+
+def _frame_mean(frames: int) -> Spoil:
+    """Every frame is the mean of the last ones, where all of them returned."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        z = r.z_mm.astype(float)
+        for number in np.unique(r.pass_index):
+            at = np.flatnonzero(r.pass_index == number)
+            before = np.maximum(np.arange(len(at))[:, None] - np.arange(frames), 0)
+            z[at] = np.mean([r.z_mm[at][before[:, k]] for k in range(frames)], axis=0)
+        return r.x_mm, z
+
+    return _grid(change)
+
+
+def _every(columns: int, absent: bool) -> Spoil:
+    """One column of so many is delivered; the others return nothing, or are left out."""
+
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        keep = np.arange(r.z_mm.shape[1]) % columns == 0
+        if absent:
+            return _with(r, x_mm=r.x_mm[:, keep], z_mm=r.z_mm[:, keep], intensity=None)
+        return _with(r, z_mm=np.where(keep, r.z_mm, np.nan).astype(np.float32))
+
+    return spoil
+
+
+def _filled(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+    """Lost returns are interpolated by the sensor, also over the plate's ends."""
+    z = r.z_mm.astype(float)
+    column = np.arange(z.shape[1])
+    for row in z:
+        seen = np.isfinite(row)
+        if seen.sum() > 1:
+            inside = (column > column[seen][0]) & (column < column[seen][-1])
+            row[inside] = np.interp(column[inside], column[seen], row[seen])
+    return r.x_mm, z
+
+
+def _steps_of(step: float) -> Callable[[Float], Float]:
+    return lambda values: np.round(values / step) * step
+
+
+def _as_read(step: float) -> Callable[[Float], Float]:
+    """Rounded quaternions as `scan.read` normalises, or refuses, them."""
+    return lambda q: normalised(np.round(q / step) * step, "/robot/quaternion_wxyz")
+
+
+def _noisy(position_mm: float, degrees: float) -> Spoil:
+    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
+        q = r.robot_quaternion_wxyz
+        turn = Rotation.from_rotvec(np.radians(degrees) * rng.normal(size=(len(q), 3)))
+        turned = (Rotation.from_quat(q[:, [1, 2, 3, 0]]) * turn).as_quat()[:, [3, 0, 1, 2]]
+        moved = r.robot_position_mm + position_mm * rng.normal(size=(len(q), 3))
+        return _with(r, robot_position_mm=moved, robot_quaternion_wxyz=turned)
+
+    return spoil
+
+
+def _drifting_clock(rate: float) -> Spoil:
+    """The profiler's clock runs fast by a share; both begin together."""
+
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        start = np.array([r.time_s[r.pass_index == n][0] for n in r.pass_index])
+        last = np.array([r.robot_time_s[r.robot_pass == n].max() for n in r.pass_index])
+        late = start + (r.time_s - start) * (1.0 + rate)
+        keep = late <= last
+        return _with(
+            r,
+            time_s=late[keep],
+            x_mm=r.x_mm[keep],
+            z_mm=r.z_mm[keep],
+            pass_index=r.pass_index[keep],
+            intensity=None,
+        )
+
+    return spoil
+
+
+def _evenly_stamped(r: Recording, rng: np.random.Generator) -> Recording:
+    """A tenth of the frames is lost in bursts; the others are stamped evenly, as if none were."""
+    n = len(r.time_s)
+    keep = np.ones(n, bool)
+    for start in rng.integers(0, n - n // 30, 3):
+        keep[start : start + n // 30] = False
+    time = []
+    for number in np.unique(r.pass_index):
+        whole = r.time_s[r.pass_index == number]
+        time.append(np.linspace(whole[0], whole[-1], int((keep & (r.pass_index == number)).sum())))
+    return _with(
+        r,
+        time_s=np.concatenate(time),
+        x_mm=r.x_mm[keep],
+        z_mm=r.z_mm[keep],
+        pass_index=r.pass_index[keep],
+        intensity=None,
+    )
+
+
+def _second_pass_off(millimetres: float) -> Spoil:
+    """The scan again as a second pass with noise of its own, the whole of it shifted across the edge."""
+
+    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
+        twice = _passes(2, 0.0)(r, rng)
+        n = len(r.time_s)
+        noise = rng.normal(0, 0.01, (n, r.z_mm.shape[1])).astype(np.float32)
+        z = twice.z_mm.copy()
+        z[:n] += rng.normal(0, 0.01, z[:n].shape).astype(np.float32)
+        z[n:] += noise
+        place = twice.robot_position_mm.copy()
+        along = np.ptp(r.robot_position_mm[r.robot_pass == r.robot_pass[0]], axis=0)
+        across = np.cross(along, rng.normal(size=3))
+        place[len(r.robot_position_mm) :] += millimetres * across / np.linalg.norm(across)
+        return _with(twice, z_mm=z, robot_position_mm=place)
+
+    return spoil
+
+
+def _mirrored(x: bool, z: bool) -> Spoil:
+    """Signs of the profiler's axes: z less the mirrored stand-off, so that ranges stay what they were."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        middle = np.nanmedian(r.z_mm)
+        return (-r.x_mm if x else r.x_mm), (2 * middle - r.z_mm if z else r.z_mm)
+
+    return _grid(change)
+
+
+def _cropped(side: int, share: float, absent: bool = False) -> Spoil:
+    """The sensor's window ends in the part: the columns beyond return nothing, or are left out."""
+
+    def spoil(r: Recording, _: np.random.Generator) -> Recording:
+        seen = np.flatnonzero(np.isfinite(r.z_mm).any(axis=0))
+        at = seen[int(share * (len(seen) - 1))]
+        columns = np.arange(r.z_mm.shape[1])
+        keep = columns < at if side < 0 else columns > at
+        if absent:
+            return _with(r, x_mm=r.x_mm[:, keep], z_mm=r.z_mm[:, keep], intensity=None)
+        return _with(r, z_mm=np.where(keep, r.z_mm, np.nan).astype(np.float32))
+
+    return spoil
+
+
 def _rounded(step_x: float, step_z: float) -> Spoil:
     def one(values: Float, step: float) -> Float:
         return np.round(values / step) * step if step else values
@@ -136,7 +289,7 @@ def _passes(count: int, dither_mm: float) -> Spoil:
             time_s=np.tile(r.time_s, count),
             x_mm=np.tile(r.x_mm, (count, 1)),
             z_mm=z,
-            pass_index=np.repeat(np.arange(count), n),
+            pass_index=_copied(r.pass_index, count),
             intensity=None,
             robot_time_s=np.tile(r.robot_time_s, count),
             robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
@@ -241,8 +394,8 @@ KINDS: dict[str, Kind] = {
     "positions in cm": Kind(_position(lambda p: p / 10), UNIT),
     "positions in inches": Kind(_position(lambda p: p / 25.4), UNIT),
     "positions in micrometres": Kind(_position(lambda p: p * 1e3), UNIT),
-    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT, "flange"),
-    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT, "flange"),
+    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT, "travel"),
+    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT, "travel"),
     "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES, "flange"),
     "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES, "flange"),
     "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES, "flange"),
@@ -278,6 +431,32 @@ KINDS: dict[str, Kind] = {
     "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),
     "x rounded to 0.1 mm": Kind(_rounded(0.1, 0), ("rounded",)),
     "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
+    "Gauss over 1 column": Kind(_gauss(1.0), ("averaged", "filter")),
+    "Gauss over 3 columns": Kind(_gauss(3.0), ("averaged", "filter")),
+    "mean over 3 frames": Kind(_frame_mean(3), ("averaged", "filter")),
+    "mean over 15 frames": Kind(_frame_mean(15), ("averaged", "filter")),
+    "every 2nd column returns": Kind(_every(2, absent=False), ("column",)),
+    "every 8th column returns": Kind(_every(8, absent=False), ("column",)),
+    "every 8th column delivered": Kind(_every(8, absent=True), ("column",)),
+    "lost returns interpolated": Kind(_grid(_filled), ("interpolated", "filled")),
+    "profile x mirrored": Kind(_mirrored(x=True, z=False), AXES, "flange"),
+    "profile z mirrored": Kind(_mirrored(x=False, z=True), AXES, "flange"),
+    "profile x and z mirrored": Kind(_mirrored(x=True, z=True), AXES, "flange"),
+    "view ends in the part, left": Kind(_cropped(1, 0.5, absent=True), ("view", "column", "seen", "bevel")),
+    "view ends in the part, right": Kind(_cropped(-1, 0.5, absent=True), ("view", "column", "seen", "bevel")),
+    "window ends in the part, left": Kind(_cropped(1, 0.5), ("view", "column", "seen", "bevel")),
+    "window ends in the part, right": Kind(_cropped(-1, 0.5), ("view", "column", "seen", "bevel")),
+    "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded")),
+    "quaternions rounded to 0.001": Kind(_quaternion(_as_read(1e-3)), (*ORIENTATION, "rounded", "norm")),
+    "quaternions rounded to 0.01": Kind(_quaternion(_as_read(1e-2)), (*ORIENTATION, "rounded", "norm")),
+    "poses noisy by 0.3 mm": Kind(_noisy(0.3, 0.0), ("poses",)),
+    "poses noisy by 0.3 deg": Kind(_noisy(0.0, 0.3), ("poses", "orientation"), "flange"),
+    "clock 1 % fast": Kind(_drifting_clock(0.01), ("clock",), "flange"),
+    "clock 10 % fast": Kind(_drifting_clock(0.1), ("clock",), "flange"),
+    "lost frames not stamped": Kind(_evenly_stamped, ("clock", "order", "stamp"), "flange"),
+    "second pass 0.05 mm off": Kind(_second_pass_off(0.05), ("passes",)),
+    "second pass 0.3 mm off": Kind(_second_pass_off(0.3), ("passes",)),
+    "second pass 5 mm off": Kind(_second_pass_off(5.0), ("passes",)),
     "clock 20 ms late": Kind(_clock(0.02), ("clock",)),
     "clock 0.5 s late": Kind(_clock(0.5), ("clock",)),
 }

@@ -12,6 +12,7 @@ from workbench.checks.judge import (
 )
 from workbench.checks.limits import LIMITS, Limit, checked_limits
 from workbench.checks.motion import Consistency
+from workbench.checks.window import as_delivered
 
 __all__ = [
     "AS_READ",
@@ -20,6 +21,7 @@ __all__ = [
     "Consistency",
     "Convention",
     "Limit",
+    "as_delivered",
     "checked_limits",
     "consistent_conventions",
     "judge_recording",

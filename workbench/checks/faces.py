@@ -9,6 +9,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, most
+from workbench.checks.sensor import column_pitch_mm
 from workbench.units import AnyArray, Float
 
 SAMPLE = 40  # frames with faces
@@ -24,21 +25,48 @@ NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
 def require_bevel(
-    cloud: Cloud, labels: AnyArray, two_plates_share: float, limits: Mapping[str, Bound] | None = None
+    cloud: Cloud,
+    labels: AnyArray,
+    two_plates_share: float,
+    root_seen_share: float,
+    limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
-    """As `judge_faces`, and two plates with a groove between them are no bevel.
+    """As `judge_faces`, and two plates with a groove between them are no bevel, nor are faces that the view cuts off.
 
     Args:
         cloud, labels: see there.
         two_plates_share: share of the profiles that show such a groove.
+        root_seen_share: share of the frames with faces in which the root face's own end is seen.
         limits: limits to set by name.
 
     Raises:
         InputError: what was found is no bevel.
     """
-    checks = (plates_check(two_plates_share, limits), *judge_faces(cloud, labels, limits))
+    told = f"the root face's lower end is in view in {100 * root_seen_share:.0f} % of the frames with faces only: does "
+    told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face?"
+    seen = check("root_seen_share", root_seen_share, told, given=limits)
+    checks = (plates_check(two_plates_share, limits), seen, *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
+
+
+def require_columns(cloud: Cloud, width_mm: float, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that columns stand close enough for a face as wide as expected.
+
+    Args:
+        cloud: organised.
+        width_mm: expected width of the face.
+        limits: limits to set by name.
+
+    Raises:
+        InputError: they do not.
+    """
+    pitch = column_pitch_mm(cloud.x_mm)
+    count = width_mm / pitch if pitch > 0 else None
+    told = f"columns are {pitch:.3g} mm apart, which puts at most {count or 0:.0f} on a root face of {width_mm:g} mm"
+    found = check("root_columns", count, f"{told}: too coarse to tell its faces apart", given=limits)
+    refuse_failed([found], cloud.source, "edge.segment.limits")
+    return found
 
 
 def plates_check(two_plates_share: float, limits: Mapping[str, Bound] | None = None) -> Check:

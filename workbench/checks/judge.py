@@ -16,6 +16,7 @@ from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
 from workbench.checks.sensor import column_pitch_mm, sensor_traces, swapped_share
+from workbench.checks.window import as_delivered
 from workbench.errors import InputError
 from workbench.geometry.grids import extent
 from workbench.geometry.poses import interpolate_poses
@@ -62,7 +63,7 @@ def judge_recording(
         >>> failed = [check for check in judge_recording(recording) if not check.passed]  # doctest: +SKIP
     """
     hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
-    return tuple(_checks(recording, hand_eye, limits or {}))
+    return tuple(_checks(as_delivered(recording), hand_eye, limits or {}))
 
 
 def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:
@@ -298,7 +299,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     share = swapped_share(recording.x_mm, recording.z_mm)
     told = f"z is evenly spaced from column to column, x is not, in {100 * share:.0f} % of the profiles"
     yield check("swapped_share", share, f"{told}: axes x and z swapped?", given=given)
-    traces = sensor_traces(recording.x_mm, recording.z_mm)
+    traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
     pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
     rounded = traces.step_z_mm > ROUNDED_SHARE * noise
@@ -312,6 +313,14 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off"
     )
     yield check("mean_columns", traces.mean_columns, told, given=given)
+    told = f"the sensor has averaged over {traces.mean_frames:.0f} frames: switch its averaging off"
+    yield check("mean_frames", traces.mean_frames, told, given=given)
+    for name, what, left in (
+        ("column_smoothing", "column to column", traces.fading),
+        ("frame_smoothing", "frame to frame", traces.fading_frames),
+    ):
+        told = f"the noise that is new from {what} is {left:.2g} of what white noise has: a smoothing filter? "
+        yield check(name, left, told + "switch the sensor's filters off", given=given)
     told = f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
     told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
     told += "a median filter, or a held value? switch the sensor's filters off"
@@ -332,7 +341,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     twist = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected: list[str] = []
-    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order?"
+    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order, or recorded "
+    told += "poses that are noisy or rounded?"
     allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
@@ -374,11 +384,12 @@ def _unseen(recording: Recording) -> Check:
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
         for number in np.unique(recording.robot_pass)
     )
-    told = f"the flange turns by {turned:.1f} deg within a pass"
+    told = f"the flange turns by {turned:.1f} deg within a pass: a scale of its travel would not show"
     if turned < TURNS_DEG:
         told += (
-            ": a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
-            "swapped axes of the robot, a scale of its travel and frames in reverse order would not show"
+            ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
+            "swapped axes of the robot or of the profiler, orientations that are off by a constant, frames in "
+            "reverse order"
         )
     if _held(recording):
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"

@@ -68,6 +68,22 @@ LIMITS: dict[str, Limit] = {
         "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, and no residual shows it",
     ),
+    "mean_frames": Limit(
+        1.5,
+        "width of a moving mean over the frames of a pass",
+        "a mean over frames shows the part where the scanner was before, and hides what changes from frame to frame",
+    ),
+    "column_smoothing": Limit(
+        (0.05, 1e3),
+        "power of the noise at periods of two columns over that at three to ten columns",
+        "white noise has 1, noise with a correlation of 0.8 between neighbours 0.25; smoothing by 0.7 columns and more "
+        "leaves less, and moves the edges of faces",
+    ),
+    "frame_smoothing": Limit(
+        (0.05, 1e3),
+        "the same from frame to frame",
+        "good recordings have 0.5 to 1.3; see mean_frames",
+    ),
     "equal_share": Limit(
         0.03,
         "share of neighbouring columns with one and the same range on flat faces, beyond chance",
@@ -129,6 +145,16 @@ LIMITS: dict[str, Limit] = {
         (0.34, 1.0),
         "share of the frames that show something in which the faces of the edge were found",
         "an edge is there all along a plate",
+    ),
+    "root_seen_share": Limit(
+        (0.34, 1.0),
+        "share of the frames with faces in which the root face ends by itself, not at the end of the view",
+        "without its end a bevel face under the upper surface looks like a root face under a bevel face",
+    ),
+    "root_columns": Limit(
+        (8.0, 1e5),
+        "columns that the expected root face's width would hold",
+        "a face of fewer columns is not found, and its neighbours are taken for it",
     ),
     "face_bow": Limit(
         0.01,

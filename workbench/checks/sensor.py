@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.units import AnyArray, Bool, Float
+from workbench.units import AnyArray, Bool, Float, Int
 
 PIECE = 48  # columns of one straight piece
 LAGS = 24
@@ -24,6 +24,11 @@ FLAT = 2.0  # standard deviations of the noise by which neighbouring columns of 
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
 LEAST_STEPS = 16  # of a profile
 EVEN, EVEN_SHARE = 0.05, 0.9  # by how much steps that are alike differ; and how many of them are
+TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
+DIGITS = 4.0  # times the power of rounding: no more than that is left
+LEAST_ROWS = 20
+SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and over how many frames
+BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -34,24 +39,41 @@ class SensorTraces:
     noise_mm: float  # standard deviation about a straight line
     correlation: Float  # (LAGS + 1,) of that noise, by columns apart
     mean_columns: float  # width of a moving mean over columns; 0: none
+    mean_frames: float  # likewise from frame to frame
+    fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
+    fading_frames: float  # likewise from frame to frame
     equal_share: float  # of neighbouring columns on flat pieces, those of one and the same range, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
     pitch_mm: float  # median distance of neighbouring columns
 
 
-def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
-    """Look at some frames of a grid (N, M)."""
+def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTraces:
+    """Look at some frames of a grid (N, M) of passes (N,)."""
     rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
+    step_z, series = _step(z_mm[rows]), _series(z_mm, pass_index)
+    digit = max(step_z, float(np.spacing(np.float32(np.nanmax(np.abs(series), initial=1.0)))))
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
-    step_z, step_x, pitch = _step(z_mm[rows]), _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
+    step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
+    mean_frames, fading_frames = moving_mean(series), fading(_unbent(series), digit)
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
     pieces_z = pieces_z[enough]
     off, used, slope = _off_line(pieces_x[enough], pieces_z)
     straight = used.mean(axis=1) >= LEAST_SHARE
-    nothing = SensorTraces(np.nan, np.full(LAGS + 1, np.nan), moving_mean(z), 0.0, step_z, step_x, pitch)
+    nothing = SensorTraces(
+        np.nan,
+        np.full(LAGS + 1, np.nan),
+        moving_mean(z),
+        mean_frames,
+        np.nan,
+        fading_frames,
+        0.0,
+        step_z,
+        step_x,
+        pitch,
+    )
     if straight.sum() < LEAST_PIECES:
         return nothing
     off, used, slope, pieces_z = off[straight], used[straight], slope[straight], pieces_z[straight]
@@ -65,14 +87,50 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray) -> SensorTraces:
     both = used[flat][:, 1:] & used[flat][:, :-1]
     equal = 0.0
     if both.sum() >= LEAST_PAIRS:
-        digit = max(step_z, float(np.spacing(np.float32(np.nanmax(np.abs(pieces_z))))))
         apart = noise * np.sqrt(2.0 * max(1.0 - correlation[1], 0.05))
         chance = min(digit / (np.sqrt(2.0 * np.pi) * apart), 1.0)
         equal = max(float((np.diff(pieces_z[flat], axis=1) == 0)[both].mean()) - chance, 0.0)
+    whole = off[plain & used.all(axis=1)]
     mean = moving_mean(z)
-    if mean and not _blind(off[plain & used.all(axis=1)], mean):
+    if mean and not _blind(whole, mean):
         mean = 0.0
-    return SensorTraces(noise, correlation, mean, equal, step_z, step_x, pitch)
+    return SensorTraces(
+        noise, correlation, mean, mean_frames, fading(whole, digit), fading_frames, equal, step_z, step_x, pitch
+    )
+
+
+def fading(rows: Float, digit_mm: float) -> float:
+    """Power of noise (n, PIECE) at periods of about two samples, over that at longer ones; NaN: too few rows.
+
+    White noise has 1, noise with a correlation of 0.8 from neighbour to neighbour 0.25, for it still is new in each
+    sample; roughness adds to long periods, but the sensor's own noise stays at all. A smoothing filter takes it away:
+    a Gaussian of standard deviation s samples leaves exp(-(2 pi f s)^2) of the power at frequency f. A corner within
+    the rows adds to long periods as roughness does: periods of four samples count too, unless all that is left at two
+    is the rounding of values to `digit_mm`.
+    """
+    if len(rows) < LEAST_ROWS:
+        return float("nan")
+    top, below, half = (_power(rows, band) for band in (TOP, BELOW, HALF))
+    rounding = digit_mm**2 / 12.0 * float((np.hanning(PIECE) ** 2).sum()) * len(TOP)
+    return top / max(below if top < DIGITS * rounding else min(below, half), 1e-300)
+
+
+def _series(z_mm: AnyArray, pass_index: Int) -> Float:
+    """Ranges (columns, frames) of some columns over the middle of the longest pass."""
+    at = np.flatnonzero(pass_index == np.bincount(pass_index - pass_index.min()).argmax() + pass_index.min())
+    start = max(len(at) - BLOCK, 0) // 2
+    columns = np.unique(np.linspace(0, z_mm.shape[1] - 1, SERIES).astype(int))
+    return np.asarray(z_mm[at[start : start + BLOCK]][:, columns].T.astype(np.float64))
+
+
+def _unbent(series: Float) -> Float:
+    """What is left of pieces of series less a slow function of the frame, where all of a piece returned (n, PIECE)."""
+    pieces = _pieces(series)
+    pieces = pieces[np.isfinite(pieces).all(axis=1)]
+    slow = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), BENDING + 1))[0]
+    off = pieces - (pieces @ slow) @ slow.T
+    size = np.sqrt((off**2).mean(axis=1))
+    return np.asarray(off[(size > 0.0) & (size < STRAIGHT * np.median(size))]) if len(off) else off
 
 
 def _blind(off: Float, columns: float) -> bool:

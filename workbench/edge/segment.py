@@ -11,7 +11,7 @@ from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge
 from workbench.checks import checked_limits
-from workbench.checks.faces import require_bevel
+from workbench.checks.faces import require_bevel, require_columns
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import MOST_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
@@ -84,9 +84,11 @@ def segment(
         >>> len(milled.arc_length_mm), round(float(milled.arc_length_mm[-1]), 1)
         (78, 77.0)
     """
-    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     given = checked_limits(limits, "edge.segment.limits")
-    checks = require_bevel(cloud, tracked.labels, two_plates_share(cloud), given)
+    columns = require_columns(cloud, root_nominal_mm, given)
+    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
+    root_seen_share = 1.0 - float(tracked.end_is_cut[tracked.seen].mean())
+    checks = (columns, *require_bevel(cloud, tracked.labels, two_plates_share(cloud), root_seen_share, given))
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, HandEye, Recording
-from workbench.checks import checked_limits, judge_recording, refuse_failed, without_copies
+from workbench.checks import as_delivered, checked_limits, judge_recording, refuse_failed, without_copies
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
@@ -34,7 +34,8 @@ def fuse(
     (frame x column, profiler coordinates in mm) with a pose a frame, and its frames stand pass after pass.
 
     First the recording is judged (docs/checks.md): what it contradicts itself in is refused, with the suspicion named.
-    Frames and passes that only repeat others bit for bit are left out.
+    Frames and passes that only repeat others bit for bit are left out, as are columns in which the sensor
+    measures nothing.
 
     Args:
         recording: profiles and flange poses on one clock.
@@ -55,6 +56,7 @@ def fuse(
     """
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
+    recording = as_delivered(recording)
     calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
     part = dataclasses.replace(
         recording.part,

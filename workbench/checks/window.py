@@ -1,0 +1,70 @@
+"""Which columns of a grid the sensor measures: not those between that it skips, nor those beside its window."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from workbench.artefacts import Recording
+from workbench.checks.profiles import Chain, chains, sampled
+from workbench.units import Bool, Int
+
+PINNED = 0.3  # share of the frames whose returns end in one and the same column
+MOVED = 2.0  # columns, standard deviation, by which the part moves in the view meanwhile; 0.8 if its own end is there
+
+
+def as_delivered(recording: Recording) -> Recording:
+    """The recording without the columns in which its sensor measures nothing; itself if there are none.
+
+    A sensor that skips every other column, or whose window is narrower than its grid, may write them as lost returns.
+    Taken for these, they tear every face, or pass for the end of one.
+    """
+    measured = _measured(recording)
+    if measured == slice(0, recording.z_mm.shape[1], 1):
+        return recording
+    return dataclasses.replace(
+        recording,
+        x_mm=np.ascontiguousarray(recording.x_mm[:, measured]),
+        z_mm=np.ascontiguousarray(recording.z_mm[:, measured]),
+        intensity=None if recording.intensity is None else np.ascontiguousarray(recording.intensity[:, measured]),
+    )
+
+
+def _measured(recording: Recording) -> slice:
+    z, passes = recording.z_mm, recording.pass_index
+    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
+    seen = np.isfinite(z[frames])
+    step = _step(seen) if _step(seen) == 1 else _step(np.isfinite(z))
+    first, last = _ends(seen)
+    if not len(first):
+        return slice(0, z.shape[1], 1)
+    low, high = int(first.min()), int(last.max())
+    begins = low > 0 and bool((first == low).mean() > PINNED)
+    ends = high < z.shape[1] - 1 and bool((last == high).mean() > PINNED)
+    found = chains(recording.x_mm, z, passes) if begins or ends else {}
+    begins = begins and any(_moves(chain, recording, 0, low) for chain in found.values())
+    ends = ends and any(_moves(chain, recording, 1, high) for chain in found.values())
+    return slice(low if begins else low % step, high + 1 if ends else z.shape[1], step)
+
+
+def _ends(seen: Bool) -> tuple[Int, Int]:
+    """First and last column of the frames (N, M) that show something."""
+    seen = seen[seen.any(axis=1)]
+    return seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
+
+
+def _step(seen: Bool) -> int:
+    """Of columns (M,) between those in which something of the frames (N, M) returned: 1, if neighbours did."""
+    ever = np.flatnonzero(seen.any(axis=0))
+    return int(np.gcd.reduce(np.diff(ever))) if len(ever) > 2 else 1
+
+
+def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
+    """Whether the part moves in the view over the frames whose first (side 0) or last return is in `column`."""
+    seen = np.isfinite(recording.z_mm[chain.frames])
+    x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
+    at = np.flatnonzero(_ends(seen)[side] == column)
+    point, _, stretch = chain.track
+    pitch = float(np.nanmedian(np.abs(np.diff(x, axis=1))))
+    return any(point[at[stretch[at] == number], 0].std() > MOVED * pitch for number in np.unique(stretch[at]))

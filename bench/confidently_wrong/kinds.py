@@ -22,7 +22,7 @@ class Kind(NamedTuple):
     """A corruption; `words`: any of them in a refusal is the right suspicion.
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
-    it), travel (a scale of it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
+    it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
     """
 
     spoil: Spoil
@@ -394,8 +394,8 @@ KINDS: dict[str, Kind] = {
     "positions in cm": Kind(_position(lambda p: p / 10), UNIT),
     "positions in inches": Kind(_position(lambda p: p / 25.4), UNIT),
     "positions in micrometres": Kind(_position(lambda p: p * 1e3), UNIT),
-    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), UNIT, "travel"),
-    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), UNIT, "travel"),
+    "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), (*UNIT, "passes"), "travel"),
+    "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), (*UNIT, "passes"), "travel"),
     "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES, "flange"),
     "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES, "flange"),
     "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES, "flange"),
@@ -419,7 +419,7 @@ KINDS: dict[str, Kind] = {
     "every 20th frame 20 times": Kind(_frames(lambda n: np.arange(n) // 20 * 20), ("repeating", "frozen")),
     "last frames ten late": Kind(_frames(lambda n: np.maximum(np.arange(n) - 10, 0)), ("repeating", "frozen")),
     "frames shuffled": Kind(_frames(_shuffled), ("order",)),
-    "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES), "flange"),
+    "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES), "travel"),
     "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
     "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),
     "mean over 3 columns": Kind(_mean(3), ("averaged", "filter")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from workbench.edge.groove_frames import two_plates_share
 from workbench.errors import InputError, WorkbenchError
 from workbench.inspect import gate, sections
 from workbench.scan import fuse
-from workbench.synthetic import simulate_groove, simulate_prism
+from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
 from workbench.synthetic.prism_conditions import random_prism_recipe
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
 
@@ -123,3 +124,20 @@ def test_real_clouds_without_a_bevel_are_refused(file: str, unit: str) -> None:
         pytest.skip("real files are not beside this checkout")
     with pytest.raises(WorkbenchError):
         segment_cloud(read_cloud(file=REAL / file, unit=unit))
+
+
+def test_columns_too_coarse_for_the_root_face_are_refused() -> None:
+    """Of a face that is not found, the neighbours pass for it: upper surface and bevel face for bevel and root face."""
+    recording = simulate_recording(random_recipe("straight", 61))[0]
+    coarse = replace(recording, x_mm=recording.x_mm[:, ::8], z_mm=recording.z_mm[:, ::8], intensity=None)
+    with pytest.raises(InputError, match=r"columns are 0\.4 mm apart.*root_columns"):
+        segment(fuse(coarse), root_nominal_mm=2.0)
+
+
+def test_faces_that_the_view_cuts_off_are_refused() -> None:
+    recording = simulate_recording(random_recipe("two_pass", 6_100_003))[0]
+    seen = np.flatnonzero(np.isfinite(recording.z_mm).any(axis=0))
+    keep = np.arange(recording.z_mm.shape[1]) < seen[len(seen) // 2]
+    cut = replace(recording, x_mm=recording.x_mm[:, keep], z_mm=recording.z_mm[:, keep], intensity=None)
+    with pytest.raises(InputError, match="lower end is in view|lower edge not in view"):
+        segment(fuse(cut), root_nominal_mm=1.5, bevel_nominal_deg=40.0)

@@ -9,11 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Recording
-from workbench.checks import LIMITS, checked_limits, consistent_conventions, judge_recording, without_copies
+from workbench.checks import (
+    LIMITS,
+    as_delivered,
+    checked_limits,
+    consistent_conventions,
+    judge_recording,
+    without_copies,
+)
 from workbench.checks.judge import refuse_failed
 from workbench.checks.table import limits_table
 from workbench.errors import InputError, PipelineError
@@ -120,6 +128,15 @@ def rounded(r: Recording, name: str) -> Recording:
     return spoilt(r, **{name: (np.round(getattr(r, name) * 10) / 10).astype(np.float32)})
 
 
+def over_frames(r: Recording, count: int) -> np.ndarray:
+    before = np.maximum(np.arange(len(r.z_mm))[:, None] - np.arange(count), 0)
+    return np.mean([r.z_mm[before[:, k]] for k in range(count)], axis=0).astype("f4")
+
+
+def gauss(r: Recording, axis: int) -> np.ndarray:
+    return gaussian_filter1d(r.z_mm.astype(float), 1.0, axis=axis).astype("f4")
+
+
 FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "positions in metres": (partial(scaled, by=1e-3), "reach_mm", "metres read as mm"),
     "positions in inches": (partial(scaled, by=1 / 25.4), "reach_mm", "inches"),
@@ -140,6 +157,9 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
         "metres",
     ),
     "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
+    "a mean over three frames": (lambda r: spoilt(r, z_mm=over_frames(r, 3)), "mean_frames", "over 3 frames"),
+    "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r, 1)), "column_smoothing", "smoothing filter"),
+    "a Gaussian over frames": (lambda r: spoilt(r, z_mm=gauss(r, 0)), "frame_smoothing", "smoothing filter"),
     "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
     "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),
 }
@@ -321,3 +341,32 @@ def test_frames_out_of_order_are_seen_on_a_part_that_hardly_moves_in_the_view():
     assert "out of order" in named["wiggle_mm"].finding
     assert named["wiggle_mm"].value < LIMITS["wiggle_mm"].bound  # by the common limit alone it would have passed
     assert {one.name: one for one in judge_recording(_still_in_view(shuffled=False))}["wiggle_mm"].passed
+
+
+@pytest.mark.parametrize("skipped", [2, 5])
+def test_columns_that_the_sensor_skips_are_no_lost_returns(skipped: int) -> None:
+    r = good("straight")
+    keep = np.arange(r.z_mm.shape[1]) % skipped == 1
+    there = as_delivered(spoilt(r, z_mm=np.where(keep, r.z_mm, np.nan).astype("f4")))
+    assert np.array_equal(there.z_mm, r.z_mm[:, keep], equal_nan=True)
+    assert as_delivered(r) is r
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_window_that_ends_on_a_part_that_moves_is_the_view(side: int) -> None:
+    r = good("oblique")
+    seen = np.flatnonzero(np.isfinite(r.z_mm).any(axis=0))
+    columns, at = np.arange(r.z_mm.shape[1]), int(np.mean(seen[[0, -1]]))
+    keep = columns > at if side > 0 else columns < at
+    there = as_delivered(spoilt(r, z_mm=np.where(keep, r.z_mm, np.nan).astype("f4")))
+    assert there.z_mm.shape[1] <= keep.sum()
+    ends = np.isfinite(there.z_mm)[:, 0 if side > 0 else -1]
+    assert ends.mean() > 0.9
+
+
+def test_the_end_of_a_part_that_lies_still_is_no_window() -> None:
+    """All frames alike but for noise: every one of them ends in the same column, and that is the part's end."""
+    r = good("straight")
+    noise = np.random.default_rng(3).normal(0, 0.005, r.z_mm.shape)
+    still = spoilt(r, x_mm=np.repeat(r.x_mm[:1], len(r.x_mm), 0), z_mm=(r.z_mm[:1] + noise).astype("f4"))
+    assert as_delivered(still) is still

@@ -40,6 +40,7 @@ TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 UNORDERED, UNORDERED_MM = 0.5, 0.08  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
+SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
@@ -384,12 +385,11 @@ def _unseen(recording: Recording) -> Check:
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
         for number in np.unique(recording.robot_pass)
     )
-    told = f"the flange turns by {turned:.1f} deg within a pass: a scale of its travel would not show"
+    told = f"the flange turns by {turned:.1f} deg within a pass: a scale of its travel and frames in reverse order would not show"
     if turned < TURNS_DEG:
         told += (
             ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
-            "swapped axes of the robot or of the profiler, orientations that are off by a constant, frames in "
-            "reverse order"
+            "swapped axes of the robot or of the profiler, orientations that are off by a constant"
         )
     if _held(recording):
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
@@ -422,6 +422,7 @@ def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool
         better = there.obliquity_deg < 0.5 * now.obliquity_deg
     else:  # orientations that turn about another axis take the turn from about the edge to across it
         better = there.varies_deg < now.varies_deg + VARIES_DEG
+        better &= there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     return better and there.twist_deg < left
 
 

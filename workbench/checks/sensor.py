@@ -56,7 +56,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    mean_frames, fading_frames = moving_mean(series), fading(_unbent(series), digit)
+    fading_frames = fading(_unbent(series), digit)
+    mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
     pieces_z = pieces_z[enough]
@@ -99,6 +100,13 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     )
 
 
+def _bends(z: Float) -> float:
+    """Median size of the second differences along rows of ranges; infinite: there are none."""
+    bend = np.abs(np.diff(z, n=2, axis=1))
+    bend = bend[np.isfinite(bend)]
+    return float(np.median(bend)) if bend.size else float("inf")
+
+
 def fading(rows: Float, digit_mm: float) -> float:
     """Power of noise (n, PIECE) at periods of about two samples, over that at longer ones; NaN: too few rows.
 
@@ -129,8 +137,10 @@ def _unbent(series: Float) -> Float:
     pieces = pieces[np.isfinite(pieces).all(axis=1)]
     slow = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), BENDING + 1))[0]
     off = pieces - (pieces @ slow) @ slow.T
+    if not len(off):
+        return np.asarray(off)
     size = np.sqrt((off**2).mean(axis=1))
-    return np.asarray(off[(size > 0.0) & (size < STRAIGHT * np.median(size))]) if len(off) else off
+    return np.asarray(off[(size > 0.0) & (size < STRAIGHT * np.median(size))])
 
 
 def _blind(off: Float, columns: float) -> bool:

@@ -43,8 +43,8 @@ def _measured(recording: Recording) -> slice:
     begins = low > 0 and bool((first == low).mean() > PINNED)
     ends = high < z.shape[1] - 1 and bool((last == high).mean() > PINNED)
     found = chains(recording.x_mm, z, passes) if begins or ends else {}
-    begins = begins and any(_moves(chain, recording, 0, low) for chain in found.values())
-    ends = ends and any(_moves(chain, recording, 1, high) for chain in found.values())
+    begins = begins and any(_moves(chain, recording, 0, low, step) for chain in found.values())
+    ends = ends and any(_moves(chain, recording, 1, high, step) for chain in found.values())
     return slice(low if begins else low % step, high + 1 if ends else z.shape[1], step)
 
 
@@ -60,11 +60,11 @@ def _step(seen: Bool) -> int:
     return int(np.gcd.reduce(np.diff(ever))) if len(ever) > 2 else 1
 
 
-def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
+def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int) -> bool:
     """Whether the part moves in the view over the frames whose first (side 0) or last return is in `column`."""
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)
     point, _, stretch = chain.track
-    pitch = float(np.nanmedian(np.abs(np.diff(x, axis=1))))
+    pitch = float(np.nanmedian(np.abs(np.diff(x[:, column % step :: step], axis=1))))
     return any(point[at[stretch[at] == number], 0].std() > MOVED * pitch for number in np.unique(stretch[at]))

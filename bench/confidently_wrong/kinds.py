@@ -22,7 +22,8 @@ class Kind(NamedTuple):
     """A corruption; `words`: any of them in a refusal is the right suspicion.
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
-    it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows); empty: it must be seen.
+    it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows); empty: it
+    must be seen.
     """
 
     spoil: Spoil

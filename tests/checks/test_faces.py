@@ -139,5 +139,5 @@ def test_faces_that_the_view_cuts_off_are_refused() -> None:
     seen = np.flatnonzero(np.isfinite(recording.z_mm).any(axis=0))
     keep = np.arange(recording.z_mm.shape[1]) < seen[len(seen) // 2]
     cut = replace(recording, x_mm=recording.x_mm[:, keep], z_mm=recording.z_mm[:, keep], intensity=None)
-    with pytest.raises(InputError, match="lower end is in view|lower edge not in view"):
+    with pytest.raises(InputError, match=r"lower end is in view|lower edge not in view"):
         segment(fuse(cut), root_nominal_mm=1.5, bevel_nominal_deg=40.0)

@@ -385,7 +385,8 @@ def _unseen(recording: Recording) -> Check:
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
         for number in np.unique(recording.robot_pass)
     )
-    told = f"the flange turns by {turned:.1f} deg within a pass: a scale of its travel and frames in reverse order would not show"
+    told = f"the flange turns by {turned:.1f} deg within a pass: "
+    told += "a scale of its travel and frames in reverse order would not show"
     if turned < TURNS_DEG:
         told += (
             ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "

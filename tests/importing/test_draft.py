@@ -13,7 +13,9 @@ import pytest
 from tests.importing import makers
 from tests.importing.conftest import ORIENTATIONS, rows_of, turned
 from workbench.artefacts import Recording
+from workbench.checks.judge import judge_recording, refuse_failed
 from workbench.cli import main
+from workbench.errors import InputError
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 NAMES = {  # convention -> names of the columns as its controller's users write them
@@ -72,12 +74,31 @@ def test_a_drafted_mapping_brings_it_in(
     assert (tree["profiles"]["time_unit"], tree["profiles"]["missing"]) == ("ms", [-999.999])
     assert tree["times"] == {"source": "file", "clock_offset_s": pytest.approx(7.0, abs=0.05)}
     assert any("clock" in text for text in tree["uncertain"])
-    assert any("hand_eye" in text for text in tree["uncertain"])
+    assert any("hand_eye" in text for text in tree["lacking"])
     got = imported(*sources, mapping=tmp_path / "map.json")
     np.testing.assert_allclose(got.z_mm, milled.z_mm[::20], atol=1e-4)
     np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm, atol=1e-6)
     same = np.abs((got.robot_quaternion_wxyz * milled.robot_quaternion_wxyz).sum(axis=1))  # q and -q are equal
     np.testing.assert_allclose(same, 1.0, atol=1e-9)
+
+
+def test_what_nobody_has_confirmed_is_not_measured_by(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording]
+) -> None:
+    """A pitch that stands in for the sensor's makes every length wrong: refused until its line is taken away."""
+    z = np.tile(np.nan_to_num(makers.heights_mm()), (1, 2))
+    (tmp_path / "rows.csv").write_text(rows_of([[*range(z.shape[1])], *z.tolist()], ","))
+    tree, _ = drafted(tmp_path, capsys, tmp_path / "rows.csv")
+    got = imported(tmp_path / "rows.csv", mapping=tmp_path / "map.json")
+    assert got.not_confirmed == tuple(tree["uncertain"])
+    failed = [check for check in judge_recording(got) if check.name == "not_confirmed"]
+    assert [(check.passed, check.value) for check in failed] == [(False, len(tree["uncertain"]))]
+    assert "profiles.x_pitch" in failed[0].finding
+    with pytest.raises(InputError, match="take their lines out of its list 'uncertain'"):
+        refuse_failed(failed, "rows.csv")
+    (tmp_path / "map.json").write_text(json.dumps({**tree, "uncertain": []}))
+    got = imported(tmp_path / "rows.csv", mapping=tmp_path / "map.json")
+    assert not [check for check in judge_recording(got) if check.name == "not_confirmed"]
 
 
 def test_files_that_explain_themselves_need_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -19,8 +20,10 @@ from tests.importing.makers import COLUMNS, FRAMES, PITCH_MM, STEP_MM, TRAVEL_MM
 from workbench.artefacts import Recording
 from workbench.cli import main
 from workbench.errors import InputError
+from workbench.scan.read import read
 
 ROOT = Path(__file__).parents[2]
+SYNTHETIC = ROOT / "data" / "synthetic"
 SHARED = ROOT.parent / "shared" / "data"
 Imported = Callable[..., Recording]
 
@@ -197,6 +200,71 @@ def test_an_organised_pcd_keeps_its_grid(unit: str, tmp_path: Path, imported: Im
     assert main(["look", str(tmp_path / "o.pcd")]) == 0
 
 
+def test_a_ply_whose_points_stand_profile_after_profile_gets_its_grid(tmp_path: Path, imported: Imported) -> None:
+    z = heights_mm()
+    grid = np.stack([np.broadcast_to(X_MM, z.shape), np.broadcast_to(TRAVEL_MM[:, None], z.shape), z], axis=2)
+    points = grid[np.isfinite(z)]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
+    (tmp_path / "o.ply").write_bytes(head.encode() + points.astype("<f4").tobytes())
+    got = imported(tmp_path / "o.ply")
+    np.testing.assert_allclose(np.sort(got.z_mm[np.isfinite(got.z_mm)]), np.sort(z[np.isfinite(z)]), atol=1e-4)
+    assert len(got.z_mm) == FRAMES
+    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["c.ply", "c.xyz"])
+def test_a_cloud_is_sent_to_the_stages_of_clouds(name: str, tmp_path: Path, imported: Imported) -> None:
+    rows = np.random.default_rng(8).normal(size=(200, 3))
+    head = "ply\nformat ascii 1.0\nelement vertex 200\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    text = "".join(f"{a:.4f} {b:.4f} {c:.4f}\n" for a, b, c in rows)
+    (tmp_path / name).write_text((head + "end_header\n" if name == "c.ply" else "") + text)
+    with pytest.raises(InputError, match=r"inspect_cloud\.json --input cloud=FILE"):
+        imported(tmp_path / name)
+
+
+def test_a_line_of_a_tracker_scanner_is_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A count that goes on where nothing came back, then x and z: INVALID is no return, the count no coordinate."""
+    x = np.arange(-20.0, 20.0, 0.2)
+    z = 5.0 + 0.5 * np.abs(x) + np.random.default_rng(9).normal(0, 0.01, len(x))
+    rows = [
+        f"{21.3 + 0.01 * k:.5f}\t" + ("INVALID\tINVALID" if 60 <= k < 70 else f"{a:8.5f}\t{b:8.5f}")
+        for k, (a, b) in enumerate(zip(x, z, strict=True))
+    ]
+    (tmp_path / "line.asc").write_text("\n".join(rows) + "\n")
+    assert main(["look", str(tmp_path / "line.asc")]) == 0
+    told = capsys.readouterr().out
+    assert "table: x = 1, z = 2" in told
+    assert "5.0 % missing" in told
+    assert re.search(r"corner 1: x -?0\.0\d+ ", told)
+
+
+def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    reading = "Cnt=1  X={:.3f} Y=-40.000 Z= 12.500 RotX=    1.530\n"
+    text = "".join(f"Pos {n}\n" + reading.format(100 * n - 0.03) + reading.format(100 * n + 0.03) for n in range(1, 6))
+    (tmp_path / "t.txt").write_text(text)
+    assert main(["look", str(tmp_path / "t.txt")]) == 0
+    told = capsys.readouterr().out
+    assert "positions: 5 with 10 readings" in told
+    assert "standard deviation 0.02449 an axis, 0.03 off the mean" in told  # sqrt(10 * 0.03^2 / (3 * 5))
+    assert main(["import", str(tmp_path / "t.txt"), "--draft", "--out", str(tmp_path / "m.json")]) == 2
+    assert "calibrate.tracker" in capsys.readouterr().err
+    (tmp_path / "t.txt").write_text(text + "Pos 6\nX=1 Y=2\n")
+    assert main(["look", str(tmp_path / "t.txt")]) == 2
+    assert "line 17: expected 'Pos n', or a reading" in capsys.readouterr().err
+
+
+def test_structures_of_matlab_are_read_by_their_fields(tmp_path: Path, imported: Imported) -> None:
+    milled = read(recording=SYNTHETIC / "milled_edge.h5")
+    scan = {"X": milled.x_mm[::50], "Z": milled.z_mm[::50], "Time": milled.time_s[::50]}
+    poses = {"position": milled.robot_position_mm, "quaternion_wxyz": milled.robot_quaternion_wxyz}
+    robot = {**poses, "pose_time": milled.robot_time_s}
+    scipy.io.savemat(tmp_path / "s.mat", {"scan": scan, "robot": robot})
+    got = imported(tmp_path / "s.mat")
+    np.testing.assert_array_equal(got.z_mm, milled.z_mm[::50])
+    np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm)
+
+
 REAL = {
     "vendor/gocator_surface_v2.csv": "428 frames of 452 columns",
     "vendor/gopxl_profile.csv": "single profile",
@@ -205,10 +273,10 @@ REAL = {
     "real/vgroove_lds_scan1.csv": "corners in 200 of 200 rows",
     "real/kistler_dynoware_f300.csv": "strongest at 199.98 Hz",
     "real/adaptio_ABW_head.csv": "rows: 836, 836 with the torch's place",
-    "real/trispector_table.pcd": "points: 23239",
+    "real/trispector_table.pcd": "--input unit=m",
     "real/nist_SPH105_metres.xyz": "coordinates in m or inch",
     "real/akig_ur5_poses.txt": "poses: 27",
-    "real/akig_tscan_values.txt": "points: ",
+    "real/akig_tscan_values.txt": "positions: 27 with 130 readings",
     "sphere_r12.7.h5": "calibration recording",
 }
 

@@ -40,6 +40,7 @@ class Recording:
     clock: Literal["robot", "own"] = "robot"
     part: Part = UNKNOWN_PART
     checks: tuple[Check, ...] = ()
+    not_confirmed: tuple[str, ...] = ()  # what its import took for granted and nobody has confirmed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

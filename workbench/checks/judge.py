@@ -199,12 +199,17 @@ def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bo
     yield from _pose_checks(recording, given, calibration)
     yield from _copy_checks(recording, given, calibration)
     yield from _sensor_checks(recording, given)
-    if hand_eye is None:
-        return
-    yield _hand_eye_check(hand_eye, given)
-    if calibration or recording.clock == "own":
-        return
-    yield from _motion_checks(without_copies(recording), hand_eye, given)
+    if hand_eye is not None:
+        yield _hand_eye_check(hand_eye, given)
+        if not calibration and recording.clock != "own":
+            yield from _motion_checks(without_copies(recording), hand_eye, given)
+    if unsure := recording.not_confirmed:
+        about = "; ".join(line.partition(":")[0] for line in unsure)
+        told = (
+            f"its import took {len(unsure)} values for granted ({about}): correct them in the mapping, take their "
+            "lines out of its list 'uncertain' and import again"
+        )
+        yield check("not_confirmed", len(unsure), told, given=given)
 
 
 def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:

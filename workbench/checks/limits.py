@@ -196,6 +196,11 @@ LIMITS: dict[str, Limit] = {
         "how far the plates' roots overlap, for certain",
         "two plates do not lie in each other",
     ),
+    "not_confirmed": Limit(
+        0.0,
+        "count of the values that its import took for granted and nobody has confirmed",
+        "a pitch or a unit that stands in for the sensor's makes every length wrong, and no profile shows it",
+    ),
 }
 
 

@@ -22,7 +22,7 @@ from workbench.units import Float
 
 Unit = Literal["mm", "m", "inch"]
 
-MM = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
+MM: dict[Unit, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
 LEAST_POINTS = 100
 LEAST_MM, MOST_MM = 3.0, 30_000.0  # longest side of a part's cloud
@@ -108,13 +108,23 @@ def check_size(points_mm: Float, unit: Unit, where: str) -> None:
             f"expected coordinates in {unit}, found ({place}), beyond 1 km: "
             f"{'is the unit another?' if unit != 'mm' else 'is it a point?'}",
         )
-    low, high = np.percentile(points_mm, [0.5, 99.5], axis=0)
-    size = float((high - low).max())
+    size = _size(points_mm)
     if not LEAST_MM <= size <= MOST_MM:
-        fits = [u for u in MM if LEAST_MM <= size / MM[unit] * MM[u] <= MOST_MM]
+        fits = fitting_units(points_mm / MM[unit])
         guess = f'; are its coordinates in {" or ".join(fits)}? Then say so: "unit"' if fits else ""
         raise InputError(
             where,
             f"expected a part of {LEAST_MM:g} mm to {MOST_MM / 1000:g} m, found one of "
             f"{size:.3g} mm with coordinates in {unit}{guess}",
         )
+
+
+def fitting_units(points: Float) -> list[Unit]:
+    """The units under which points (n, 3) as they stand in a file have the size of a part."""
+    return [name for name in MM if LEAST_MM <= _size(points) * MM[name] <= MOST_MM]
+
+
+def _size(points: Float) -> float:
+    """The longest side of the box that holds all but the outermost of the points."""
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    return float((high - low).max())

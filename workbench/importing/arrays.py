@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,13 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "time": ("time", "time_s", "t", "timestamps", "profile_time"),
     "travel": ("travel", "travel_mm", "y", "encoder"),
     "position": ("position", "position_mm", "positions", "xyz"),
-    "quaternion_wxyz": ("quaternion_wxyz", "quaternion", "quaternions"),
+    "quaternion_wxyz": ("quaternion_wxyz",),
     "base_from_flange": ("base_from_flange", "poses", "pose"),
     "pose_time": ("pose_time", "pose_time_s", "robot_time"),
 }
 MOST_BYTES = 2**32
 BYTES_A_SECOND = 10_000_000  # a compressed file is read several times as fast
+DEEPEST = 4  # structures within structures
 TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
 
 
@@ -109,15 +111,28 @@ def _matlab(path: Path) -> dict[str, Any]:
         seconds = CPU_SECONDS + path.stat().st_size // BYTES_A_SECOND
         if not survives(lambda: loadmat(path), seconds):  # its compiled reader crashes on some damaged files
             raise InputError(str(path), "expected a whole MATLAB file: its reader crashed")
-        return {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
+        return {k: v for name, value in loadmat(path).items() if name[:2] != "__" for k, v in _fields(name, value)}
     import h5py
 
     with h5py.File(path, "r") as file:
-        return {
-            name: np.asarray(one).T
-            for name, one in file.items()
-            if isinstance(one, h5py.Dataset) and one.nbytes < MOST_BYTES
-        }
+        found: dict[str, Any] = {}
+        file.visititems(
+            lambda name, one: (
+                found.update({name.replace("/", "."): np.asarray(one).T})
+                if isinstance(one, h5py.Dataset) and one.nbytes < MOST_BYTES and not name.startswith("#")
+                else None
+            )
+        )
+        return found
+
+
+def _fields(name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Any]]:
+    """An array by its name, those in a structure as `structure.field`."""
+    if not isinstance(value, np.ndarray) or value.dtype.names is None:
+        yield name, value
+    elif value.size == 1 and depth < DEEPEST:
+        for field in value.dtype.names:
+            yield from _fields(f"{name}.{field}", value.flat[0][field], depth + 1)
 
 
 def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
@@ -137,8 +152,16 @@ def _named(named: dict[str, Any], role: str, asked: str | None, where: str) -> s
         if asked not in named:
             raise InputError(f"{where}: {asked!r}", f"no such array{nearest(asked, named)}")
         return asked
-    low = {name.lower(): name for name in named}
-    return next((low[alias] for alias in ALIASES[role] if alias in low), None)
+    for low in ({name.lower(): name for name in named}, _alone_of_its_name(named)):
+        if found := next((low[alias] for alias in ALIASES[role] if alias in low), None):
+            return found
+    return None
+
+
+def _alone_of_its_name(named: dict[str, Any]) -> dict[str, str]:
+    """Names of arrays in structures by their last part, where no other has it."""
+    last = [name.lower().rpartition(".")[2] for name in named]
+    return {short: name for short, name in zip(last, named, strict=True) if last.count(short) == 1}
 
 
 def _profiles(
@@ -180,7 +203,11 @@ def _poses(values: dict[str, AnyArray], unit: float, second: float, where: str) 
         position = np.atleast_2d(values["position"]).astype(np.float64)
         given = values.get("quaternion_wxyz")
         if given is None or position.shape[1] != 3 or np.atleast_2d(given).shape != (len(position), 4):
-            raise InputError(where, "expected position (K, 3) and quaternion_wxyz (K, 4)")
+            raise InputError(
+                where,
+                "expected position (K, 3) and quaternion_wxyz (K, 4), w first: name one that is called "
+                "otherwise as arrays.quaternion_wxyz in the mapping",
+            )
         quaternion = normalised(np.atleast_2d(given).astype(np.float64), f"{where}: quaternion_wxyz")
     if not np.isfinite(position).all():
         raise InputError(where, "expected finite positions")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
 from workbench.scan.write import write
 
+REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
 BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000
 
 
@@ -43,9 +45,12 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
     found = _all_read(sources, chosen)
     recording, notes = assemble(found, chosen)
+    recording = dataclasses.replace(recording, not_confirmed=tuple(map(one_line, chosen.uncertain)))
     write(recording, target, compression="lzf")
     read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
-    unsure = [f"not confirmed: {text}" for text in chosen.uncertain]
+    unsure = [f"lacking: {text}" for text in chosen.lacking]
+    unsure += [f"not confirmed: {text}" for text in recording.not_confirmed]
+    unsure += [REFUSED] if recording.not_confirmed else []
     return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording), *unsure)))
 
 

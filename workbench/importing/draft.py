@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
-from workbench.importing import images
+from workbench.importing import images, organised
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
@@ -49,7 +49,7 @@ def draft_files(sources: Sequence[str | Path], out: str | Path) -> tuple[str, ..
         target.write_text(json.dumps(tree, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
         raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
-    told = [f"uncertain: {text}" for text in tree.get("uncertain", ())]
+    told = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
     return tuple(one_line(line) for line in [*lines, *told, f"mapping: {target}"])
 
 
@@ -80,9 +80,8 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
             doubts += [*tables[0][2].doubts, *more]
             if name == "poses" and tables[0][2].robot:
                 tree["robot"] = tables[0][2].robot
-    doubts += _settle(tree, sources, lines)
-    if doubts:
-        tree["uncertain"] = doubts
+    more, lacking = _settle(tree, sources, lines)
+    tree |= {name: texts for name, texts in (("uncertain", [*doubts, *more]), ("lacking", lacking)) if texts}
     return tree, lines
 
 
@@ -104,6 +103,8 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
     if not columns.kind:
         names = ", ".join(map(repr, form.header[:12])) or f"{form.rows.shape[1]} columns without names"
         known = f" (understood: {', '.join(columns.roles)})" if columns.roles else ""
+        if form.rows.shape[1] == 3 or {"x", "y", "z"} <= set(map(str.lower, form.header)):
+            raise InputError(str(source), f"three coordinates a point, in no rows of profiles. {organised.AS_A_CLOUD}")
         raise InputError(
             str(source), f"expected columns x and z of points, or x, y, z and an orientation; found {names}{known}"
         )
@@ -246,8 +247,11 @@ def _common(names: list[str]) -> str:
     return "".join(letters[0] for letters in alike)
 
 
-def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> list[str]:
-    """Times and hand-eye, by what the sources hold under the mapping so far; adds to tree and lines; doubts."""
+def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list[str], list[str]]:
+    """Times and hand-eye, by what the sources hold under the mapping so far; adds to tree and lines.
+
+    Returns doubts, and what is lacking.
+    """
     mapping = Mapping(**tree) if len(tree) == 2 else Mapping.model_validate_json(json.dumps(tree))
     found, unread = [], []
     for source in sources:
@@ -259,20 +263,21 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> list[str]:
         found.append(one)
         lines += [f"{source}: {note}" for note in one.notes if f"{source}: {note}" not in lines]
     if unread:
-        return [f"with this mapping: {text}" for text in unread]
+        return [], [f"with this mapping: {text}" for text in unread]
     doubts = _times(tree, found)
     has = [any(getattr(one, what) is not None for one in found) for what in ("profiles", "poses")]
-    if has == [True, False] and all(one.profiles is None or len(one.profiles.z_mm) == 1 for one in found):
-        return [*doubts, "a single profile: `workbench look` shows and measures it; a recording needs frames and poses"]
+    if has == [True, False] and sum(len(one.profiles.z_mm) for one in found if one.profiles is not None) == 1:
+        return doubts, ["a single profile: `workbench look` shows and measures it; a recording needs frames and poses"]
+    lacking = []
     if has == [True, True] and not any(one.flange_from_profiler is not None for one in found):
-        doubts.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
+        lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
     if not has[0]:
-        return [*doubts, "profiles: none among the sources"]
+        return doubts, [*lacking, "profiles: none among the sources"]
     try:
         assemble(found, Mapping.model_validate_json(json.dumps(tree)))
     except InputError as error:
-        doubts.append(f"with this mapping: {error}")
-    return doubts
+        lacking.append(f"with this mapping: {error}")
+    return doubts, lacking
 
 
 def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from workbench.errors import InputError
+from workbench.importing import kistler, organised, tracker
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
@@ -29,6 +30,7 @@ KINDS = (  # modules of workbench.importing
     "joints",
     "stamps",
 )
+CLOUDS = (".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
 
 
 class Reader(Protocol):
@@ -57,9 +59,21 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
         names = ", ".join(reader.NAME for reader in (found or readers))
         if found:
             raise InputError(str(path), f"may be {names}: name it by 'files' in the mapping (docs/importing.md)")
+        if other := _other(path, head):
+            raise InputError(str(path), other)
         first_line = head_text(head).split("\n", 1)[0][:60]
         raise InputError(str(path), f"is none of: {names} (docs/importing.md); its first line: {first_line!r}")
     return found[0].read(path, mapping)
+
+
+def _other(path: Path, head: bytes) -> str:
+    """What a file is that is no source of a recording, and where it goes; '' where nothing is known of it."""
+    if path.suffix.lower() in CLOUDS:
+        return organised.AS_A_CLOUD[0].lower() + organised.AS_A_CLOUD[1:]
+    text = head_text(head)
+    if tracker.recognises(text):
+        return f"{tracker.NAME}: {tracker.INTO_A_TABLE}"
+    return f"{kistler.NAME}: forces over time, no recording" if kistler.recognises(text) else ""
 
 
 def _head(path: Path) -> bytes:

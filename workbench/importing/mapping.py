@@ -157,7 +157,8 @@ class Mapping(Part):
     sphere_diameter_mm: float | None = Field(default=None, gt=0, description="it is a calibration recording")
     outside: Literal["refuse", "trim"] = Field(default="refuse", description="frames outside the poses' times")
     accept: list[Suspicion] = Field(default=[], description="what looks wrong, but is right")
-    uncertain: list[str] = Field(default=[], description="of a draft: what to confirm; told at every import")
+    uncertain: list[str] = Field(default=[], description="of a draft: what to confirm before it is measured by")
+    lacking: list[str] = Field(default=[], description="of a draft: what the sources do not hold")
     _base_dir: Path = PrivateAttr(Path())
 
     @property

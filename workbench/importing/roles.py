@@ -219,12 +219,16 @@ def _metres(position: Float) -> bool:
 
 
 def _leading(rows: Float) -> list[str]:
-    """Roles of the first columns: a counter, a frame's number, a time."""
+    """Roles of the first columns: a counter, a frame's number, a time.
+
+    What rises from row to row, and stands there without a return too, is the sensor's own count and no place.
+    """
     first: list[str] = []
     for k in range(min(2, rows.shape[1] - 2)):
         values = rows[:, k]
         whole = np.isfinite(values).all() and (values == np.round(values)).all()
-        if whole and len(values) > 1 and (np.diff(values) == 1).all() and values[0] in (0, 1):
+        counted = whole and len(values) > 1 and (np.diff(values) == 1).all() and values[0] in (0, 1)
+        if counted or (k == 0 and _rising(values) and np.isnan(rows[:, 1:]).all(axis=1).any()):
             first.append(COUNTER)
         elif whole and _held(values) and "frame" not in first:
             first.append("frame")

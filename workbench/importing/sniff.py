@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.importing.text import cells, head_text
+from workbench.importing.text import NO_VALUE, cells, head_text
 from workbench.units import Bool, Float
 
 SAMPLE_BYTES = 2**22  # enough for some frames of a wide table
@@ -106,7 +106,7 @@ def _numbers(line: str, delimiter: str, decimal: str) -> list[float] | None:
             return None
         texts = [text.replace(",", ".") for text in texts]
     try:
-        values = [float(text) if text else float("nan") for text in texts]
+        values = [float("nan") if text in NO_VALUE else float(text) for text in texts]
     except ValueError:
         return None
     return None if any("_" in text for text in texts) or all(v != v for v in values) else values

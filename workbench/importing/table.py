@@ -18,7 +18,17 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.importing.mapping_tables import Column, TextPart
-from workbench.importing.text import HEAD_BYTES, INK, cells, decoded, head_text, is_number, numbered, stretches
+from workbench.importing.text import (
+    HEAD_BYTES,
+    INK,
+    NO_VALUE,
+    cells,
+    decoded,
+    head_text,
+    is_number,
+    numbered,
+    stretches,
+)
 from workbench.units import Bool, Float, Int
 
 SLAB_BYTES = 2**24
@@ -148,8 +158,6 @@ def _places(wanted: Mapping[str, Column], header: list[str], count: int, where: 
 
 # Lines of text to columns of numbers: quickly when all is well, slowly to name what is wrong.
 
-EMPTY = ["", "nan", "NaN", "NAN"]
-
 
 def parsed(
     body: bytes, part: TextPart, places: Mapping[str, int], count: int, where: str, skipped: int
@@ -180,7 +188,7 @@ def parsed(
             convert_options=arrow_csv.ConvertOptions(
                 column_types={str(i): pa.float64() for i in used},
                 include_columns=[str(i) for i in used],
-                null_values=EMPTY,
+                null_values=list(NO_VALUE),
                 decimal_point=part.decimal,
             ),
         )
@@ -199,7 +207,7 @@ def _refuse(body: bytes, part: TextPart, used: list[int], count: int, where: str
             raise InputError(f"{where}: line {number}", f"expected {count} cells, found {len(row)}")
         for i in used:
             text = row[i].strip()
-            if text not in EMPTY and not _reads(text, part.decimal):
+            if text not in NO_VALUE and not _reads(text, part.decimal):
                 shown = repr(text if len(text) <= 30 else text[:27] + "...")
                 raise InputError(
                     f"{where}: line {number}, cell {i + 1}",

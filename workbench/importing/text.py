@@ -130,13 +130,16 @@ def cells(line: str, delimiter: str) -> list[str]:
     return [part.strip().strip('"').strip() for part in parts]
 
 
+NO_VALUE = ("", "nan", "NaN", "NAN", "INVALID")  # cells that hold none: INVALID is what laser trackers write
+
+
 def numbers(row: Sequence[str], where: str, decimal: str = ".") -> Float:
-    """The cells of a row as numbers; an empty cell is NaN.
+    """The cells of a row as numbers; a cell without one (NO_VALUE) is NaN.
 
     Raises:
         InputError: at `where`, with the cell's place and what stands there.
     """
-    texts = [text or "nan" for text in row]
+    texts = ["nan" if text in NO_VALUE else text for text in row]
     if decimal == ",":
         if any("." in text for text in texts):
             place = next(i for i, text in enumerate(texts) if "." in text)

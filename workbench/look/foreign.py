@@ -19,6 +19,7 @@ from workbench.look.single import told as told_profile
 from workbench.look.tell import box
 
 MOST_COLUMNS = 24  # that are told
+TO_IMPORT = "to bring it in: workbench import FILE --out part.h5, then workbench look part.h5 (docs/importing.md)"
 IMPORT_HINT = "to bring it in: workbench import --draft FILE POSES --out map.json (docs/importing.md)"
 
 
@@ -48,6 +49,11 @@ def frames_alone(found: Imported, source: str) -> Seen:
     shown = stacked(frames.x_mm, frames.z_mm, frames.travel_mm)
     profile = measured(frames.x_mm[0], frames.z_mm[0]) if count == 1 else None
     hints = ["no poses: nothing is known of where it lies in the base", IMPORT_HINT]
+    if found.poses is not None:
+        hints = [
+            f"{len(found.poses.position_mm)} poses stand in it too: as a recording it is seen in the base",
+            TO_IMPORT,
+        ]
     if seen.sum() > 2 and np.ptp(frames.z_mm[seen]) == 0.0:
         hints.insert(0, f"z is {frames.z_mm[seen][0]:g} throughout: these are no ranges")
     y = "y is the way along the scan" if frames.travel_mm is not None else "y counts frames"

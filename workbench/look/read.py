@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,11 +12,11 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.cloud import readers
-from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, in_process
+from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, fitting_units, in_process
 from workbench.edge.groove_rows import COLUMNS, corners_of_rows
 from workbench.errors import InputError
 from workbench.export.corners import read_corners, recognised
-from workbench.importing import kistler
+from workbench.importing import kistler, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
@@ -49,7 +49,10 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     if suffix in RECORDINGS:
         return _recording(file)
     if suffix in readers.READERS and suffix not in TEXTS:
-        return _cloud(file)
+        try:
+            return _foreign(file, chosen)
+        except InputError:
+            return _cloud(file)
     if (other := _other(file)) is not None:
         return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
@@ -65,9 +68,16 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
 
 
 def _other(file: Path) -> Seen | None:
-    """What is neither profiles nor poses nor points: corners of a groove, forces."""
+    """What is neither profiles nor poses nor points: corners of a groove, forces, readings of a tracker."""
     head = head_text(first_bytes(file))
     nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
+    if tracker.recognises(head):
+        positions = tracker.read_positions(file)
+        means = np.array([one.reading.mean(axis=0) for one in positions])
+        told = (*tracker.told(positions), f"means of the positions: {box(means)}")
+        return Seen(
+            str(file), tracker.NAME, "the tracker's frame", told, means, shades_of(means), hints=(tracker.INTO_A_TABLE,)
+        )
     if kistler.recognises(head):
         lines = tuple(kistler.told(kistler.read_forces(file)))
         return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
@@ -85,13 +95,15 @@ def _other(file: Path) -> Seen | None:
             ("misalignment", at[:, 6, 2] - at[:, 0, 2]),
         )
     ]
-    told = f"rows: {len(at)}, {int(np.isfinite(seven.torch_mm[:, 0]).sum())} with the torch's place; metres in the file"
+    count = (
+        f"rows: {len(at)}, {int(np.isfinite(seven.torch_mm[:, 0]).sum())} with the torch's place; metres in the file"
+    )
     points = at.reshape(-1, 3)
     return Seen(
         str(file),
         "seven corners of a groove",
         "the tracker's frame",
-        (told, *sizes),
+        (count, *sizes),
         points,
         shades_of(points),
         hints=(hint, "to write such a table: stage export.corners behind edge.segment_groove"),
@@ -115,10 +127,12 @@ def _cloud(file: Path) -> Seen:
     if not len(points):
         raise InputError(str(file), "expected points, found none")
     checks, kind = [], f"cloud without a grid ({file.suffix[1:].upper()})"
+    units: Sequence[str] = ()
     try:
         check_size(points, unit, str(file))
     except InputError as error:
         checks.append(failed("size_mm", float(np.ptp(points, axis=0).max()), "what a part may measure", error.expected))
+        units = fitting_units(points / MM[unit])
     lines = [f"points: {len(points)}, coordinates in {unit}", f"extent: {box(points)}"]
     some = chosen_of(points)
     return Seen(
@@ -129,7 +143,11 @@ def _cloud(file: Path) -> Seen:
         some,
         shades_of(some),
         checks=tuple(checks),
-        hints=("as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE (docs/clouds.md)",),
+        suggestions=tuple(f"its coordinates are in {one}" for one in units),
+        hints=tuple(
+            f"as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE{more} (docs/clouds.md)"
+            for more in [f" --input unit={one}" for one in units] or [""]
+        ),
     )
 
 
@@ -166,7 +184,8 @@ def _drafted(file: Path) -> Seen:
     found = _foreign(file, mapping)
     if tree.get("profiles", {}).get("frames") == "rows":
         found = _with_corners(file, mapping, found)
-    return replace(found, hints=(*(f"uncertain: {text}" for text in tree.get("uncertain", ())), *found.hints))
+    doubts = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
+    return replace(found, hints=(*doubts, *found.hints))
 
 
 def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:

@@ -77,6 +77,7 @@ def recording_seen(recording: Recording) -> Seen:
 def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
     """Every plausibility check, and the conventions under which neighbouring profiles agree where one failed."""
     checks = judge_recording(recording)
+    recording = replace(recording, not_confirmed=())  # no reading of the numbers changes that
     if all(check.passed for check in checks) or recording.sphere_diameter_mm is not None:
         return checks, ()
     if units := consistent_units(recording, checks):

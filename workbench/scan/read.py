@@ -13,7 +13,7 @@ from workbench.errors import InputError
 from workbench.geometry.blocks import in_order
 from workbench.scan.checks import checked
 from workbench.scan.hdf5 import opened, whole
-from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, part_of
+from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, part_of, text
 from workbench.scan.trial import survives
 from workbench.stage import InputFile, Progress, stage
 from workbench.units import AnyArray, Float32
@@ -50,8 +50,8 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
         sets, values, header = _tables(file, where)
         values |= _grid(sets, where, progress)
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
-    for text in header["part"].contradicted(part):
-        warnings.warn(f"{text}, which is taken", stacklevel=1)
+    for said in header["part"].contradicted(part):
+        warnings.warn(f"{said}, which is taken", stacklevel=1)
     header["part"] = header["part"].with_names(part)
     return Recording(source=where, **fields, **header)
 
@@ -66,7 +66,12 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
     values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
     values = checked(where, values, diameter_mm is not None, clock)
     part = part_of(file, where)
-    return sets, values, {"sphere_diameter_mm": diameter_mm, "clock": clock, "part": part}
+    unsure = tuple((text(file, "not_confirmed", f"{where}: /") or "").splitlines())
+    return (
+        sets,
+        values,
+        {"sphere_diameter_mm": diameter_mm, "clock": clock, "part": part, "not_confirmed": unsure},
+    )
 
 
 def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, AnyArray]:

@@ -55,6 +55,8 @@ def _fill(file: Any, recording: Recording, compression: str | None) -> None:
     part = {field.name: getattr(recording.part, field.name) for field in fields(PartNames)}
     if recording.part.simulated is not None:
         header["simulated"] = int(recording.part.simulated)
+    if recording.not_confirmed:
+        header["not_confirmed"] = "\n".join(recording.not_confirmed)
     file.attrs.update({**{name: text for name, text in part.items() if text is not None}, **header})
     profiles, robot = file.create_group("profiles"), file.create_group("robot")
     if recording.clock == "own":

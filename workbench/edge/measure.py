@@ -192,44 +192,73 @@ def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: b
     whole: False takes the middles of the column steps for the root face's end, which is quick.
     """
     faces = _directions(cloud, tracked, curve, s)
-    root, bevel = faces.root, faces.bevel
-    tilt, beta = face_angles(faces, np.where(np.isfinite(s), s, 0.0))
-    turn = _slope(faces, s)
-    size_value = size_slope = np.zeros_like(s)
-    size = end = None
-    for _ in range(2):
-        # An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
-        lever_low = 0.5 * size_value
-        root_turn = root.run * lever_low * turn[0]
-        nu = tilt + np.pi / 2 - beta
-        across = np.stack([np.cos(nu), np.sin(nu)], axis=1)
-        place = bevel.place - (turn[1] * bevel.run * bevel.spread)[:, None] * across
-        up = crossing(root.place, tilt, place, tilt - beta)
-        lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
-        bevel_turn = bevel.run * (size_slope * np.sin(beta) + size_value * turn[0] * np.cos(beta) + lever * turn[1])
-        tilt, beta = face_angles(
-            faces, np.where(np.isfinite(s), s, 0.0), _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s)
-        )
-        ends = root_ends(cloud, tracked, curve, root, bevel, tilt, beta, up, s)
-        upper_s = root.s + root.run * up
-        safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
-        middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
-        size = size or fit_course(upper_s, middle, spread, cloud.pass_index)
-        end = (
-            find_end(_as_ends(cloud, tracked, ends, upper_s, faces, size), end.course if end else size)
-            if whole
-            else None
-        )
-        course = end.course if end else size
-        size_value, size_slope = course.value(safe), course.slope(safe)
+    root, none = faces.root, np.zeros_like(s)
+    made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
+    ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
+    safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
+    middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
+    course = fit_course(made.upper_s, middle, spread, cloud.pass_index)
+    made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
+    end = None
+    if whole:
+        ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
+        end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course), course)
+        course = end.course
+        made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
+    upper_s, up = made.upper_s, made.up
+    safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
+    size = course.value(safe)
     _, a, b = curve.frame(safe)
-    spot = on_line(root.place, tilt, up - size_value)
+    spot = on_line(root.place, made.tilt, up - size)
     lower_edge = curve.position(safe) + spot[:, :1] * a + spot[:, 1:] * b
     lower_edge[~np.isfinite(upper_s)] = np.nan
-    s_low = upper_s - root.run * size_value
+    s_low = upper_s - root.run * size
     shift = float(np.nanmin(s_low))
-    measured = Measured(curve, s_low - shift, faces, ends, end, upper_s, lever, root_turn, bevel_turn, shift)  # type: ignore[arg-type]
+    measured = Measured(
+        curve,
+        s_low - shift,
+        faces,
+        ends,
+        end,
+        upper_s,
+        made.lever,
+        made.root_turn,
+        made.bevel_turn,
+        shift,  # type: ignore[arg-type]
+    )
     return measured, lower_edge, s_low
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Corner:
+    """The corner of both faces in N frames, and their angles there."""
+
+    tilt: Float  # (N,) direction of the root face, rad
+    beta: Float  # (N,) bevel angle, rad
+    up: Float  # (N,) distance along the root face to the corner, mm
+    upper_s: Float  # (N,) arc length of the corner, mm
+    lever: Float  # (N,) distance of the bevel's measured points from it, mm
+    root_turn: Float  # (N,) what obliquity adds to the direction of the root face, rad
+    bevel_turn: Float  # (N,) the same of the bevel face
+
+
+def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> _Corner:
+    """The corner where the root face has a size (N,) that changes by `size_slope` (N,); about which angles, rad.
+
+    An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
+    """
+    root, bevel = faces.root, faces.bevel
+    turn = _slope(faces, s)
+    root_turn = root.run * 0.5 * size * turn[0]
+    nu = tilt + np.pi / 2 - beta
+    across = np.stack([np.cos(nu), np.sin(nu)], axis=1)
+    place = bevel.place - (turn[1] * bevel.run * bevel.spread)[:, None] * across
+    up = crossing(root.place, tilt, place, tilt - beta)
+    lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
+    bevel_turn = bevel.run * (size_slope * np.sin(beta) + size * turn[0] * np.cos(beta) + lever * turn[1])
+    at = np.where(np.isfinite(s), s, 0.0)
+    tilt, beta = face_angles(faces, at, _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s))
+    return _Corner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
 
 
 def _near(s: Float, value: Float, at: Float) -> Float:

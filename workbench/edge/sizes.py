@@ -83,7 +83,9 @@ def sudden(
 
 def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:
     """How far each station (m,) lies over the commonest level, and what that makes uncertain."""
-    share = np.array([np.mean(np.abs(level - one) < least) for one in level])
+    rising = np.sort(level)
+    near = np.searchsorted(rising, level + least) - np.searchsorted(rising, level - least, side="right")
+    share = near / level.size
     over = level - level[np.argmax(share)]
     off = np.abs(over)
     if share.max() < MOST:
@@ -121,8 +123,11 @@ def end_loose_mm(end: EndCourse, s: Float) -> Float:
 
     A smooth course runs through sudden changes as if they were waves, within the steps of the columns.
     """
-    near = np.abs(s[:, None] - end.s[None, :]) <= NEAR_MM
-    off = np.asarray(np.where(near, np.abs(end.departure)[None, :], 0.0).max(axis=1, initial=0.0))
+    off = np.zeros(s.size)
+    for at, departure in zip(end.s, np.abs(end.departure), strict=True):
+        if departure > 0.0:
+            near = np.abs(s - at) <= NEAR_MM
+            off[near] = np.maximum(off[near], departure)
     if end.s.size < 3:
         return off
     apart = np.gradient(end.s)

@@ -300,14 +300,30 @@ def _regular_wave(s: Float, left: Float, weight: Float) -> float:
     if count < 3:
         return 0.0
     count = min(count, MOST_WAVES)
-    phase = 2.0 * math.pi * np.outer(s, np.arange(2, 2 * count + 1) / (2.0 * length))
-    power, height = 0.0, 0.0
-    for values in left.T:
-        found = weight * values @ np.exp(1j * phase)
-        power += float(np.max(np.abs(found)) ** 2) * 2.0 / float(weight.sum())
-        height += float(np.max(np.abs(found)) ** 2) * 2.0 / float(weight.sum()) ** 2
-    components = left.shape[1]
-    return height / components if power > 2.0 * components * math.log(2 * count / RISK) else 0.0
+    squares = np.empty((2 * count - 1, left.shape[1]))
+    _waves(as_input(math.pi / length * (s - s.min())), as_input(weight[:, None] * left), 2, squares)
+    total, components = float(weight.sum()), left.shape[1]
+    strongest = 2.0 * float(squares.max(axis=0).sum())
+    return (
+        strongest / total**2 / components if strongest / total > 2.0 * components * math.log(2 * count / RISK) else 0.0
+    )
+
+
+@kernel
+def _waves(phase: Float, values: Float, first: int, squares: Float) -> None:
+    """Fill `squares` (k, d): of the sums of values (n, d) times exp(i m phase) (n,), m from `first` on."""
+    sums = np.zeros((squares.shape[0], values.shape[1], 2))
+    for i in range(phase.size):
+        turn_re, turn_im = math.cos(phase[i]), math.sin(phase[i])
+        re, im = math.cos(first * phase[i]), math.sin(first * phase[i])
+        for m in range(squares.shape[0]):
+            for d in range(values.shape[1]):
+                sums[m, d, 0] += values[i, d] * re
+                sums[m, d, 1] += values[i, d] * im
+            re, im = re * turn_re - im * turn_im, re * turn_im + im * turn_re
+    for m in range(squares.shape[0]):
+        for d in range(values.shape[1]):
+            squares[m, d] = sums[m, d, 0] ** 2 + sums[m, d, 1] ** 2
 
 
 def binned(

@@ -213,19 +213,25 @@ def with_frame(spline: Spline, s: Float, course: Course | None = None) -> Curve:
     stations = np.linspace(s.min() - 5.0, s.max() + 5.0, max(8, int(s.max() - s.min()) + 10))
     bare = Curve(spline, stations, np.zeros((stations.size, 3)), course)
     t, position = bare.tangent(stations), bare.position(stations)
-    a = np.empty_like(t)
-    a[0] = np.eye(3)[np.argmin(np.abs(t[0]))]
+    a = np.zeros_like(t)
+    a[0, np.argmin(np.abs(t[0]))] = 1.0
     a[0] -= t[0] * (a[0] @ t[0])
     a[0] /= np.linalg.norm(a[0])
-    for i in range(len(t) - 1):  # double reflection
-        v1 = position[i + 1] - position[i]
-        c1 = v1 @ v1
-        ref = a[i] - (2.0 / c1) * (v1 @ a[i]) * v1
-        tan = t[i] - (2.0 / c1) * (v1 @ t[i]) * v1
-        v2 = t[i + 1] - tan
-        c2 = v2 @ v2
-        a[i + 1] = ref - (2.0 / c2) * (v2 @ ref) * v2 if c2 > 0 else ref
+    _reflect_on(as_input(t), as_input(position), a)
     return replace(bare, references=a)
+
+
+@kernel
+def _reflect_on(t: Float, position: Float, a: Float) -> None:
+    """Fill a (n, 3) from its first row on by double reflection, t and position (n, 3) given."""
+    for i in range(len(t) - 1):
+        v1 = position[i + 1] - position[i]
+        c1 = (v1 * v1).sum()
+        ref = a[i] - (2.0 / c1) * (v1 * a[i]).sum() * v1
+        tan = t[i] - (2.0 / c1) * (v1 * t[i]).sum() * v1
+        v2 = t[i + 1] - tan
+        c2 = (v2 * v2).sum()
+        a[i + 1] = ref - (2.0 / c2) * (v2 * ref).sum() * v2 if c2 > 0.0 else ref
 
 
 def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:

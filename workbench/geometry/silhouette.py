@@ -9,6 +9,7 @@ the one estimator, `geometry.course`, as a value with a variance (expectation pr
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -29,7 +30,7 @@ UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
 SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
-FAR_SIGMAS = 7.0
+FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +89,7 @@ def find_end(
             as_input(ends.weight),
             as_input(ends.fill),
             as_input(ends.fill_sigma),
+            _normal(),
             grid,
             logs,
         )
@@ -174,36 +176,56 @@ def _add_up(
     weight: Float,
     fill: Float,
     fill_sigma: Float,
+    normal: Float,
     grid: Float,
     out: Float,
 ) -> None:
-    """Add each frame's log-likelihood of an end at each place of the grid to the row of its cell (eq. (8))."""
+    """Add each frame's log-likelihood of an end at each place of the grid to the row of its cell (eq. (8)).
+
+    normal: the standard normal distribution function at even steps from -FAR_SIGMAS to FAR_SIGMAS.
+    """
+    chance = np.empty(grid.size)
+    apart = grid[1] - grid[0]
     for i in range(cell.size):
-        for g in range(grid.size):
-            end, s = grid[g], sigma[i]
-            if step[i] <= 0.0:
-                z = (low[i] - end) / s
-                chance = math.exp(-0.5 * z * z)
-            else:
-                chance, share = 0.0, 1.0 - missing[i]
-                below = _cdf((low[i] - end) / s)
-                for k in range(MISSES):
-                    b = (low[i] + (k + 1) * step[i] - end) / s
-                    above = _cdf(b)
-                    chance += share * (above - below)
-                    if b > FAR_SIGMAS:
-                        break
-                    below, share = above, share * missing[i]
-                if fill[i] == fill[i]:
-                    full = min(max((end - low[i]) / step[i] + 0.5, 0.0), 1.0)
+        s, known = sigma[i], fill[i] == fill[i]
+        if step[i] <= 0.0:
+            for g in range(grid.size):
+                z = (low[i] - grid[g]) / s
+                chance[g] = math.exp(-0.5 * z * z)
+        else:
+            # The last return is the one before the end, or one of MISSES - 1 before that: from column to column the
+            # share of frames is taken off that the end has not passed, but for noise, and the share beyond it added.
+            chance[:] = 0.0
+            share = 0.0
+            for k in range(MISSES + 1):
+                before, share = share, (1.0 - missing[i]) * missing[i] ** k if k < MISSES else 0.0
+                column = low[i] + k * step[i]
+                first = min(max(math.ceil((column - FAR_SIGMAS * s - grid[0]) / apart), 0), grid.size)
+                last = min(max(math.ceil((column + FAR_SIGMAS * s - grid[0]) / apart), first), grid.size)
+                change = before - share if first < grid.size else before  # columns beyond the grid take all the rest
+                for g in range(first):
+                    chance[g] += change
+                for g in range(first, last):
+                    at = ((column - grid[g]) / s / FAR_SIGMAS + 1.0) * 0.5 * (normal.size - 1)
+                    m = min(max(int(at), 0), normal.size - 2)
+                    chance[g] += change * (normal[m] + (at - m) * (normal[m + 1] - normal[m]))
+                if first == grid.size:
+                    break
+            if known:
+                for g in range(grid.size):
+                    full = min(max((grid[g] - low[i]) / step[i] + 0.5, 0.0), 1.0)
                     z = (fill[i] - full) / math.hypot(fill_sigma[i], s / step[i])
-                    chance *= math.exp(-0.5 * z * z) + STRAY
-            out[cell[i], g] += weight[i] * math.log(chance + STRAY)
+                    chance[g] *= math.exp(-0.5 * z * z) + STRAY
+        at_last, log_at_last = -1.0, 0.0
+        for g in range(grid.size):
+            if chance[g] != at_last:
+                at_last = chance[g]
+                log_at_last = weight[i] * math.log(max(at_last, 0.0) + STRAY)
+            out[cell[i], g] += log_at_last
 
 
-@kernel
-def _cdf(z: float) -> float:
-    """Standard normal distribution function."""
-    if abs(z) > FAR_SIGMAS:
-        return 1.0 if z > 0.0 else 0.0
-    return 0.5 * math.erfc(-z * 0.7071067811865476)
+@functools.cache
+def _normal() -> Float:
+    """Standard normal distribution function from -FAR_SIGMAS to FAR_SIGMAS: between two values a line is 4e-7 off."""
+    at = np.linspace(-FAR_SIGMAS, FAR_SIGMAS, NORMAL)
+    return as_input(np.array([0.5 * math.erfc(-z / math.sqrt(2.0)) for z in at]))

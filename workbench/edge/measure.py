@@ -219,12 +219,12 @@ def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: b
         s_low - shift,
         faces,
         ends,
-        end,
+        end,  # type: ignore[arg-type]
         upper_s,
         made.lever,
         made.root_turn,
         made.bevel_turn,
-        shift,  # type: ignore[arg-type]
+        shift,
     )
     return measured, lower_edge, s_low
 

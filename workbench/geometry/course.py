@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,7 +94,6 @@ class Bins:
     kept: Bool  # (n,) False: outliers, and what was not finite
     frame_factor: float
     vector: bool = True  # of values (n, d)
-    seen: Bool | None = None  # (n,) finite
 
 
 def fit_course(
@@ -125,36 +125,36 @@ def fit_course(
         True
     """
     bin_mm, stated = together_mm or BIN_MM, variance is not None
-    bins = binned(s, y, variance, group, bin_mm)
-    course = _fit(s, bins, stated, orders, stiffness, unseen, bin_mm)
+    values = _as_values(s, y, variance, group, bin_mm)
+    kept = _inliers(values)
+    bins = _means(values, kept)
+    course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
-        kept = _near(course, s, y, variance, group)
-        if (kept == course.kept).all():
+        before, kept = kept, _near(course, values, kept)
+        if (kept == before).all():
             break
-        bins = binned(s, y, variance, group, bin_mm, kept)
-        course = _fit(s, bins, stated, orders, course.stiffness, unseen, bin_mm)
-    return _unfollowed(course, bins, s, y, variance, group)
+        bins = _means(values, kept)
+        course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm)
+    return _unfollowed(course, bins, values)
 
 
-def _unfollowed(course: Course, bins: Bins, s: Float, y: Float, variance: Float | None, group: Int | None) -> Course:
+def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
     """The course, uncertain by all that successive values leave it by together, dropped or not.
 
     Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
     lie off, there is a notch, a step, or lost returns: nothing here tells which.
     """
-    values, _, passes, seen = _as_values(s, y, variance, group)
     departure = np.zeros(course.at_mm.size)
-    for p in np.unique(passes[seen]):
-        mine = np.flatnonzero(seen & (passes == p))
-        if mine.size < LEAST_VALUES:
+    off = values.y - course.value(values.s).reshape(values.y.shape)
+    for mine in values.passes:
+        if mine.stop - mine.start < LEAST_VALUES:
             continue
-        mine = mine[np.argsort(s[mine], kind="stable")]
-        off = values[mine] - course.value(s[mine]).reshape(mine.size, -1)
-        size = np.median(_neighbours(np.linalg.norm(off, axis=1), LEAST_VALUES), axis=-1)
-        scatter = float(np.median(np.linalg.norm(np.diff(off, axis=0), axis=1)))
-        limit = max(AGREED * scatter, OUTLIER_SIGMAS * float(np.median(size)) / 0.6745)
-        station = np.searchsorted(course.at_mm, s[mine]).clip(0, course.at_mm.size - 1)
-        np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
+        size, step = np.empty(mine.stop - mine.start), np.empty(mine.stop - mine.start - 1)
+        _lasting(as_input(off[mine]), size, step)
+        limit = max(AGREED * float(np.median(step)), OUTLIER_SIGMAS * float(np.median(size)) / 0.6745)
+        if (size > limit).any():
+            station = np.searchsorted(course.at_mm, values.s[mine]).clip(0, course.at_mm.size - 1)
+            np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
     if not departure.any():
         return course
     course = _misfit_elsewhere(course, bins, _neighbours(departure, 8 * SWING + 1).max(axis=-1) > 0.0)
@@ -165,6 +165,25 @@ def _unfollowed(course: Course, bins: Bins, s: Float, y: Float, variance: Float 
         variance=course.variance + departure**2,
         slope_variance=course.slope_variance + (departure / (2.0 * apart)) ** 2,
     )
+
+
+@kernel
+def _lasting(off: Float, size: Float, step: Float) -> None:
+    """Fill size (n,): how far values (n, d) lie off, the median of LEAST_VALUES in a row; step (n - 1,): neighbours."""
+    length, row = np.empty(size.size), np.empty(LEAST_VALUES)
+    for i in range(size.size):
+        length[i] = math.sqrt((off[i] ** 2).sum())
+        if i > 0:
+            step[i - 1] = math.sqrt(((off[i] - off[i - 1]) ** 2).sum())
+    for i in range(size.size):
+        first = min(max(i - LEAST_VALUES // 2, 0), size.size - LEAST_VALUES)
+        for k in range(LEAST_VALUES):
+            m = k
+            while m > 0 and row[m - 1] > length[first + k]:
+                row[m] = row[m - 1]
+                m -= 1
+            row[m] = length[first + k]
+        size[i] = row[LEAST_VALUES // 2]
 
 
 def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
@@ -188,7 +207,7 @@ def _neighbours(value: Float, count: int) -> Float:
 
 
 def _fit(
-    s: Float,
+    values: Values,
     bins: Bins,
     stated: bool,
     orders: tuple[int, int],
@@ -200,7 +219,7 @@ def _fit(
     noise_factor = _noise_factor(bins, stated, min(orders))
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     weight = 1.0 / (bins.variance * noise_factor)
-    knots = _knots(np.asarray(s)[bins.seen], 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
+    knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
     problems = _problems(inside, bins.y - trend(bins.s), weight, knots, orders)
@@ -274,11 +293,10 @@ def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
     A few pooled values know no variance: PRIOR_FREEDOM more are taken that are as they should be.
     """
     out = []
+    parted = np.diff(group, prepend=group[0] - 1) != 0
+    place = np.arange(group.size) - np.flatnonzero(parted)[np.cumsum(parted) - 1]
     for bins in POOLED:
-        first = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
-        place = np.arange(group.size) - first[np.searchsorted(first, np.arange(group.size), side="right") - 1]
-        _, number = np.unique(np.column_stack([group, place // bins]), axis=0, return_inverse=True)
-        number = number.ravel()
+        number = np.cumsum(parted | (place % bins == 0)) - 1
         total = np.bincount(number, weight)
         mean = np.stack([np.bincount(number, weight * left[:, k]) for k in range(left.shape[1])], axis=1)
         square, free = float((mean**2 / total[:, None]).sum()) / left.shape[1], total.size - spent
@@ -326,56 +344,81 @@ def _waves(phase: Float, values: Float, first: int, squares: Float) -> None:
             squares[m, d] = sums[m, d, 0] ** 2 + sums[m, d, 1] ** 2
 
 
-def binned(
-    s: Float,
-    y: Float,
-    variance: Float | None = None,
-    group: Int | None = None,
-    bin_mm: float = BIN_MM,
-    kept: Bool | None = None,
-) -> Bins:
-    """Means of y (n,) or (n, d) over bins along s (n,), pass by pass; kept: without outliers, None: tell them."""
-    values, stated, passes, seen = _as_values(s, y, variance, group)
-    if not seen.any():
-        raise ValueError("expected a finite value")
-    least = LEAST_BINS if bin_mm <= BIN_MM else LEAST_BINS // 4
-    width = min(bin_mm, max(float(np.ptp(s[seen])), 1e-6) / least)
-    kept = _inliers(s, values, stated, passes, seen, width) if kept is None else kept
-    return replace(_means(s, values, stated, passes, kept, width), vector=np.ndim(y) > 1, seen=seen)
+@dataclass(frozen=True, slots=True, eq=False)
+class Values:
+    """The m of n values that are numbers, pass by pass along s, and the bins that they lie in."""
+
+    order: Int  # (m,) which of the n
+    count: int  # n
+    s: Float  # (m,)
+    y: Float  # (m, d)
+    variance: Float  # (m,)
+    group: Int  # (m,)
+    passes: tuple[slice, ...]
+    edges: Int  # (b + 1,) where bins begin, and the end
+    width_mm: float  # of bins
+    vector: bool  # y was given as (n, d)
 
 
-def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None) -> tuple[Float, Float, Int, Bool]:
-    """Values (n, d), their variances (n,), passes (n,), and which of them are numbers (n,)."""
+def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None, bin_mm: float) -> Values:
     values = np.asarray(y, dtype=float).reshape(len(s), -1)
     stated = np.ones(len(s)) if variance is None else np.asarray(variance, dtype=float)
     passes = np.zeros(len(s), np.int64) if group is None else np.asarray(group)
     seen = np.isfinite(s) & np.isfinite(values).all(axis=1) & np.isfinite(stated) & (stated > 0)
-    return values, stated, passes, seen
+    order = np.flatnonzero(seen)
+    if not order.size:
+        raise ValueError("expected a finite value")
+    order = order[np.argsort(s[order], kind="stable")]
+    if group is not None:
+        order = order[np.argsort(passes[order], kind="stable")]
+    s, passes = s[order], passes[order]
+    least = LEAST_BINS if bin_mm <= BIN_MM else LEAST_BINS // 4
+    width = min(bin_mm, max(float(np.ptp(s)), 1e-6) / least)
+    parted = np.flatnonzero(np.diff(passes)) + 1
+    begins = np.concatenate([[0], parted, [s.size]])
+    edges = np.union1d(begins, np.flatnonzero(np.diff(stretches(s, width))) + 1)
+    return Values(
+        order,
+        seen.size,
+        s,
+        values[order],
+        stated[order],
+        passes,
+        tuple(slice(int(i), int(j)) for i, j in pairwise(begins)),
+        edges,
+        width,
+        np.ndim(y) > 1,
+    )
 
 
-def _near(course: Course, s: Float, y: Float, variance: Float | None, group: Int | None) -> Bool:
-    """Values (n,) within OUTLIER_SIGMAS of the course: of their pass's own scatter about it, and of its uncertainty.
+def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM) -> Bins:
+    """Means of y (n,) or (n, d) over bins along s (n,), pass by pass, without outliers."""
+    values = _as_values(s, y, variance, group, bin_mm)
+    return _means(values, _inliers(values))
 
-    A pass of LEAST_VALUES or more may run beside the course as a whole.
+
+def _near(course: Course, values: Values, kept: Bool) -> Bool:
+    """Values (m,) within OUTLIER_SIGMAS of the course: of their pass's own scatter about it, and of its uncertainty.
+
+    A pass of LEAST_VALUES or more may run beside the course as a whole. kept (m,): of before.
     """
-    values, stated, passes, out = _as_values(s, y, variance, group)
-    on = np.flatnonzero(out)
-    off = values[on] - course.value(s[on]).reshape(on.size, -1)
-    for p in np.unique(passes[on]):
-        mine = passes[on] == p
-        sound = mine & course.kept[on]
-        if sound.sum() >= LEAST_VALUES:
-            off[mine] -= np.median(off[sound], axis=0)
-    size = np.sqrt((off**2).sum(axis=1) / stated[on])
-    typical = np.full(on.size, float(np.median(size)))
-    for p in np.unique(passes[on]):
-        mine = passes[on] == p
-        if mine.sum() >= LEAST_VALUES:
+    off = values.y - course.value(values.s).reshape(values.y.shape)
+    for mine in values.passes:
+        if kept[mine].sum() >= LEAST_VALUES:
+            off[mine] -= [np.median(part) for part in off[mine][kept[mine]].T]
+    size = np.sqrt((off**2).sum(axis=1) / values.variance)
+    typical = np.full(size.size, float(np.median(size)))
+    for mine in values.passes:
+        if len(values.passes) > 1 and mine.stop - mine.start >= LEAST_VALUES:
             typical[mine] = np.median(size[mine])
-    digits = DIGITS * float(np.abs(values[on]).max()) / math.sqrt(float(stated[on].min()))
-    limit = np.hypot(np.maximum(typical / 0.6745, digits), course.u(s[on]) / np.sqrt(stated[on]))
-    out[on] = size <= OUTLIER_SIGMAS * limit
-    return out
+    limit = np.maximum(typical / 0.6745, _digits(values))
+    limit = np.hypot(limit, course.u(values.s) / np.sqrt(values.variance))
+    return np.asarray(size <= OUTLIER_SIGMAS * limit)
+
+
+def _digits(values: Values) -> float:
+    """What rounding may leave of values, over the least of their standard deviations."""
+    return DIGITS * float(np.abs(values.y).max()) / math.sqrt(float(values.variance.min()))
 
 
 def _aligned(bins: Bins) -> tuple[Bins, float]:
@@ -431,41 +474,31 @@ def stretches(s: Float, width_mm: float) -> Int:
     return np.asarray(along - along.min())
 
 
-def _number(s: Float, passes: Int, width: float) -> Int:
-    """Number of each value's bin; bins of a pass follow each other."""
-    along = stretches(s, width)
-    _, which = np.unique(passes, return_inverse=True)
-    _, number = np.unique(which * (along.max() + 2) + along, return_inverse=True)
-    return np.asarray(number)
-
-
-def _inliers(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width: float) -> Bool:
-    """Values within OUTLIER_SIGMAS of a smooth course through the medians of neighbouring bins, in one pass.
+def _inliers(values: Values) -> Bool:
+    """Values (m,) within OUTLIER_SIGMAS of a smooth course through the medians of neighbouring bins, in one pass.
 
     Components are judged together: noise of a frame may lie along one direction only.
     """
-    out = kept.copy()
-    for p in np.unique(passes[kept]):
-        here = np.flatnonzero(kept & (passes == p))
-        if here.size < LEAST_VALUES:
+    kept = np.ones(values.s.size, bool)
+    for mine in values.passes:
+        if mine.stop - mine.start < LEAST_VALUES:
             continue
-        here = here[np.argsort(s[here], kind="stable")]
-        first = np.flatnonzero(np.diff(stretches(s[here], width), prepend=-1))
-        place = _medians(s[here], first)
-        middle = np.stack([_medians(part, first) for part in y[here].T], axis=1)
-        nearest = np.abs(np.searchsorted(0.5 * (place[1:] + place[:-1]), s[here]))
-        off = y[here] - _parabolas(place, middle, nearest, s[here])
-        size = np.sqrt((off**2).sum(axis=1) / variance[here])
-        digits = DIGITS * float(np.abs(y[here]).max()) / math.sqrt(float(variance[here].min()))
-        out[here] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, digits)
-    return out
+        edges = values.edges[(values.edges >= mine.start) & (values.edges <= mine.stop)]
+        middle = np.empty((edges.size - 1, 1 + values.y.shape[1]))
+        _fill_medians(values.s, values.y, edges, middle)
+        place, reach, found = _parabolas(middle[:, 0], as_input(middle[:, 1:]))
+        size = np.empty(mine.stop - mine.start)
+        s, y, variance = (as_input(of[mine]) for of in (values.s, values.y, values.variance))
+        _off_parabolas(place, reach, found, s, y, variance, size)
+        kept[mine] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, _digits(values))
+    return kept
 
 
-def _parabolas(place: Float, middle: Float, nearest: Int, s: Float) -> Float:
-    """Values (n, d) at s (n,) of the parabola about the nearest of the places (b,), through the NEIGHBOURS nearest it.
+def _parabolas(place: Float, middle: Float) -> tuple[Float, Float, Float]:
+    """Parabolas (b, 3, d) of (s - place) / reach about each of the places (b,), through the NEIGHBOURS nearest it.
 
     Through middles (b, d), by least squares with weights that fall with a middle's own distance (Cauchy's): robust, and
-    true to a course that bends, at its ends too, where lines between the middles would leave it.
+    true to a course that bends, at its ends too, where lines between the middles would leave it. Also place and reach.
     """
     count = min(NEIGHBOURS, place.size)
     first = np.arange(place.size) - count // 2
@@ -477,57 +510,146 @@ def _parabolas(place: Float, middle: Float, nearest: Int, s: Float) -> Float:
         behind = np.maximum(first - 1, 0)
         back = (behind < first) & (place - place[behind] < place[last] - place) & (last > np.arange(place.size))
         first = first + ahead - back
-    window = np.clip(first, 0, place.size - count)[:, None] + np.arange(count)
-    reach = np.maximum(np.ptp(place[window], axis=1), 1e-9)
-    u = (place[window] - place[:, None]) / reach[:, None]
-    powers = u[:, :, None] ** np.arange(min(3, max(1, (count + 1) // 2)))
-    weight = np.ones(place.size)
+    first = np.clip(first, 0, place.size - count)
+    reach = np.maximum(place[first + count - 1] - place[first], 1e-9)
+    weight, terms = np.ones(place.size), min(3, max(1, (count + 1) // 2))
+    found = np.zeros((place.size, 3, middle.shape[1]))
+    known = as_input(place), middle, as_input(first), as_input(reach)
     for _ in range(RESETTLED):
-        left = powers * weight[window][:, :, None]
-        normal = np.einsum("bki,bkj->bij", left, powers) + 1e-12 * np.eye(powers.shape[2])
-        found = np.linalg.solve(normal, np.einsum("bki,bkd->bid", left, middle[window]))
-        off = np.linalg.norm(middle - found[:, 0], axis=1)
+        off = np.empty(place.size)
+        _fit_parabolas(*known, as_input(weight), count, terms, found, off)
         weight = 1.0 / (1.0 + (off / max(2.0 * float(np.median(off)), 1e-12)) ** 2)
-    u = (s - place[nearest]) / reach[nearest]
-    return np.asarray(np.einsum("ni,nid->nd", u[:, None] ** np.arange(powers.shape[2]), found[nearest]))
-
-
-def _medians(values: Float, first: Int) -> Float:
-    """Medians of the runs of values (n,) that begin at `first` (r,)."""
-    out = np.empty(first.size)
-    _fill_medians(as_input(values), as_input(np.append(first, values.size)), out)
-    return out
+    return known[0], known[3], found
 
 
 @kernel
-def _fill_medians(values: Float, edges: Int, out: Float) -> None:
-    for k in range(out.size):
-        run = np.sort(values[edges[k] : edges[k + 1]])
-        out[k] = 0.5 * (run[(run.size - 1) // 2] + run[run.size // 2])
+def _fit_parabolas(
+    place: Float,
+    middle: Float,
+    first: Int,
+    reach: Float,
+    weight: Float,
+    count: int,
+    terms: int,
+    found: Float,
+    off: Float,
+) -> None:
+    """Fill found (b, 3, d), and off (b,): how far each middle lies off its own."""
+    components = middle.shape[1]
+    rows, powers = np.empty((3, 3 + components)), np.ones(3)
+    for b in range(place.size):
+        rows[:] = 0.0
+        for k in range(first[b], first[b] + count):
+            powers[1] = (place[k] - place[b]) / reach[b]
+            powers[2] = powers[1] * powers[1]
+            for i in range(terms):
+                for j in range(terms):
+                    rows[i, j] += weight[k] * powers[i] * powers[j]
+                for d in range(components):
+                    rows[i, 3 + d] += weight[k] * powers[i] * middle[k, d]
+        for i in range(terms):
+            rows[i, i] += 1e-12
+        for i in range(terms):  # Gauss: the matrix is positive definite
+            for j in range(i + 1, terms):
+                share = rows[j, i] / rows[i, i]
+                for m in range(i, 3 + components):
+                    rows[j, m] -= share * rows[i, m]
+        square = 0.0
+        for d in range(components):
+            for i in range(terms - 1, -1, -1):
+                value = rows[i, 3 + d]
+                for j in range(i + 1, terms):
+                    value -= rows[i, j] * found[b, j, d]
+                found[b, i, d] = value / rows[i, i]
+            square += (middle[b, d] - found[b, 0, d]) ** 2
+        off[b] = math.sqrt(square)
 
 
-def _means(s: Float, y: Float, variance: Float, passes: Int, kept: Bool, width: float) -> Bins:
-    on = np.flatnonzero(kept)
-    number = _number(s[on], passes[on], width)
-    weight = 1.0 / variance[on]
-    total = np.bincount(number, weight)
-    place = np.bincount(number, weight * s[on]) / total
-    spread = np.sqrt(np.bincount(number, weight * (s[on] - place[number]) ** 2) / total)
-    mean = np.stack([np.bincount(number, weight * y[on, k]) / total for k in range(y.shape[1])], axis=1)
-    group = np.zeros(total.size, np.int64)
-    group[number] = passes[on]
-    count = np.bincount(number)
+@kernel
+def _off_parabolas(place: Float, reach: Float, found: Float, s: Float, y: Float, variance: Float, size: Float) -> None:
+    """Fill size (m,): standard deviations by which values (m, d), s rising, lie off the nearest place's parabola."""
+    b = 0
+    for m in range(s.size):
+        while b + 1 < place.size and s[m] > 0.5 * (place[b] + place[b + 1]):
+            b += 1
+        u = (s[m] - place[b]) / reach[b]
+        square = 0.0
+        for d in range(y.shape[1]):
+            square += (y[m, d] - found[b, 0, d] - u * (found[b, 1, d] + u * found[b, 2, d])) ** 2
+        size[m] = math.sqrt(square / variance[m])
+
+
+@kernel
+def _fill_medians(s: Float, y: Float, edges: Int, out: Float) -> None:
+    """Fill `out` (b, 1 + d): medians of s, and of each component of y, between edges (b + 1,)."""
+    for b in range(out.shape[0]):
+        size = edges[b + 1] - edges[b]
+        for k in range(out.shape[1]):
+            run = np.sort(s[edges[b] : edges[b + 1]]) if k == 0 else np.sort(y[edges[b] : edges[b + 1], k - 1])
+            out[b, k] = 0.5 * (run[(size - 1) // 2] + run[size // 2])
+
+
+def _means(values: Values, kept: Bool) -> Bins:
+    """The bins of what is kept (m,)."""
+    components = values.y.shape[1]
+    sums = np.zeros((values.edges.size - 1, 4 + components))
+    known = values.edges, values.s, values.y, values.variance, as_input(kept)
+    _sum_up(*known, sums)
+    full = sums[:, 0] > 0
+    of = np.cumsum(full) - 1
+    count, total, place, spread, mean = *sums[full, :4].T, sums[full, 4:]
     near = np.diff(place, prepend=-np.inf, append=np.inf)  # slope within the bin, from the bins beside it
-    slope = np.zeros_like(mean)
-    for k in range(mean.shape[1]):
-        step = np.diff(mean[:, k], prepend=np.nan, append=np.nan)
-        joined = (np.abs(near) < 3.0 * width) & (near > 0)
-        both = np.where(joined, step, 0.0) / np.where(joined, near, 1.0)
-        slope[:, k] = (both[:-1] + both[1:]) / np.maximum(joined[:-1].astype(float) + joined[1:], 1.0)
-    off = y[on] - mean[number] - slope[number] * (s[on] - place[number])[:, None]
-    free = max(float((count - 1).sum()), 0.0) * y.shape[1]
-    factor = float((weight[:, None] * off**2).sum()) / free if free >= 10 else 1.0
-    return Bins(place, spread, mean, 1.0 / total, group, kept, factor)
+    joined = (np.abs(near) < 3.0 * values.width_mm) & (near > 0)
+    step = np.diff(mean, axis=0, prepend=np.nan, append=np.nan)
+    both = np.where(joined[:, None], step, 0.0) / np.where(joined, near, 1.0)[:, None]
+    slope = (both[:-1] + both[1:]) / np.maximum(joined[:-1].astype(float) + joined[1:], 1.0)[:, None]
+    free = max(float((count - 1).sum()), 0.0) * components
+    scatter = _scatter(*known, as_input(of), as_input(place), as_input(mean), as_input(slope))
+    factor = scatter / free if free >= 10 else 1.0
+    all_kept = np.zeros(values.count, bool)
+    all_kept[values.order] = kept
+    group = values.group[values.edges[:-1]][full]
+    return Bins(place, np.sqrt(spread), mean, 1.0 / total, group, all_kept, factor, values.vector)
+
+
+@kernel
+def _sum_up(edges: Int, s: Float, y: Float, variance: Float, kept: Bool, out: Float) -> None:
+    """Fill `out` (b, 4 + d): count, weight, mean and variance of s, means of y of each bin."""
+    for b in range(out.shape[0]):
+        for m in range(edges[b], edges[b + 1]):
+            if kept[m]:
+                weight = 1.0 / variance[m]
+                out[b, 0] += 1.0
+                out[b, 1] += weight
+                share = weight / out[b, 1]
+                ahead = s[m] - out[b, 2]
+                out[b, 2] += share * ahead
+                out[b, 3] += share * ((1.0 - share) * ahead * ahead - out[b, 3])
+                for d in range(y.shape[1]):
+                    out[b, 4 + d] += share * (y[m, d] - out[b, 4 + d])
+
+
+@kernel
+def _scatter(
+    edges: Int,
+    s: Float,
+    y: Float,
+    variance: Float,
+    kept: Bool,
+    number: Int,
+    place: Float,
+    mean: Float,
+    slope: Float,
+) -> float:
+    """Sum of squares of what is kept about the line of its bin, over the variances; number (b,): of the bin's line."""
+    total = 0.0
+    for b in range(edges.size - 1):
+        i = number[b]
+        for m in range(edges[b], edges[b + 1]):
+            if kept[m]:
+                for d in range(y.shape[1]):
+                    total += (y[m, d] - mean[i, d] - slope[i, d] * (s[m] - place[i])) ** 2 / variance[m]
+    return total
 
 
 def _noise_factor(bins: Bins, stated: bool, order: int) -> float:

@@ -30,13 +30,19 @@ def noise_sigma(z: Float) -> float:
 
     The largest of the three: correlated noise hides from neighbours. Medians: corners and jumps count little.
     """
-    sigma = MIN_SIGMA_MM
+    return float(_noise_sigma(as_input(z)))
+
+
+@kernel
+def _noise_sigma(z: Float) -> float:
+    sigma, second = MIN_SIGMA_MM, np.empty(z.size)
     for step in (1, 2, 4):
         n = z.size - 2 * step
         if n < 8:
             break
-        second = np.abs(z[:n] - 2.0 * z[step : step + n] + z[2 * step :])
-        sigma = max(sigma, float(np.median(second)) / 0.6745 / math.sqrt(6.0))
+        for i in range(n):
+            second[i] = abs(z[i] - 2.0 * z[i + step] + z[i + 2 * step])
+        sigma = max(sigma, np.median(second[:n]) / 0.6745 / math.sqrt(6.0))
     return sigma
 
 
@@ -60,29 +66,34 @@ def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
     return slope, (sz - slope * sx) / n, max(szz - slope * sxz, 0.0)
 
 
-@kernel
+@kernel(error_model="numpy")
 def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
     breaks = (x.size + step - 1) // step
-    cost = np.zeros(breaks + 1)
+    at = np.minimum(np.arange(breaks + 1) * step, x.size)
+    s1, s2, s3, s4, s5 = sums[at, 0], sums[at, 1], sums[at, 2], sums[at, 3], sums[at, 4]
+    cost, trial = np.zeros(breaks + 1), np.empty(breaks + 1)
     came_from = np.zeros(breaks + 1, np.int64)
     skipped = np.zeros(breaks + 1, np.bool_)
+    price = 1.0 / (sigma * sigma)
     for b in range(1, breaks + 1):
-        j = min(b * step, x.size)
-        cost[b] = cost[b - 1] + POINT_PRICE * (j - (b - 1) * step)
+        cost[b] = cost[b - 1] + POINT_PRICE * (at[b] - at[b - 1])
         came_from[b] = b - 1
         skipped[b] = True
-        for a in range(b):
-            i = a * step
-            if j - i < MIN_POINTS:
-                break
-            if cost[a] + LINE_PRICE >= cost[b]:
-                continue
-            rss = _line(sums, i, j)[2]
-            trial = cost[a] + LINE_PRICE + rss / (sigma * sigma)
-            if trial < cost[b]:
-                cost[b], came_from[b], skipped[b] = trial, a, False
+        starts = b
+        while starts > 0 and at[b] - at[starts - 1] < MIN_POINTS:
+            starts -= 1
+        for a in range(starts):  # no branch: many at a time
+            per = 1.0 / (at[b] - at[a])
+            sx, sz = s1[b] - s1[a], s2[b] - s2[a]
+            sxx = s3[b] - s3[a] - sx * sx * per
+            sxz = s4[b] - s4[a] - sx * sz * per
+            szz = s5[b] - s5[a] - sz * sz * per
+            trial[a] = cost[a] + LINE_PRICE + price * max(szz - sxz * sxz / max(sxx, 1e-12), 0.0)
+        for a in range(starts):
+            if trial[a] < cost[b]:
+                cost[b], came_from[b], skipped[b] = trial[a], a, False
     spans = np.empty((breaks, 2), np.int64)
     count = 0
     b = breaks

@@ -166,7 +166,7 @@ def _off_course(ends: Ends, about: Float) -> Float:
     return np.asarray(beyond | before, dtype=float)
 
 
-@kernel
+@kernel(error_model="numpy")
 def _add_up(
     cell: Int,
     low: Float,
@@ -188,6 +188,7 @@ def _add_up(
     apart = grid[1] - grid[0]
     for i in range(cell.size):
         s, known = sigma[i], fill[i] == fill[i]
+        per_s = 1.0 / (s * FAR_SIGMAS)
         if step[i] <= 0.0:
             for g in range(grid.size):
                 z = (low[i] - grid[g]) / s
@@ -206,7 +207,7 @@ def _add_up(
                 for g in range(first):
                     chance[g] += change
                 for g in range(first, last):
-                    at = ((column - grid[g]) / s / FAR_SIGMAS + 1.0) * 0.5 * (normal.size - 1)
+                    at = ((column - grid[g]) * per_s + 1.0) * 0.5 * (normal.size - 1)
                     m = min(max(int(at), 0), normal.size - 2)
                     chance[g] += change * (normal[m] + (at - m) * (normal[m + 1] - normal[m]))
                 if first == grid.size:

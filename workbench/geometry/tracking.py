@@ -85,12 +85,12 @@ def _corner_sigma(state: Float, count: float, sigma: float) -> float:
 
 
 @kernel
-def _spans(x: Float32, keep: Bool, side: float, limits: Float) -> Int:
+def _spans(x: Float32, side: float, limits: Float) -> Int:
     """First and last + 1 column (4, 2) of each face, with SLACK_MM beyond its limits; empty if not seen."""
     spans = np.zeros((4, 2), np.int64)
     for f in range(4):
         if np.isfinite(limits[f, 0]) and np.isfinite(limits[f, 1]):
-            spans[f, 0], spans[f, 1] = _window(x, keep, side, limits[f, 0] - SLACK_MM, limits[f, 1] + SLACK_MM)
+            spans[f, 0], spans[f, 1] = _window(x, side, limits[f, 0] - SLACK_MM, limits[f, 1] + SLACK_MM)
     return spans
 
 
@@ -131,13 +131,16 @@ def _mark_ends(
 ) -> None:
     """Fill FIRST and LAST of `out` (4, 8): the first and the last column that `_sums` counts; -1 if there is none."""
     for f in range(4):
-        out[f, FIRST] = out[f, LAST] = -1.0
-        for j in range(spans[f, 0], spans[f, 1]):
-            r = z[j] - state[f, SLOPE] * np.float64(x[j]) - state[f, OFFSET]
-            if keep[j] and limits[f, 0] <= side * x[j] <= limits[f, 1] and abs(r) <= gates[f]:
-                out[f, LAST] = j
-                if out[f, FIRST] < 0:
-                    out[f, FIRST] = j
+        k, c, gate, low, high = state[f, SLOPE], state[f, OFFSET], gates[f], limits[f, 0], limits[f, 1]
+        for end, step in ((FIRST, 1), (LAST, -1)):
+            out[f, end] = -1.0
+            j = spans[f, 0] if step > 0 else spans[f, 1] - 1
+            while spans[f, 0] <= j < spans[f, 1]:
+                xj = np.float64(x[j])
+                if keep[j] and low <= side * xj <= high and abs(z[j] - k * xj - c) <= gate:
+                    out[f, end] = j
+                    break
+                j += step
 
 
 @kernel
@@ -189,14 +192,15 @@ def _leave_ghosts(
 
 
 @kernel
-def _window(x: Float32, keep: Bool, side: float, low: float, high: float) -> tuple[int, int]:
+def _window(x: Float32, side: float, low: float, high: float) -> tuple[int, int]:
     """First and last + 1 column whose u = side * x lies in [low, high]."""
-    first, last = 0, x.size
-    while first < last and not (keep[first] and low <= side * x[first] <= high):
-        first += 1
-    while first < last and not (keep[last - 1] and low <= side * x[last - 1] <= high):
-        last -= 1
-    return first, last
+    first, last = x.size, 0
+    a, b = np.float32(min(side * low, side * high)), np.float32(max(side * low, side * high))
+    for j in range(x.size):  # no branch: many at a time
+        on = (a <= x[j]) & (x[j] <= b)
+        first = min(first, j if on else x.size)
+        last = max(last, j + 1 if on else 0)
+    return (first, last) if first < last else (0, 0)
 
 
 @kernel
@@ -294,7 +298,7 @@ def _follow_frame(
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
     bevel0 = abs(_crossing(state, BEVEL, ROOT) - state[BEVEL, END])
-    spans = _spans(x, keep, side, _limits(state, side, 0.0, 0.0))
+    spans = _spans(x, side, _limits(state, side, 0.0, 0.0))
     gates, margin = np.empty(4), CORNER_MARGIN_MM
     before = state[:, SLOPE].copy()
     for step in range(GATES_MM.size + 2):
@@ -346,18 +350,24 @@ def _label(
     bounds[3] = side * (_crossing(state, ROOT, LOWER) if state[LOWER, SEEN] else state[ROOT, END])
     bounds[0] = side * state[UPPER, END] if state[UPPER, SEEN] else bounds[1]
     bounds[4] = side * state[LOWER, END] if state[LOWER, SEEN] else bounds[3]
-    for j in range(x.size):
-        if not keep[j]:
-            continue
-        u = side * x[j]
-        if not bounds[0] - 0.01 <= u <= bounds[4] + 0.01:
-            continue
-        f = 0
-        while f < 3 and u > bounds[f + 1]:
-            f += 1
-        gate = 3.0 * FINAL_SIGMAS * sigma[f] if f in (UPPER, LOWER) else FINAL_SIGMAS * sigma[f] + 0.004
-        if abs(z[j] - state[f, SLOPE] * np.float64(x[j]) - state[f, OFFSET]) < gate:
-            labels[j] = names[f]
+    first, second, third = bounds[1], bounds[2], bounds[3]
+    low, high = bounds[0] - 0.01, bounds[4] + 0.01
+    gates = FINAL_SIGMAS * sigma + 0.004
+    gates[UPPER], gates[LOWER] = 3.0 * FINAL_SIGMAS * sigma[UPPER], 3.0 * FINAL_SIGMAS * sigma[LOWER]
+    k0, k1, k2, k3 = state[0, SLOPE], state[1, SLOPE], state[2, SLOPE], state[3, SLOPE]
+    c0, c1, c2, c3 = state[0, OFFSET], state[1, OFFSET], state[2, OFFSET], state[3, OFFSET]
+    g0, g1, g2, g3 = gates
+    n0, n1, n2, n3 = names
+    for j in range(x.size):  # no branch: many at a time
+        xj = np.float64(x[j])
+        u = side * xj
+        upper, bevel, root = u <= first, u <= second, u <= third
+        k = k0 if upper else (k1 if bevel else (k2 if root else k3))
+        c = c0 if upper else (c1 if bevel else (c2 if root else c3))
+        gate = g0 if upper else (g1 if bevel else (g2 if root else g3))
+        name = n0 if upper else (n1 if bevel else (n2 if root else n3))
+        on = keep[j] & (low <= u) & (u <= high) & (abs(np.float64(z[j]) - k * xj - c) < gate)
+        labels[j] = name if on else 0
 
 
 @kernel

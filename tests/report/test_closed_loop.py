@@ -49,7 +49,7 @@ def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
         f"root {min(root):.3f} to {max(root):.3f} mm (required 1.5 mm), "
         f"bevel {min(bevel):.2f} to {max(bevel):.2f}° (required 40°); nothing to rework"
     )
-    assert f"1 11.1 1.500 {first.root_mm:.3f} ± 0.006 {first.root_mm - 1.5:+.3f} 40.00" in text
+    assert f"1 11.1 1.500 {first.root_mm:.4f} ± 0.0062 {first.root_mm - 1.5:+.3f} 40.00" in text
     assert "5 100.0 – – – – – –" in text
     assert "Nothing to rework." in text
     assert "Milled in simulation" not in text

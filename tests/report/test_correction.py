@@ -53,7 +53,7 @@ def test_blind_and_corrected_stand_side_by_side() -> None:
     assert "Without and with correction" in chapter.html
     assert "+0.570" in chapter.html
     assert "+0.010" in chapter.html
-    assert "blind: root off by +0.570 mm in the mean; corrected: root off by +0.010 mm" in chapter.summary
+    assert "blind: root face off by +0.570 mm in the mean; corrected: root face off by +0.010 mm" in chapter.summary
     assert "hand-eye pose, tool setting" in chapter.html
     assert chapter.html.count("data:image/svg+xml") == 2
     assert chapter.verdict == ""
@@ -64,7 +64,7 @@ def test_before_the_finishing_pass_there_is_the_correction_alone() -> None:
     chapter = correction(found(), first, first, first)
     assert "Without and with correction" not in chapter.html
     assert chapter.html.count("data:image/svg+xml") == 1
-    assert "0.310 to 0.310 mm" in chapter.html
+    assert "−0.310 mm" in chapter.html
 
 
 def test_a_refusal_is_told_and_its_words_are_text() -> None:

@@ -111,8 +111,8 @@ def test_sections_are_dimensioned_to_one_scale(part, drawn):
     assert all(axes.get_aspect() == 1.0 for axes in panels)
     first = p.inspection.sections[0]
     shown = [text.get_text() for text in panels[0].texts]
-    assert f"{first.root_mm:.3f} ± 0.006 mm" in shown
-    assert f"({first.bevel_deg:.2f} ± 0.04)°" in shown
+    assert f"{first.root_mm:.4f} ± 0.0062 mm" in shown
+    assert f"({first.bevel_deg:.3f} ± 0.042)°" in shown
     assert "the edge is hidden here" in [text.get_text() for text in panels[4].texts]
 
 

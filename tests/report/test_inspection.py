@@ -73,8 +73,8 @@ def test_values_and_verdicts_stand_in_the_page(small, page):
     text = re.sub(r"\s+", " ", page.text)
     for section in small.inspection.sections:
         if section.root_mm is not None:
-            assert f"{section.root_mm:.3f} ± 0.006" in text
-            assert f"{section.bevel_deg:.2f} ± 0.04" in text
+            assert f"{section.root_mm:.4f} ± 0.0062" in text
+            assert f"{section.bevel_deg:.3f} ± 0.042" in text
     assert "Nonconformity with the specification is verified." in text
     assert "1.0 to 2.0 mm" in text
     assert "39 to 41°" in text

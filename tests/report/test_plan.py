@@ -68,8 +68,8 @@ def test_numbers_stand_in_the_chapter(chapter):
     text = text_of(chapter)
     for shown in (
         "Root face 1.5 mm 1.500 mm 1.500 mm ± 0.016 mm",  # 2 hypot(0.004, 0.006 / tan 40 deg)
-        "Bevel angle 40° 40.00° 40.00° ± 0.06°",
-        "Thickness 10.00 to 10.00 mm",
+        "Bevel angle 40° 40.000° 40.000° ± 0.057°",
+        "Thickness 10.00 mm",
         "of which 996 mm cutting",  # six times 0 to 89 and 123 to 200 mm
         "65 (20.0 times fewer), 5 of them circular; within 0.01 mm and 0.05° of the points",
         "arc length 89.0 to 123.0 mm: clamp",

@@ -487,8 +487,8 @@ def _reason(shift: Estimate, shifted: bool, turn: Estimate, by: Float, tilt: Flo
         ("tilt", turn, turn.significant, tilt, "deg", DEG, 3),
     ):
         if significant:
-            low, high = made[cut].min() / scale, made[cut].max() / scale
-            said.append(f"{name} corrected by {low:+.{places}f} to {high:+.{places}f} {unit}")
+            ends = dict.fromkeys(f"{end / scale:+.{places}f}" for end in (made[cut].min(), made[cut].max()))
+            said.append(f"{name} corrected by {' to '.join(ends)} {unit}")
         else:
             most = float(np.abs(found.value[cut]).max()) / scale
             said.append(f"{name} not corrected: {most:.{places}f} {unit} at the most is not significant")

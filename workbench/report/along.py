@@ -76,7 +76,7 @@ def gaps(s: Float, seen: Bool) -> list[tuple[float, float]]:
 
 def _chart(what: Characteristic, edge: Edge, inspection: Inspection) -> bytes:
     s = inspection.profile.arc_length_mm
-    figure = Figure(figsize=(10, 3.3))
+    figure = Figure(figsize=(10, 2.8))
     axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
     axes.set_xlim(0.0, float(s[-1]))
     _draw_tolerance(axes, what, s, inspection.guard_factor)

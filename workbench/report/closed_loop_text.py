@@ -12,7 +12,7 @@ from workbench.report.loop import Compared
 from workbench.report.plan_tables import duration
 from workbench.report.planned import whole_run
 from workbench.report.template import data_address, render
-from workbench.report.values import decimals, measured, span
+from workbench.report.values import decimals, measured, signed, span
 
 PLACES = {"root_mm": 3, "bevel_deg": 2}  # of what is planned and of differences, which know more than a value's U
 
@@ -73,8 +73,8 @@ def _summary_rows(inspection: Inspection, toolpath: Toolpath, rows: list[Compare
             for them in (rows, inspection.sections)
         )
         off = (found - planned)[np.isfinite(found - planned)]
-        mean = f"{off.mean():+.{places}f}{unit}" if len(off) else "–"
-        most = f"{off[np.argmax(np.abs(off))]:+.{places}f}{unit}" if len(off) else "–"
+        mean = signed(float(off.mean()), places) + unit if len(off) else "–"
+        most = signed(float(off[np.argmax(np.abs(off))]), places) + unit if len(off) else "–"
         yield name, f"{asked:g}{unit}", span(planned, places, unit), span(found, places, unit), mean, most
 
 
@@ -98,7 +98,7 @@ def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tupl
 
 
 def _difference(value: float | None, planned: float | None, places: int) -> str:
-    return "–" if value is None or planned is None else f"{value - planned:+.{places}f}"
+    return "–" if value is None or planned is None else signed(value - planned, places)
 
 
 def _stretches(rework: Rework) -> Iterator[tuple[str, str, str]]:

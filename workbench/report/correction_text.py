@@ -15,7 +15,7 @@ from workbench.report.figures import hatch_hidden, svg
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_texts
 from workbench.report.template import data_address, render
-from workbench.report.values import COVERAGE, span
+from workbench.report.values import COVERAGE, signed, span
 from workbench.units import DEG, Float
 
 COLOURS = {"blind": REJECTED, "corrected": MEASURED}
@@ -44,7 +44,7 @@ def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]
     """The loop in one line."""
     said = [f"refused: {one_line(found.refused)}" if found.refused else found.reason]
     said += [
-        f"{name}: root off by {off[0]:+.3f} mm in the mean"
+        f"{name}: root face off by {signed(off[0], 3)} mm in the mean"
         for name, one in finished.items()
         if (off := _off(one, "root_mm"))
     ]
@@ -75,7 +75,7 @@ def _finished_rows(finished: Mapping[str, Inspection]) -> Iterator[tuple[str, ..
     for name, one in finished.items():
         cells: list[str] = []
         for key, places in (("root_mm", 3), ("bevel_deg", 2)):
-            cells += [f"{value:+.{places}f}" for value in _off(one, key) or ()] or ["–", "–"]
+            cells += [signed(value, places) for value in _off(one, key) or ()] or ["–", "–"]
         yield name, *cells, one.verdict
 
 
@@ -91,9 +91,9 @@ def _chart(found: PathCorrection) -> bytes:
     """SVG of shift and tilt along the edge, and of what was corrected."""
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     s = found.arc_length_mm[over]
-    figure = Figure(figsize=(10, 4.2))
+    figure = Figure(figsize=(10, 3.3))
     top, below = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.97, hspace=0.18)
     for axes, value, u, by, scale in (
         (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
         (below, found.turn, found.turn_u, found.tilt, DEG),
@@ -113,9 +113,9 @@ def _chart(found: PathCorrection) -> bytes:
 
 def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
     """SVG of root face and bevel angle deviation from the requirement, of each part."""
-    figure = Figure(figsize=(10, 4.2))
+    figure = Figure(figsize=(10, 3.3))
     top, below = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.12, 0.985, 0.97, hspace=0.16)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.97, hspace=0.18)
     for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
         name, unit = key.split("_")
         for part, one in finished.items():

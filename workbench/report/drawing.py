@@ -23,8 +23,8 @@ from workbench.units import DEG, Float
 
 POINTS = 60_000  # drawn in all sections together at most
 COLUMNS = 3
-PANEL_IN = (3.3, 2.95)
-PANEL_SHAPE = 1.16  # width over height inside a panel's axes
+PANEL_IN = (3.3, 2.4)
+PANEL_SHAPE = 1.5  # width over height inside a panel's axes
 FOR_THE_PART = 0.52  # of a panel's width; the rest is for the dimensions
 
 

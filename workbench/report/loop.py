@@ -43,9 +43,9 @@ def compared(inspection: Inspection, toolpath: Toolpath) -> list[Compared]:
 def loop_chart(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> bytes:
     """SVG of the deviations from the requirement, along the edge: measured with uncertainty, planned as crosses."""
     profile = inspection.profile
-    figure = Figure(figsize=(10, 4.4))
+    figure = Figure(figsize=(10, 3.4))
     root, bevel = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.115, 0.985, 0.945, hspace=0.16)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
     _draw_deviation(root, profile, rows, "root", "mm", toolpath.root_mm)
     _draw_deviation(bevel, profile, rows, "bevel", "deg", toolpath.bevel_deg)
     root.set_ylabel("root face\ndeviation, mm")

@@ -92,9 +92,9 @@ def feed_chart(edge: Edge, toolpath: Toolpath) -> bytes:
 def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> bytes:
     """SVG of radial depth, axial depth and chip area along each layer, as milled in simulation."""
     count = len(toolpath.layers)
-    figure = Figure(figsize=(10, 4.6))
+    figure = Figure(figsize=(10, 3.9))
     rows = figure.subplots(len(ENGAGED), 1, sharex=True)
-    figure.subplots_adjust(0.068, 0.105, 0.868, 0.98, hspace=0.16)
+    figure.subplots_adjust(0.068, 0.125, 0.868, 0.98, hspace=0.18)
     for axes, (name, label) in zip(rows, ENGAGED, strict=True):
         for layer in engagement.layers:
             colour = layer_colours(np.array([layer.index]), count)[0] / 255.0

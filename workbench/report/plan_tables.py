@@ -32,7 +32,7 @@ def required(edge: Edge, toolpath: Toolpath) -> Iterator[tuple[str, str, str, st
         known = values[np.isfinite(values)]
         ends = [f"{end:.{places}f}{unit}" for end in (known.min(), known.max())] if len(known) else ["–", "–"]
         expanded = "–" if u is None else f"± {COVERAGE * u:.{places}f}{unit}"
-        yield (name, f"{nominal:g}{unit}", ends[0], ends[1], expanded)
+        yield (name, f"{round(nominal, max(3, places)):g}{unit}", ends[0], ends[1], expanded)
 
 
 def plan_rows(toolpath: Toolpath, run: Run) -> Iterator[Row]:

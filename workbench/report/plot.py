@@ -29,7 +29,7 @@ FARTHEST_PT = 1e6  # from the sheet, of what is drawn
 SHADES = 31  # of a dot's opacity
 PACKED = 3  # zlib's level: a third of the time of level 6 for a tenth more bytes
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
-TICKS_EACH_PT = {"x": 62.0, "y": 26.0}  # room that a tick's label needs
+TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Colour: TypeAlias = str | Sequence[float] | AnyArray
 Limits: TypeAlias = tuple[float, float]

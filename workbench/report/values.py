@@ -13,15 +13,13 @@ COVERAGE = 2.0  # U = k u with k = 2, about 95 %
 
 
 def decimals(uncertainties: Iterable[float | None]) -> int:
-    """Decimal places, one to four, for the smallest expanded uncertainty: two digits of it if it starts with 1 or 2,
-    else one, so that rounding never changes it by more than a fifth.
+    """Decimal places, one to four, for the smallest expanded uncertainty: two digits of it, which no rounding makes
+    smaller by more than 5 % (EA-4/02 M, 6.3).
     """
     known = [COVERAGE * u for u in uncertainties if u is not None and u > 0.0 and math.isfinite(u)]
     if not known:
         return 3
-    exponent = math.floor(math.log10(min(known)))
-    digits = 2 if min(known) < 2.95 * 10.0**exponent else 1
-    return min(4, max(1, digits - 1 - exponent))
+    return min(4, max(1, 1 - math.floor(math.log10(min(known)))))
 
 
 def measured(value: float | None, u: float | None, places: int) -> str:
@@ -34,9 +32,22 @@ def measured(value: float | None, u: float | None, places: int) -> str:
 
 
 def span(values: Float, places: int, unit: str) -> str:
-    """'1.421 to 1.583 mm' over what was measured."""
+    """'1.421 to 1.583 mm' over what was measured, '1.42 mm' where both ends are written alike."""
     known = values[np.isfinite(values)]
-    return f"{known.min():.{places}f} to {known.max():.{places}f}{unit}" if len(known) else "–"
+    ends = dict.fromkeys(plain(float(end), places) for end in (known.min(), known.max())) if len(known) else ("–",)
+    return " to ".join(ends) + (unit if len(known) else "")
+
+
+def plain(value: float, places: int) -> str:
+    """'−0.012', and '0.000' for what rounds to nothing, whatever its sign."""
+    text = f"{value:.{places}f}"
+    return text.replace("-", "" if float(text) == 0.0 else "−")
+
+
+def signed(value: float, places: int) -> str:
+    """A deviation: '+0.012', '−0.012', and '0.000' for what rounds to nothing."""
+    text = plain(value, places)
+    return f"+{text}" if float(text.replace("−", "-")) > 0.0 else text
 
 
 def alike(*values: float) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,7 +11,10 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, most
 from workbench.checks.sensor import column_pitch_mm
-from workbench.units import AnyArray, Float
+from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median, median_of
+from workbench.kernels import kernel
+from workbench.units import AnyArray, Bool, Float
 
 SAMPLE = 40  # frames with faces
 LEAST_POINTS = 8  # of a face, to tell whether it is straight
@@ -85,8 +89,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     that differ by 20 deg and more bow by a tenth of their width; on a bevel by less than a hundredth.
     """
     given = limits or {}
-    shows = cloud.keep.sum(axis=1) >= LEAST_RETURNS
-    found = ((labels == ROOT_FACE) | (labels == BEVEL_FACE)).any(axis=1)
+    shows, found = np.zeros(len(labels), bool), np.zeros(len(labels), bool)
+    _shown(as_input(cloud.keep), as_input(labels), shows, found)
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = np.flatnonzero(found)
@@ -148,19 +152,63 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
 
 def _sagitta(x: Float, z: Float) -> tuple[float, float] | None:
     """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
-    at, across = x - x.mean(), z - z.mean()
-    direction = np.linalg.svd(np.stack([at, across], axis=1), full_matrices=False)[2][0]
-    u, v = at * direction[0] + across * direction[1], across * direction[0] - at * direction[1]
-    width = float(np.ptp(u))
-    if width <= 0:
-        return None
-    basis = np.stack([np.ones_like(u), u, u * u], axis=1)
-    weight = np.ones_like(u)
+    bow, width = _bowed(as_input(x), as_input(z))
+    return (bow, width) if width > 0.0 else None
+
+
+@kernel
+def _bowed(x: Float, z: Float) -> tuple[float, float]:
+    size = x.size
+    x0, z0, xx, xz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(size):
+        x0, z0 = x0 + x[i] / size, z0 + z[i] / size
+    for i in range(size):
+        xx, xz, zz = xx + (x[i] - x0) ** 2, xz + (x[i] - x0) * (z[i] - z0), zz + (z[i] - z0) ** 2
+    turn = 0.5 * math.atan2(2.0 * xz, xx - zz)  # of the line through the points
+    u, v, off = np.empty(size), np.empty(size), np.zeros(size)
+    first, last = np.inf, -np.inf
+    for i in range(size):
+        u[i] = (x[i] - x0) * math.cos(turn) + (z[i] - z0) * math.sin(turn)
+        v[i] = (z[i] - z0) * math.cos(turn) - (x[i] - x0) * math.sin(turn)
+        first, last = min(first, u[i]), max(last, u[i])
+    half = 0.5 * (last - first)
+    if half <= 0.0:
+        return 0.0, 0.0
+    fit, rows, powers, limit = np.zeros(3), np.empty((3, 4)), np.ones(4), 1.0
     for _ in range(3):
-        fit = np.linalg.lstsq(basis * weight[:, None], v * weight, rcond=None)[0]
-        off = np.abs(v - basis @ fit)
-        weight = (off < 4.0 * np.median(off) + 1e-9).astype(np.float64)
-    return float(fit[2]) * width**2 / 4.0, width
+        rows[:] = 0.0
+        for i in range(size):
+            if off[i] < limit:
+                powers[1], powers[2], powers[3] = u[i] / half, (u[i] / half) ** 2, v[i]
+                for k in range(3):
+                    for m in range(4):
+                        rows[k, m] += powers[k] * powers[m]
+        for k in range(3):  # Gauss
+            for m in range(k + 1, 3):
+                share = rows[m, k] / max(rows[k, k], 1e-12)
+                for n in range(k, 4):
+                    rows[m, n] -= share * rows[k, n]
+        for k in range(2, -1, -1):
+            fit[k] = rows[k, 3] / max(rows[k, k], 1e-12)
+            for m in range(k):
+                rows[m, 3] -= rows[m, k] * fit[k]
+        for i in range(size):
+            t = u[i] / half
+            off[i] = abs(v[i] - fit[0] - t * (fit[1] + t * fit[2]))
+        limit = 4.0 * median_of(off.copy(), size) + 1e-9
+    return fit[2], 2.0 * half
+
+
+@kernel
+def _shown(keep: Bool, labels: AnyArray, shows: Bool, found: Bool) -> None:
+    """Frames (N,) that show something, and those that have a point of the faces."""
+    for i in range(keep.shape[0]):
+        returns = j = 0
+        while j < keep.shape[1] and not (returns >= LEAST_RETURNS and found[i]):
+            returns += keep[i, j]
+            found[i] |= labels[i, j] == ROOT_FACE or labels[i, j] == BEVEL_FACE
+            j += 1
+        shows[i] = returns >= LEAST_RETURNS
 
 
 def _hollow_share(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> float:
@@ -180,7 +228,7 @@ def _is_hollow(cloud: Cloud, labels: AnyArray, i: int) -> bool | None:
     on = [np.flatnonzero((labels == face) & cloud.keep[i]) for face in NAMES]
     if min(len(one) for one in on) < LEAST_POINTS // 2:
         return None
-    first, second = sorted(on, key=lambda one: float(np.median(one)))
+    first, second = sorted(on, key=median)
     sign = 1.0 if x[kept[-1]] >= x[kept[0]] else -1.0
     between = _direction(x[second], z[second], sign) - _direction(x[first], z[first], sign)
     before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
@@ -196,9 +244,7 @@ def _is_hollow(cloud: Cloud, labels: AnyArray, i: int) -> bool | None:
 def _direction(x: Float, z: Float, sign: float) -> float:
     """Angle (rad) of a straight run of returns, along rising columns; robust against a few strays."""
     half = len(x) // 2
-    return float(
-        np.arctan2(np.median(z[half:]) - np.median(z[:half]), sign * (np.median(x[half:]) - np.median(x[:half])))
-    )
+    return float(np.arctan2(median(z[half:]) - median(z[:half]), sign * (median(x[half:]) - median(x[:half]))))
 
 
 def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -> float | None:
@@ -211,7 +257,7 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
         return None
     step = np.hypot(np.diff(x[run]), np.diff(z[run]))
     own = face[:BESIDE]
-    usual = max(float(np.median(step)), float(np.median(np.hypot(np.diff(x[own]), np.diff(z[own])))))
+    usual = max(median(step), median(np.hypot(np.diff(x[own]), np.diff(z[own]))))
     gap = float(np.hypot(x[run[0]] - x[end], z[run[0]] - z[end]))
     if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
         return None

@@ -13,6 +13,7 @@ from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import noise_sigma, straight_faces
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 KEY_FRAMES = 120  # a pass; the faces are followed between them
@@ -168,8 +169,8 @@ def _alike(states: Float) -> Bool:
     good = np.ones(len(states), bool)
     for i in range(len(states)):
         near = slice(max(0, i - 5), i + 6)
-        good[i] = abs(width[i] - np.median(width[near])) < 0.5
-        good[i] &= bool((np.abs(angle[i] - np.median(angle[near], axis=0)) < 0.15).all())
+        good[i] = abs(width[i] - median(width[near])) < 0.5
+        good[i] &= all(abs(one[i] - median(one[near])) < 0.15 for one in angle.T)
     return good
 
 

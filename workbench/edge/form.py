@@ -13,8 +13,10 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
+from workbench.geometry.blocks import as_input
 from workbench.geometry.faces import FaceLines
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.kernels import kernel
+from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
@@ -261,8 +263,12 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))
     width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) * math.hypot(1.0, slope)
     edges = _groups(min(width, DEEP_MM) / step)
-    found = [_last_returns(cloud, rim, int(i), edges) for i in frames]
-    depth = np.array([d for d, _ in found])
+    slopes = face.sxz[frames] / face.sxx[frames]
+    of_line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
+    of_line += [rim.step_mm[frames], rim.sense[frames]]
+    depth, beyond = np.full((frames.size, edges.size - 1), np.nan), np.zeros(frames.size, np.int64)
+    x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, beyond)
     depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
     depth = depth[np.isfinite(depth).all(axis=1)]
     if len(depth) < LEAST_FRAMES or depth.shape[1] < LEAST_GROUPS:
@@ -275,7 +281,7 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
         _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, most_mm)
         return Rounding(u_mm=math.hypot(missing, missing_u))
-    further = float(np.mean([count for _, count in found])) * step  # returns beyond those on the line
+    further = float(beyond.mean()) * step  # returns beyond those on the line
     on = fall > PROOF * np.sqrt(np.diag(known.noise))
     rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
     return Rounding(radius, further + missing, missing_u, rounded)
@@ -287,33 +293,52 @@ def _groups(columns: float) -> Float:
     return np.concatenate([np.arange(LAST), np.arange(LAST, max(columns, LAST) + 1e-9, wide)])
 
 
-def _last_returns(cloud: Cloud, rim: FaceRim, i: int, edges: Float) -> tuple[Float, int]:
-    """Mean depths (g,) under the line of frame i's returns, grouped by how many columns they lie before the last.
+@kernel
+def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, beyond: Int) -> None:
+    """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
 
-    And how many lie beyond those on the line.
+    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. beyond (f,): how many
+    lie beyond those on the line.
     """
-    face, step = rim.face, float(rim.step_mm[i])
-    slope = face.sxz[i] / face.sxx[i]
-    lean = math.hypot(1.0, slope)
-    x, z, keep = cloud.x_mm[i].astype(float), cloud.z_mm[i].astype(float), cloud.keep[i]
-    v = rim.side[i] * (x - rim.end_x_mm[i]) * lean
-    below = (z - face.z_mean[i] - slope * (x - face.x_mean[i])) / lean * rim.sense[i]
-    inside = np.flatnonzero(keep & (v <= 1e-6) & (v > -edges[-1] * step) & (np.abs(below) < STEP_MM))
-    order = np.flatnonzero(keep & (v > 1e-6) & (v < OUTSIDE_MM))
-    order = order[np.argsort(v[order], kind="stable")]
-    kept: list[int] = []
-    before, level = 0.0, 0.0
-    for j in order:  # one surface: no gap of columns, no jump
-        if v[j] - before > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
-            break
-        kept.append(int(j))
-        before, level = float(v[j]), max(float(below[j]), 0.0)
-    both = np.concatenate([inside, np.array(kept, np.int64)])
-    group = np.searchsorted(edges, (before - v[both]) / step + 0.5, side="right") - 1
-    on = (group >= 0) & (group < edges.size - 1)
-    count = np.bincount(group[on], minlength=edges.size - 1)
-    total = np.bincount(group[on], below[both][on], minlength=edges.size - 1)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan), len(kept)
+    columns = x.shape[1]
+    along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
+    for i in range(x.shape[0]):
+        middle_x, middle_z, slope, side, end, step, sense = known[i]
+        lean = math.sqrt(1.0 + slope * slope)
+        outside = 0
+        for j in range(columns):
+            xj, zj = np.float64(x[i, j]), np.float64(z[i, j])
+            along[j] = side * (xj - end) * lean
+            below[j] = (zj - middle_z - slope * (xj - middle_x)) / lean * sense
+            if keep[i, j] and 1e-6 < along[j] < OUTSIDE_MM:
+                k = outside
+                while k > 0 and along[order[k - 1]] > along[j]:
+                    order[k] = order[k - 1]
+                    k -= 1
+                order[k] = j
+                outside += 1
+        last, level, further = 0.0, 0.0, 0
+        for k in range(outside):  # one surface: no gap of columns, no jump
+            j = order[k]
+            if along[j] - last > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
+                break
+            further += 1
+            last, level = along[j], max(below[j], 0.0)
+        beyond[i] = further
+        total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
+        for j in range(columns):
+            on_line = along[j] <= 1e-6 and along[j] > -edges[-1] * step and abs(below[j]) < STEP_MM
+            if keep[i, j] and (on_line or 1e-6 < along[j] <= last):
+                place = (last - along[j]) / step + 0.5
+                group = -1
+                while group + 1 < edges.size and edges[group + 1] <= place:
+                    group += 1
+                if 0 <= group < total.size:
+                    total[group] += below[j]
+                    count[group] += 1.0
+        for group in range(total.size):
+            if count[group] > 0.0:
+                depth[i, group] = total[group] / count[group]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -359,8 +384,9 @@ def _quarter_circle(
     turn = np.tile(np.minimum(incidences - inclination, math.pi / 2.0), RADII)
     end = radius * (np.sin(turn) - (1.0 - np.cos(turn)) * math.tan(inclination))  # as the columns count
     on = np.maximum(end[:, None, None] - w, 0.0) / radius[:, None, None] * math.cos(inclination)
-    turned = np.arcsin(np.minimum(on + math.sin(inclination), 1.0)) - inclination
-    fall = radius[:, None] * (1.0 - np.cos(turned)).mean(axis=2)
+    sine = np.minimum(on + math.sin(inclination), 1.0)
+    turned = np.sqrt(1.0 - sine**2) * math.cos(inclination) + sine * math.sin(inclination)  # cosine of the turn
+    fall = radius[:, None] * (1.0 - turned).mean(axis=2)
     fall = np.concatenate([np.zeros((1, len(w))), fall])  # sharp
     radius, beyond = np.append(0.0, radius), np.append(0.0, radius - end)
     covariance = (known.noise + known.free)[None] + (SHAPE * fall)[:, :, None] ** 2 * np.eye(len(w))

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
 from workbench.units import Float, Int
 
@@ -42,7 +43,7 @@ def _noise_sigma(z: Float) -> float:
             break
         for i in range(n):
             second[i] = abs(z[i] - 2.0 * z[i + step] + z[i + 2 * step])
-        sigma = max(sigma, np.median(second[:n]) / 0.6745 / math.sqrt(6.0))
+        sigma = max(sigma, median_of(second, n) / 0.6745 / math.sqrt(6.0))
     return sigma
 
 

@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median, medians
 from workbench.geometry.penalised import Penalised, penalised
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
@@ -151,7 +152,7 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
             continue
         size, step = np.empty(mine.stop - mine.start), np.empty(mine.stop - mine.start - 1)
         _lasting(as_input(off[mine]), size, step)
-        limit = max(AGREED * float(np.median(step)), OUTLIER_SIGMAS * float(np.median(size)) / 0.6745)
+        limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
         if (size > limit).any():
             station = np.searchsorted(course.at_mm, values.s[mine]).clip(0, course.at_mm.size - 1)
             np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
@@ -172,9 +173,13 @@ def _lasting(off: Float, size: Float, step: Float) -> None:
     """Fill size (n,): how far values (n, d) lie off, the median of LEAST_VALUES in a row; step (n - 1,): neighbours."""
     length, row = np.empty(size.size), np.empty(LEAST_VALUES)
     for i in range(size.size):
-        length[i] = math.sqrt((off[i] ** 2).sum())
+        square, apart = 0.0, 0.0
+        for d in range(off.shape[1]):
+            square += off[i, d] ** 2
+            apart += (off[i, d] - off[max(i - 1, 0), d]) ** 2
+        length[i] = math.sqrt(square)
         if i > 0:
-            step[i - 1] = math.sqrt(((off[i] - off[i - 1]) ** 2).sum())
+            step[i - 1] = math.sqrt(apart)
     for i in range(size.size):
         first = min(max(i - LEAST_VALUES // 2, 0), size.size - LEAST_VALUES)
         for k in range(LEAST_VALUES):
@@ -405,12 +410,12 @@ def _near(course: Course, values: Values, kept: Bool) -> Bool:
     off = values.y - course.value(values.s).reshape(values.y.shape)
     for mine in values.passes:
         if kept[mine].sum() >= LEAST_VALUES:
-            off[mine] -= [np.median(part) for part in off[mine][kept[mine]].T]
+            off[mine] -= [median(part) for part in off[mine][kept[mine]].T]
     size = np.sqrt((off**2).sum(axis=1) / values.variance)
-    typical = np.full(size.size, float(np.median(size)))
+    typical = np.full(size.size, median(size))
     for mine in values.passes:
         if len(values.passes) > 1 and mine.stop - mine.start >= LEAST_VALUES:
-            typical[mine] = np.median(size[mine])
+            typical[mine] = median(size[mine])
     limit = np.maximum(typical / 0.6745, _digits(values))
     limit = np.hypot(limit, course.u(values.s) / np.sqrt(values.variance))
     return np.asarray(size <= OUTLIER_SIGMAS * limit)
@@ -430,7 +435,7 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
     if passes.size < 2:
         return bins, 0.0
     of_pass = [np.flatnonzero(bins.group == p) for p in passes]
-    width = 2.0 * max(float(np.median(np.diff(bins.s[mine]))) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
+    width = 2.0 * max(median(np.diff(bins.s[mine])) if mine.size > 1 else 0.0 for mine in of_pass) + 1e-9
     off, weight = np.zeros((passes.size, bins.y.shape[1])), np.zeros(passes.size)
     for k, mine in enumerate(of_pass):  # against each of the others, on the line between the two bins beside
         total, count = np.zeros(bins.y.shape[1]), 0
@@ -484,13 +489,12 @@ def _inliers(values: Values) -> Bool:
         if mine.stop - mine.start < LEAST_VALUES:
             continue
         edges = values.edges[(values.edges >= mine.start) & (values.edges <= mine.stop)]
-        middle = np.empty((edges.size - 1, 1 + values.y.shape[1]))
-        _fill_medians(values.s, values.y, edges, middle)
-        place, reach, found = _parabolas(middle[:, 0], as_input(middle[:, 1:]))
+        middle = np.stack([medians(part, edges) for part in values.y.T], axis=1)
+        place, reach, found = _parabolas(medians(values.s, edges), as_input(middle))
         size = np.empty(mine.stop - mine.start)
         s, y, variance = (as_input(of[mine]) for of in (values.s, values.y, values.variance))
         _off_parabolas(place, reach, found, s, y, variance, size)
-        kept[mine] = size <= OUTLIER_SIGMAS * max(float(np.median(size)) / 0.6745, _digits(values))
+        kept[mine] = size <= OUTLIER_SIGMAS * max(median(size) / 0.6745, _digits(values))
     return kept
 
 
@@ -518,7 +522,7 @@ def _parabolas(place: Float, middle: Float) -> tuple[Float, Float, Float]:
     for _ in range(RESETTLED):
         off = np.empty(place.size)
         _fit_parabolas(*known, as_input(weight), count, terms, found, off)
-        weight = 1.0 / (1.0 + (off / max(2.0 * float(np.median(off)), 1e-12)) ** 2)
+        weight = 1.0 / (1.0 + (off / max(2.0 * median(off), 1e-12)) ** 2)
     return known[0], known[3], found
 
 
@@ -577,16 +581,6 @@ def _off_parabolas(place: Float, reach: Float, found: Float, s: Float, y: Float,
         for d in range(y.shape[1]):
             square += (y[m, d] - found[b, 0, d] - u * (found[b, 1, d] + u * found[b, 2, d])) ** 2
         size[m] = math.sqrt(square / variance[m])
-
-
-@kernel
-def _fill_medians(s: Float, y: Float, edges: Int, out: Float) -> None:
-    """Fill `out` (b, 1 + d): medians of s, and of each component of y, between edges (b + 1,)."""
-    for b in range(out.shape[0]):
-        size = edges[b + 1] - edges[b]
-        for k in range(out.shape[1]):
-            run = np.sort(s[edges[b] : edges[b + 1]]) if k == 0 else np.sort(y[edges[b] : edges[b + 1], k - 1])
-            out[b, k] = 0.5 * (run[(size - 1) // 2] + run[size // 2])
 
 
 def _means(values: Values, kept: Bool) -> Bins:
@@ -661,7 +655,7 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     reach = order
     known = max(1.0, bins.frame_factor) if stated else bins.frame_factor
     gap = np.diff(bins.s)
-    widest = 2.5 * float(np.median(gap[gap > 0])) if (gap > 0).any() else 0.0
+    widest = 2.5 * median(gap[gap > 0]) if (gap > 0).any() else 0.0
     parted = np.concatenate([[0], np.cumsum((np.diff(bins.group) != 0) | (gap <= 0) | (gap > widest))])
     k = np.arange(reach, bins.s.size - reach)
     k = k[parted[k - reach] == parted[k + reach]]
@@ -679,7 +673,7 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
     expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
     z2 = (off**2).mean(axis=1) / expected  # of all components: the frame that they are given in does not matter
-    typical = float(np.median(z2)) / 0.4549
+    typical = median(z2) / 0.4549
     bounded = np.minimum(z2, 9.0 * typical)
     free = k.size * off.shape[1] / 2.0  # neighbours share values
     prior = PRIOR_FREEDOM if stated else 0.0

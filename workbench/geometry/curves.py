@@ -168,12 +168,13 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
             ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
             s[mine[1:]] = np.cumsum((np.diff(points_mm[mine], axis=0) * ahead).sum(axis=1))
     longest = max(passes, key=lambda mine: float(np.ptp(s[mine])))
-    course_s, course = _course(s[longest], points_mm[longest])
-    tree = scipy.spatial.cKDTree(course)
-    for mine in passes:
-        if mine is not longest:
-            nearest = tree.query(points_mm[mine])[1]
-            s[mine] += np.median(course_s[nearest] - s[mine])
+    if len(passes) > 1:
+        course_s, course = _course(s[longest], points_mm[longest])
+        tree = scipy.spatial.cKDTree(course)
+        for mine in passes:
+            if mine is not longest:
+                nearest = tree.query(points_mm[mine])[1]
+                s[mine] += np.median(course_s[nearest] - s[mine])
     return s - float(s[longest].min())
 
 
@@ -226,12 +227,17 @@ def _reflect_on(t: Float, position: Float, a: Float) -> None:
     """Fill a (n, 3) from its first row on by double reflection, t and position (n, 3) given."""
     for i in range(len(t) - 1):
         v1 = position[i + 1] - position[i]
-        c1 = (v1 * v1).sum()
-        ref = a[i] - (2.0 / c1) * (v1 * a[i]).sum() * v1
-        tan = t[i] - (2.0 / c1) * (v1 * t[i]).sum() * v1
+        c1 = _dot(v1, v1)
+        ref = a[i] - (2.0 / c1 * _dot(v1, a[i])) * v1
+        tan = t[i] - (2.0 / c1 * _dot(v1, t[i])) * v1
         v2 = t[i + 1] - tan
-        c2 = (v2 * v2).sum()
-        a[i + 1] = ref - (2.0 / c2) * (v2 * ref).sum() * v2 if c2 > 0.0 else ref
+        c2 = _dot(v2, v2)
+        a[i + 1] = ref - (2.0 / c2 * _dot(v2, ref)) * v2 if c2 > 0.0 else ref
+
+
+@kernel
+def _dot(p: Float, q: Float) -> float:
+    return float(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
 
 
 def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
+from workbench.geometry.medians import medians
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int
 
@@ -100,7 +101,7 @@ def find_end(
     about = course.value(ends.s)
     contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
     first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
-    middle = np.array([np.median(x) for x in np.split(ends.low + 0.5 * ends.step, first_of[1:-1])])
+    middle = medians(ends.low + 0.5 * ends.step, first_of)
     departure = np.where(contradicted, middle - course.value(place), 0.0)
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)

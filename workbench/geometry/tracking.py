@@ -51,6 +51,15 @@ def _copy(a: Float, b: Float) -> None:
 
 
 @kernel
+def _finite(a: Float) -> bool:
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            if not np.isfinite(a[i, k]):
+                return False
+    return True
+
+
+@kernel
 def _limits(state: Float, side: float, margin_mm: float, rim_mm: float) -> Float:
     """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen.
 
@@ -395,7 +404,7 @@ def _follow_stretch(
     lost = 0
     for i in range(last - first):
         frame = last - 1 - i if c == 0 else first + i
-        if lost > LOST_AFTER or not np.isfinite(state).all():
+        if lost > LOST_AFTER or not _finite(state):
             w = 0.0 if a == b else (frame - first) / (last - first)
             for f in range(4):
                 for k in range(4):

@@ -1,0 +1,63 @@
+"""Medians of few values, compiled: numpy's takes longer to be called than to find one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
+from workbench.units import AnyArray, Float, Int
+
+
+def median(values: AnyArray) -> float:
+    """The median of values (n,) without NaN, n at least 1; of an even number the mean of the middle two."""
+    return float(_median(as_input(np.asarray(values, dtype=np.float64))))
+
+
+def medians(values: Float, edges: Int) -> Float:
+    """The median (r,) of each run of values (n,) between edges (r + 1,)."""
+    out = np.empty(edges.size - 1)
+    _medians(as_input(values), as_input(edges), out)
+    return out
+
+
+@kernel
+def _medians(values: Float, edges: Int, out: Float) -> None:
+    for k in range(out.size):
+        out[k] = median_of(values[edges[k] : edges[k + 1]].copy(), edges[k + 1] - edges[k])
+
+
+@kernel
+def _median(values: Float) -> float:
+    return median_of(values.copy(), values.size)
+
+
+@kernel
+def median_of(work: Float, size: int) -> float:
+    """The median of the first `size` values of `work`, which are put in another order (Hoare's selection)."""
+    middle = size // 2
+    first, last = 0, size - 1
+    while first < last:
+        pivot = work[(first + last) // 2]
+        i, j = first, last
+        while i <= j:
+            while work[i] < pivot:
+                i += 1
+            while work[j] > pivot:
+                j -= 1
+            if i <= j:
+                work[i], work[j] = work[j], work[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            last = j
+        elif middle >= i:
+            first = i
+        else:
+            break
+    if size % 2:
+        return float(work[middle])
+    below = work[0]
+    for i in range(1, middle):
+        below = max(below, work[i])
+    return float(0.5 * (below + work[middle]))

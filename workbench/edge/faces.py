@@ -16,7 +16,7 @@ from workbench.geometry.faces import FaceLines
 from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
-KEY_FRAMES = 120  # a pass; the faces are followed between them
+FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not; the faces are followed between them
 KEY_SPACING = 5  # frames between key frames at the least
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
 MAX_LINES = 64  # straight lines kept of one profile
@@ -57,16 +57,11 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
     sigma = np.full((n, 4), np.nan)
     rising = np.ones(n)
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
-    keys = [key_readings(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG) for frames in passes]
-    for frames, (key_frames, readings) in zip(passes, keys, strict=True):
-        choice = _agreed(key_frames, readings)
-        if choice is None:
-            continue
-        at, states, side = choice
-        side_of[frames] = side
-        rising[frames] = side * (1 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1)
-        tracked = _follow_pass(cloud, frames, at, states, side, rim_mm)
-        sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
+    for frames in passes:
+        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm)
+        if found is not None:
+            side_of[frames], rising[frames], tracked = found
+            sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
     if seen.sum() < 2:
         raise InputError(
             cloud.source,
@@ -104,12 +99,36 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
     return frames
 
 
+def _find_pass(
+    cloud: Cloud, frames: slice | Int, root_nominal_mm: float, bevel_nominal: float, rim_mm: float
+) -> tuple[float, float, tuple[AnyArray, ...]] | None:
+    """Side and rise of a pass, and its faces followed; None: no edge.
+
+    A few key frames are enough where all of them agree and no stretch between them is lost.
+    """
+    for most in (FEW_KEY_FRAMES, KEY_FRAMES):
+        keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
+        choice = _agreed(keys, readings)
+        if choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
+            continue
+        at, states, side = choice
+        tracked = _follow_pass(cloud, frames, at, states, side, rim_mm)
+        seen = np.flatnonzero(np.concatenate([[True], tracked[2], [True]]))
+        if most == KEY_FRAMES or np.diff(seen).max() <= tracking.LOST_AFTER:
+            return (
+                side,
+                side * (1.0 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1.0),
+                tracked,
+            )
+    return None
+
+
 def key_readings(
-    cloud: Cloud, frames: slice | Int, root_nominal_mm: float, bevel_nominal: float
+    cloud: Cloud, frames: slice | Int, root_nominal_mm: float, bevel_nominal: float, most: int = KEY_FRAMES
 ) -> tuple[Int, list[list[Candidate]]]:
-    """Numbers (within the pass) of its key frames, and every plausible reading of each."""
+    """Numbers (within the pass) of its key frames, `most` at the most, and every plausible reading of each."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
-    count = max(2, min(KEY_FRAMES, x.shape[0] // KEY_SPACING))
+    count = max(2, min(most, x.shape[0] // KEY_SPACING))
     keys = np.unique(np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64))
     rises = rises_with_column(x, keep, keys)
     chains = in_order(lambda k, _: _chain(x[keys[k]], z[keys[k]], keep[keys[k]], rises), keys.size, 1)

@@ -61,7 +61,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     """Estimate the state of a milled edge.
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
-    the lower edge that this gives: a second time moved no size by a tenth of its u.
+    the lower edge that this gives: a second time changed neither errors nor uncertainties.
     """
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)

@@ -29,7 +29,7 @@ UnknownU = NotNegative | None
 class Row(BaseModel):
     """A part of a file; further keys are kept."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)  # built when it is first used
 
 
 class ResultFile(Row):

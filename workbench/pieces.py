@@ -95,13 +95,18 @@ def panels_html(pictures: Iterable[tuple[bytes, str]]) -> str:
     return f'<div class="panels">{"".join(figure_html(one, words, words) for one, words in pictures)}</div>'
 
 
+def _shown(value: str) -> str:
+    """A value, escaped: minus signs as such, and none before a number that rounds to nothing."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<![\w.])[+-](?=0(?:\.0+)?(?![\d.]))", "", escape(value)))
+
+
 def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", text: Iterable[int] = ()) -> str:
     """A table; the first cell of a row is its name, the columns `text` hold words, the others numbers."""
     words = {0, *text}
 
     def cell(i: int, value: str, tag: str) -> str:
         kind = ' class="text"' if i in words else ""
-        return f"<{tag}{kind}>{escape(value)}</{tag}>"
+        return f"<{tag}{kind}>{_shown(value)}</{tag}>"
 
     names = "".join(cell(i, name, "th") for i, name in enumerate(head))
     body = "".join(
@@ -113,7 +118,7 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str 
 
 def facts_html(facts: Iterable[tuple[str, str]]) -> str:
     """Names and values, side by side."""
-    rows = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+    rows = "".join(f"<div><dt>{escape(name)}</dt><dd>{_shown(value)}</dd></div>" for name, value in facts)
     return f'<dl class="facts">{rows}</dl>'
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from workbench import pieces
 from workbench.report.values import alike, decimals, measured, plain, signed, span
 
 
@@ -62,3 +63,12 @@ def test_limits_have_the_same_decimals():
     assert alike(1.5 - 0.5, 1.5, 1.5 + 0.5) == ("1.0", "1.5", "2.0")
     assert alike(39, 40, 41) == ("39", "40", "41")
     assert alike(0.1 + 0.2, 1.25) == ("0.30", "1.25")
+
+
+def test_tables_of_any_chapter_write_minus_signs_and_no_signed_nothing():
+    page = pieces.table_html(("Axis", "Value"), [("2026-03-31", "-1.50, (-0.3)"), ("a-1", "-0.000"), ("b", "+0.00")])
+    assert "2026-03-31" in page
+    assert ">a-1<" in page
+    assert "−1.50, (−0.3)" in page
+    assert ">0.000<" in page
+    assert ">0.00<" in page

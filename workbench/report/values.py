@@ -27,8 +27,8 @@ def measured(value: float | None, u: float | None, places: int) -> str:
     if value is None or not math.isfinite(value):
         return "–"
     if u is None or not math.isfinite(u):
-        return f"{value:.{places}f}"
-    return f"{value:.{places}f} ± {COVERAGE * u:.{places}f}"
+        return plain(value, places)
+    return f"{plain(value, places)} ± {COVERAGE * u:.{places}f}"
 
 
 def span(values: Float, places: int, unit: str) -> str:

@@ -42,7 +42,7 @@ def test_chapter_tells_everything(parts, chapter):
     found = parts[0]
     assert f"{found.volume_u_mm:.3f} mm" in chapter.html
     for words, u in found.directions:
-        assert f"{words}" in chapter.html.replace("&#x27;", "'")
+        assert f"{words}" in chapter.html.replace("&#x27;", "'").replace("−", "-")
         assert f"{u:.3f}" in chapter.html
     assert chapter.html.count("gross pose") == 2
     assert chapter.warnings == found.warnings

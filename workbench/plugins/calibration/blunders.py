@@ -12,6 +12,7 @@ from workbench.api import DEG, Float, InputError, Int
 
 GROSS = 5.0  # standard deviations of a row, as the others say it lies: a blunder, by far
 MEDIAN = 1.54  # of the length of three standard normal numbers
+ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain may take
 MOST_GROSS = 0.25  # share of the rows; with more, nobody knows which are right
 LEAST_FREEDOM = 4  # to tell a blunder from noise
 NOISY = 2.0  # misfit that is told
@@ -83,12 +84,13 @@ def without_gross(
 def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, else_: str) -> tuple[bool, str]:
     """Whether an uncertainty across the bevel serves a tolerance of the root size, and the sentence that says so.
 
-    A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel).
+    A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel). Uncertainties add as
+    squares: one that takes up to half of the tolerance leaves 87 % of it to all others.
     """
     expanded = 2.0 * u_mm / math.sin(bevel_deg * DEG)
-    good = expanded <= root_tolerance_mm
-    said = "good enough" if good else f"not good enough; {else_}"
-    return good, f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of {root_tolerance_mm:g} mm: {said}"
+    good = expanded <= ENOUGH * root_tolerance_mm
+    said = "good enough" if good else f"not good enough, more than half of it; {else_}"
+    return good, f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of ± {root_tolerance_mm:g} mm: {said}"
 
 
 def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:

@@ -110,15 +110,17 @@ def plan(
     weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
     tilt, after = _map(limits, estimate, known, noise, optics, weight)
+    volume = planning.volume_after(totals, weight)
+    scale = calibration.volume_u_mm / volume[0]  # the model tells gains; where the calibration stands, it says itself
     found = PosturePlan(
         base_from_flange=frozen(flange[chosen]),
         centre_mm=frozen(centre[chosen]),
-        volume_u_mm=frozen(planning.volume_after(totals, weight)),
+        volume_u_mm=frozen(scale * volume),
         middle_mm=limits.middle_mm,
         half_mm=limits.half_mm,
         cone_deg=cone_deg,
         map_tilt_deg=frozen(tilt / DEG),
-        map_volume_u_mm=frozen(after),
+        map_volume_u_mm=frozen(scale * after),
     )
     return found, _table(found)
 

@@ -197,8 +197,8 @@ def _pair(error: float, u: float) -> str:
 def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
     yield pieces.heading("Proposed further postures")
     yield pieces.paragraph(
-        f"u over the field of view: {plan.volume_u_mm[0]:.3f} mm now, {plan.volume_u_mm[-1]:.3f} mm after the "
-        f"{len(plan.centre_mm)} postures proposed."
+        f"u over the field of view after the {len(plan.centre_mm)} postures proposed: "
+        f"{plan.volume_u_mm[-1]:.3f} mm, {plan.volume_u_mm[0]:.3f} mm now."
     )
     rows = []
     for i, (pose, centre) in enumerate(zip(plan.base_from_flange, plan.centre_mm, strict=True), 1):

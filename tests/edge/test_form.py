@@ -7,7 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from workbench.edge.form import INCIDENCES, PLACES, Misfit, _bow, _excess, _known_depths, _quarter_circle, scattered
+from workbench.edge.form import (
+    ANYWHERE,
+    INCIDENCES,
+    PLACES,
+    SOMEWHERE,
+    Misfit,
+    _bow,
+    _excess,
+    _known_depths,
+    _nothing_known,
+    _quarter_circle,
+    scattered,
+)
 from workbench.units import Float
 
 FRAMES, COLUMNS, SIGMA = 100, 45, 0.012
@@ -76,7 +88,9 @@ def test_a_rounding_is_told_by_its_depths(inclination_deg: float) -> None:
     inclination = math.radians(inclination_deg)
     for radius in (0.2, 0.4):
         found = depths(radius, inclination, math.radians(84.0), 0.0, rng)
-        is_proven, told, beyond, u, _ = _quarter_circle(_known_depths(found, edges), edges, inclination, INCIDENCES)
+        is_proven, told, beyond, u, _ = _quarter_circle(
+            _known_depths(found, edges), edges, inclination, INCIDENCES, ANYWHERE
+        )
         turn = math.radians(84.0) - inclination
         true = radius * (1.0 - math.sin(turn) + (1.0 - math.cos(turn)) * math.tan(inclination))
         assert is_proven
@@ -89,7 +103,7 @@ def test_a_bow_is_no_rounding(bow_mm: float) -> None:
     """The last returns of a bowed face lie under its line too."""
     edges = np.arange(31.0) * 0.05 / math.cos(1.0)
     found = depths(1e-9, 1.0, math.radians(84.0), bow_mm, np.random.default_rng(9))
-    is_proven, *_ = _quarter_circle(_known_depths(found, edges), edges, 1.0, INCIDENCES)
+    is_proven, *_ = _quarter_circle(_known_depths(found, edges), edges, 1.0, INCIDENCES, ANYWHERE)
     assert not is_proven
 
 
@@ -106,3 +120,25 @@ def test_points_that_scatter_beyond_any_noise_are_in_u() -> None:
     known = Misfit(np.zeros(2), np.zeros(2), 1.0)
     assert (scattered(known, 0.0).turn_u == 0.0).all()
     np.testing.assert_allclose(scattered(known, 0.05).turn_u, 2.1 * 0.05)
+
+
+def test_a_rounding_between_two_columns_of_a_part_that_lies_still_is_in_u() -> None:
+    """All frames see it at one place within the column: what the depths of the others say does not hold for it."""
+    inclination, radius, step = math.radians(30.0), 0.08, 0.05
+    edges = np.arange(31.0) * step / math.cos(inclination)
+    flat = np.random.default_rng(4).normal(0.0, 0.01, (400, 30))
+    u = {}
+    for name, phases in (("moving", ANYWHERE), ("still", SOMEWHERE)):
+        is_proven, _, missing, spread, _ = _quarter_circle(
+            _known_depths(flat, edges), edges, inclination, INCIDENCES, phases
+        )
+        assert not is_proven
+        u[name] = math.hypot(missing, spread)
+    assert u["still"] > 1.2 * u["moving"]
+    assert u["still"] < radius
+
+
+def test_a_face_of_few_columns_may_be_rounded() -> None:
+    edges = np.arange(7.0) * 0.1
+    _, _, missing, spread, _ = _quarter_circle(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE)
+    assert math.hypot(missing, spread) > 0.03

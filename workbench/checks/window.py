@@ -8,9 +8,10 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
-from workbench.units import Bool, Int
+from workbench.units import Bool, Float, Int
 
 PINNED = 0.3  # share of the frames whose returns end in one and the same column
+PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
 MOVED = 2.0  # columns, standard deviation, by which the part moves in the view meanwhile; 0.8 if its own end is there
 
 
@@ -65,6 +66,18 @@ def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)
+    middle = chain.frames[len(chain.frames) // 2]
+    if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
+        return False
     point, _, stretch = chain.track
     pitch = float(np.nanmedian(np.abs(np.diff(x[:, column % step :: step], axis=1))))
     return any(point[at[stretch[at] == number], 0].std() > MOVED * pitch for number in np.unique(stretch[at]))
+
+
+def _bends(x: Float, z: Float) -> bool:
+    """Whether a profile (M,) has faces of several directions: along a single one nothing shows it move."""
+    seen = np.flatnonzero(np.isfinite(x) & np.isfinite(z))
+    if seen.size < 2 * PIECES:
+        return False
+    slopes = [np.polyfit(x[part], z[part], 1)[0] for part in np.array_split(seen, PIECES)]
+    return bool(np.ptp(np.arctan(slopes)) > BEND)

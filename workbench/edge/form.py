@@ -22,17 +22,22 @@ SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
 PLACES = 9  # on a face, from its upper to its lower end
 LEAST_FRAMES = 20  # in a stretch
-# A misfit of rms e counts as three independent errors e on the face: their line turns by 2.1 e over the face's width
-# and its ends move by 1.2 e (straight line through three points).
-TURN, OFFSET = 2.1, 1.2
+# A misfit of rms e that lasts, such as a sensor's own error over its columns, is taken for a random walk along the
+# face: of such, a straight line turns by sqrt(18) e over the face's width, and lies off at its ends by sqrt(2) e.
+TURN, OFFSET = 4.2, 1.4
+# Scatter of rms e counts as three independent errors on the face.
+SCATTER_TURN, SCATTER_OFFSET = 2.1, 1.2
 GRAZING = 3.0  # times the noise of the other face: more is no noise of grazing rays
 # A rounded end: the last returns of the root face, each alone, then pooled, how sure their depth must be, and what is
 # taken for possible.
-LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 8
+LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 6
+STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
+ANYWHERE: Float = (np.arange(20.0)[None] + 0.5) / 20.0  # (1, 20) places of the end within a column, all of them in turn
+SOMEWHERE: Float = (np.arange(6.0)[:, None] + 0.5) / 6.0  # (6, 1) one of them, unknown
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a rounding
 PROOF, DEPTH_U_MM = 3.0, 0.0005
-LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 60
-INCIDENCES = np.radians(np.arange(56.0, 90.0, 2.0))  # greatest angle of incidence at which a return is kept
+LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 30
+INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 STEP_MM = 0.15  # between columns of one surface
 SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
@@ -80,8 +85,8 @@ def scattered(misfit: Misfit, rms: float) -> Misfit:
     """The misfit with that of points which scatter by `rms` (mm) more than any noise of the other face explains."""
     return replace(
         misfit,
-        turn_u=np.hypot(misfit.turn_u, TURN * rms / misfit.width_mm),
-        offset_u_mm=np.hypot(misfit.offset_u_mm, OFFSET * rms),
+        turn_u=np.hypot(misfit.turn_u, SCATTER_TURN * rms / misfit.width_mm),
+        offset_u_mm=np.hypot(misfit.offset_u_mm, SCATTER_OFFSET * rms),
     )
 
 
@@ -117,7 +122,8 @@ def misfit_of(
     """
     square, bow, width = _left(cloud, labels, face, label, s_frames, at, whole, together_mm)
     rest = np.maximum(square - bow**2 / 5.0, 0.0)
-    return Misfit(TURN * np.sqrt(square) / width, np.sqrt(OFFSET**2 * rest + bow**2), width)
+    turn = np.sqrt(TURN**2 * rest + SCATTER_TURN**2 * bow**2 / 5.0)
+    return Misfit(turn / width, np.sqrt(OFFSET**2 * rest + bow**2), width)
 
 
 def _left(
@@ -232,8 +238,11 @@ def root_rim(tracked: TrackedFaces) -> FaceRim:
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
-    """Frames (N,) in which nothing but its own edge ends the root face."""
-    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner | tracked.end_is_mixed)
+    """Frames (N,) in which nothing but its own edge ends the root face.
+
+    A return between it and what lies behind it is mostly far off its line; one that is not may be of a rounding.
+    """
+    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
 
 
 def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float = MOST_RADIUS_MM) -> Rounding:
@@ -253,7 +262,8 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
     angle of incidence that the sensor still returns (eq. (12)). Both are averaged over what the depths allow: before,
     the edge is as likely sharp as rounded, and radii of all orders of size are alike likely. Where the rays graze the
-    face, a rounding leaves the view before it leaves the line, and only its u tells of it.
+    face, a rounding leaves the view before it leaves the line, and only its u tells of it. So it is where the part lies
+    still in the view, for all of a rounding may lie between two columns.
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
@@ -271,15 +281,16 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, beyond)
     depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
     depth = depth[np.isfinite(depth).all(axis=1)]
-    if len(depth) < LEAST_FRAMES or depth.shape[1] < LEAST_GROUPS:
-        return NO_ROUNDING
-    edges = edges[: depth.shape[1] + 1]
-    known = _known_depths(depth, edges * step)
+    told = len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
+    edges = edges[: depth.shape[1] + 1] if told else edges[:LEAST_GROUPS]
+    known = _known_depths(depth, edges * step) if told else _nothing_known(edges.size - 1)
+    moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
+    phases: Float = ANYWHERE if moved > STILL else SOMEWHERE
     inclination = math.atan(slope)
-    is_proven, radius, missing, missing_u, fall = _quarter_circle(known, edges * step, inclination, INCIDENCES)
+    is_proven, radius, missing, missing_u, fall = _quarter_circle(known, edges * step, inclination, INCIDENCES, phases)
     if not is_proven:  # one that would not show is in u
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
-        _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, most_mm)
+        _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, phases, most_mm)
         return Rounding(u_mm=math.hypot(missing, missing_u))
     further = float(beyond.mean()) * step  # returns beyond those on the line
     on = fall > PROOF * np.sqrt(np.diag(known.noise))
@@ -370,26 +381,38 @@ def _known_depths(depth: Float, edges_mm: Float) -> Depths:
     return Depths(mean, noise, (shapes * [PLACE_MM, TURN_MM, BOW_MM]) @ (shapes * [PLACE_MM, TURN_MM, BOW_MM]).T)
 
 
+def _nothing_known(groups: int) -> Depths:
+    return Depths(np.zeros(groups), np.eye(groups), np.zeros((groups, groups)))
+
+
 def _quarter_circle(
-    known: Depths, edges_mm: Float, inclination: float, incidences: Float, most_mm: float = MOST_RADIUS_MM
+    known: Depths,
+    edges_mm: Float,
+    inclination: float,
+    incidences: Float,
+    phases: Float,
+    most_mm: float = MOST_RADIUS_MM,
 ) -> tuple[bool, float, float, float, Float]:
     """Whether a rounding is proven; its radius; how far the virtual edge lies beyond the last return's step, its u: mm.
 
-    And how deep the rounding lies under the line by each group of columns (g,).
+    And how deep the rounding lies under the line by each group of columns (g,). phases (p, q): p places of the end
+    within its column are alike likely, each of them the mean over q.
     """
-    share = (np.arange(20) + 0.5) / 20.0
-    w = edges_mm[:-1, None] + share * np.diff(edges_mm)[:, None]
     incidences = incidences[incidences > inclination]
-    radius = np.repeat(np.geomspace(LEAST_RADIUS_MM, most_mm, RADII), incidences.size)
-    turn = np.tile(np.minimum(incidences - inclination, math.pi / 2.0), RADII)
+    number, turn, phase = (one.ravel() for one in np.meshgrid(np.arange(RADII), incidences, np.arange(len(phases))))
+    radius = np.geomspace(LEAST_RADIUS_MM, most_mm, RADII)[number.astype(np.int64)]
+    turn = np.minimum(turn - inclination, math.pi / 2.0)
     end = radius * (np.sin(turn) - (1.0 - np.cos(turn)) * math.tan(inclination))  # as the columns count
+    width = np.diff(edges_mm)
+    within = np.where((width > 1.5 * edges_mm[1])[:, None], 0.5 if len(phases) > 1 else phases, phases[:, None, :])
+    w = (edges_mm[:-1, None] + within * width[:, None])[phase.astype(np.int64)]
     on = np.maximum(end[:, None, None] - w, 0.0) / radius[:, None, None] * math.cos(inclination)
     sine = np.minimum(on + math.sin(inclination), 1.0)
     turned = np.sqrt(1.0 - sine**2) * math.cos(inclination) + sine * math.sin(inclination)  # cosine of the turn
     fall = radius[:, None] * (1.0 - turned).mean(axis=2)
-    fall = np.concatenate([np.zeros((1, len(w))), fall])  # sharp
+    fall = np.concatenate([np.zeros((1, width.size)), fall])  # sharp
     radius, beyond = np.append(0.0, radius), np.append(0.0, radius - end)
-    covariance = (known.noise + known.free)[None] + (SHAPE * fall)[:, :, None] ** 2 * np.eye(len(w))
+    covariance = (known.noise + known.free)[None] + (SHAPE * fall)[:, :, None] ** 2 * np.eye(width.size)
     # The part of the last column's pixel that the face fills lies before its middle, by f^2 / 16 columns on average.
     part = 0.5 * edges_mm[1] * math.sin(inclination) * math.cos(inclination) / 16.0
     fall[:, 0] -= part

@@ -1,0 +1,297 @@
+"""`python -m bench.outside --parts 100 --seed 0 --worst 10`: a third simulator, for judging only.
+
+A polygon drawn along a straight line, hit by rays in the plane across it: nothing is shared with the two simulators
+that the package is developed on. Its own faults: heavy tails, a sensor error that walks over the columns, returns lost
+where rays graze, flyers, mixed pixels, a rounded lower edge, a table behind, parallel or fanned rays, z counted either
+way, values rounded, poses at every frame or every fourth.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.artefacts import Recording
+from workbench.cloud import denoise
+from workbench.edge import segment, segment_raw
+from workbench.errors import WorkbenchError
+from workbench.inspect import sections
+from workbench.scan import fuse
+from workbench.units import DEG, Bool, Float
+
+ARC = np.linspace(0.0, np.pi / 2.0, 9)  # a rounding's vertices
+FAR_MM = 60.0  # how far the plate reaches
+BEYOND = 3.0  # standard uncertainties: more is wrong
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The edge across its length; u: away from the plate, v: up, w: along, mm; the root face stands at u = 0."""
+
+    root_mm: float  # at w = 0; of a raw edge its end face
+    drift: float  # of the root size, mm a mm of w
+    bevel: float  # rad from the root face; of a raw edge the rest of the quarter: its upper surface
+    thickness_mm: float
+    radius_mm: float  # of the lower edge
+    table_mm: float | None  # under the plate
+
+    def segments(self, w: Float) -> Float:
+        """Straight pieces (n, k, 4), u and v of both ends, of the section at w (n,)."""
+        root = self.root_mm + self.drift * w
+        zero, top = np.zeros_like(w), np.full_like(w, self.thickness_mm)
+        corner = -np.tan(self.bevel) * (top - root)
+        points = [(corner - FAR_MM, top), (corner, top), (zero, root)]
+        if self.radius_mm > 0.0:
+            r = self.radius_mm
+            points += [(zero - r + r * np.cos(t), zero + r - r * np.sin(t)) for t in ARC]
+        else:
+            points.append((zero, zero))
+        points.append((zero - FAR_MM, zero))
+        line = np.stack([np.stack(p, axis=-1) for p in points], axis=1)
+        pieces = np.concatenate([line[:, :-1], line[:, 1:]], axis=-1)
+        if self.table_mm is None:
+            return pieces
+        table = np.array([2 * FAR_MM, -self.table_mm, -FAR_MM, -self.table_mm])
+        return np.concatenate([pieces, np.broadcast_to(table, (len(w), 1, 4))], axis=1)
+
+
+class Part(NamedTuple):
+    """A recording and what is true of it."""
+
+    recording: Recording
+    section: Section
+    base_from_section: Float  # (4, 4)
+    about: dict[str, object]
+
+
+def simulate(seed: int, is_raw: bool) -> Part:
+    """Part `seed`: a milled edge, or a raw one whose end face is as high as the plate."""
+    rng = np.random.default_rng([778, seed, is_raw])
+    section = _section(rng, is_raw)
+    thick = section.thickness_mm
+    incline = np.radians(rng.uniform(15, 55) if is_raw else rng.uniform(25, 65))  # of the rays over the horizontal
+    columns, width = int(rng.choice([640, 1024, 1280])), rng.uniform(max(18, 2.5 * thick if is_raw else 0), 38)
+    stand, fan = rng.uniform(80, 250), bool(rng.random() < 0.5)
+    step = rng.choice([0.1, 0.2, 0.3])
+    frames = int(min(rng.uniform(60, 150) / step, 900))
+    along = np.linspace(0.0, (frames - 1) * step, frames)
+    rotation = _orientations(rng, incline, along)
+    aim = (
+        np.array([0.0, thick / 2.0, 0.0]) if is_raw else np.array([-np.tan(section.bevel), section.root_mm + 1.0, 0.0])
+    )
+    sense = np.sign(rotation[0, 2, 1])
+    sway = rng.choice([0.0, rng.uniform(0.05, 1.5)]) * np.sin(along / rng.uniform(5, 30) + rng.uniform(0, 6))
+    place = aim - stand * rotation[:, :, 2] + (rng.uniform(-3, 3) + sway)[:, None] * rotation[:, :, 0]
+    place[:, 2] += sense * along
+    x, z, about = _profiles(
+        rng, section, rotation, place, (np.arange(columns) / (columns - 1) - 0.5) * width, stand, fan
+    )
+    flip, origin = rng.choice([1, -1]), rng.choice([0.0, stand])  # z counts away from the sensor or towards it
+    digit = rng.choice([1e-6, 1e-4, 1e-3])
+    mirror = np.eye(4)
+    mirror[[0, 2], [0, 2]], mirror[2, 3] = flip, origin
+    pose = np.tile(np.eye(4), (frames, 1, 1))
+    pose[:, :3, :3], pose[:, :3, 3] = rotation, place
+    base_from_section, flange_from_profiler = _pose(rng, 900.0), _pose(rng, rng.uniform(90, 220))
+    flange = base_from_section @ pose @ mirror @ np.linalg.inv(flange_from_profiler)
+    told = np.unique(np.linspace(0, frames - 1, rng.choice([frames, frames // 4])).astype(int))
+    jitter = rng.choice([0.0, 0.01, 0.03])
+    time = 1000.0 + along / rng.uniform(8, 40)
+    recording = Recording(
+        source=f"outside {seed}",
+        time_s=time,
+        x_mm=(np.round(x * flip / 1e-5) * 1e-5).astype(np.float32),
+        z_mm=(np.round((z - origin) * flip / digit) * digit).astype(np.float32),
+        pass_index=np.zeros(frames, np.int64),
+        robot_time_s=time[told],
+        robot_position_mm=flange[told, :3, 3] + rng.normal(0, jitter, (told.size, 3)),
+        robot_quaternion_wxyz=Rotation.from_matrix(flange[told, :3, :3]).as_quat()[:, [3, 0, 1, 2]],
+        robot_pass=np.zeros(told.size, np.int64),
+        flange_from_profiler=flange_from_profiler,
+    )
+    return Part(recording, section, base_from_section, about | {"incline": np.degrees(incline), "jitter": jitter})
+
+
+def _section(rng: np.random.Generator, is_raw: bool) -> Section:
+    radius = rng.choice([0.0, 0.0, rng.uniform(0.02, 0.15)])
+    table = None if rng.random() < 0.5 else rng.uniform(4, 30)
+    if is_raw:
+        thick = rng.uniform(4, 12)
+        return Section(thick - 1e-3, 0.0, np.pi / 4.0, thick, radius, table)
+    root = rng.uniform(0.8, 3.0)
+    drift = rng.choice([0.0, rng.uniform(-2e-3, 2e-3)])
+    return Section(root, drift, np.radians(rng.uniform(25, 55)), root + rng.uniform(3, 8), radius, table)
+
+
+def _orientations(rng: np.random.Generator, incline: float, along: Float) -> Float:
+    """section_from_emitter (n, 3, 3): z along the rays, y nearly along the edge; oblique, and swaying or not."""
+    z = -np.array([np.cos(incline), np.sin(incline), 0.0])
+    y = np.array([0.0, 0.0, rng.choice([1.0, -1.0])])
+    square = np.stack([np.cross(y, z), y, z], axis=1)
+    oblique = Rotation.from_euler("xyz", rng.normal(0, [3, 3, 5]) * rng.choice([0.3, 1.0, 1.5]), degrees=True)
+    sway = np.radians(rng.choice([0.0, 0.0, rng.uniform(0.3, 3.0)])) * np.sin(
+        along[:, None] / rng.uniform(5, 30, 3) + rng.uniform(0, 6, 3)
+    )
+    return square @ oblique.as_matrix() @ Rotation.from_rotvec(sway).as_matrix()
+
+
+def _profiles(
+    rng: np.random.Generator, section: Section, rotation: Float, place: Float, u: Float, stand: float, fan: bool
+) -> tuple[Float, Float, dict[str, object]]:
+    """Lateral places and ranges (n, m) of rays through lateral places u (m,) mm at the stand-off, with their faults."""
+    frames, columns = len(place), u.size
+    sigma, heavy = rng.choice([0.002, 0.005, 0.01, 0.02]), bool(rng.random() < 0.4)
+    walk = rng.choice([0.0, 0.0, rng.uniform(1e-4, 5e-4)])
+    pattern = walk * np.cumsum(rng.normal(0, 1, columns))
+    lost, flyers = rng.choice([0.0, 0.02, 0.1]), rng.choice([0.0, 0.005, 0.02])
+    graze = np.radians(rng.uniform(72, 84))
+    x, z = np.full((frames, columns), np.nan), np.full((frames, columns), np.nan)
+    for i in range(frames):
+        zero, one = np.zeros(columns), np.ones(columns)
+        rays = (rotation[i] @ (np.stack([u / stand, zero, one]) if fan else np.stack([zero, zero, one]))).T
+        origin = place[i] + np.where(fan, 0.0, u)[:, None] * rotation[i][:, 0]
+        way, incidence = _hit(section, origin, rays, 2.2 * stand)
+        noise = rng.standard_t(4, columns) / np.sqrt(2.0) if heavy else rng.normal(0, 1, columns)
+        seen = way + pattern + sigma / np.sqrt(np.maximum(np.cos(incidence), 0.15)) * noise
+        for j in np.flatnonzero(np.abs(np.diff(way)) > 1.0):
+            if rng.random() < 0.4:
+                share = rng.random()
+                seen[j] = share * way[j] + (1.0 - share) * way[j + 1]
+        stray = rng.random(columns) < flyers
+        seen = seen + np.where(stray, rng.choice([-1, 1], columns) * rng.uniform(0.2, 4.0, columns), 0.0)
+        seen[(incidence > graze + rng.normal(0, 0.02, columns)) | (rng.random(columns) < lost)] = np.nan
+        z[i], x[i] = seen, u / stand * seen if fan else np.where(np.isfinite(seen), u, np.nan)
+    about = {"sigma": sigma, "heavy": heavy, "walk": walk, "lost": lost, "flyers": flyers, "graze": np.degrees(graze)}
+    return x, z, about
+
+
+def _hit(section: Section, origin: Float, rays: Float, reach_mm: float) -> tuple[Float, Float]:
+    """Way along rays (n, 3) from origins (n, 3) to the part, NaN beyond reach, and the incidence there, rad."""
+    w = origin[:, 2].copy()
+    for _ in range(1 if section.drift == 0.0 else 3):  # the section is the one where the ray hits
+        pieces = section.segments(w)
+        way, which = _nearest(pieces, origin[:, :2], rays[:, :2])
+        hit: Bool = way < reach_mm
+        w = origin[:, 2] + np.where(hit, way, 0.0) * rays[:, 2]
+    piece = pieces[np.arange(len(way)), which]
+    along = piece[:, 2:] - piece[:, :2]
+    across = np.abs(along[:, 1] * rays[:, 0] - along[:, 0] * rays[:, 1])
+    cosine = across / np.linalg.norm(along, axis=1) / np.linalg.norm(rays, axis=1)
+    return np.where(hit, way, np.nan), np.arccos(np.clip(cosine, 0.0, 1.0))
+
+
+def _nearest(pieces: Float, origin: Float, rays: Float) -> tuple[Float, np.ndarray]:
+    start, along = pieces[..., :2], pieces[..., 2:] - pieces[..., :2]
+    beside = rays[:, None, 0] * along[..., 1] - rays[:, None, 1] * along[..., 0]
+    beside = np.where(np.abs(beside) < 1e-12, 1e-12, beside)
+    gap = start - origin[:, None]
+    way = (gap[..., 0] * along[..., 1] - gap[..., 1] * along[..., 0]) / beside
+    share = (gap[..., 0] * rays[:, None, 1] - gap[..., 1] * rays[:, None, 0]) / beside
+    way = np.where((share >= 0.0) & (share <= 1.0) & (way > 1.0), way, np.inf)
+    which = way.argmin(axis=1)
+    return way[np.arange(len(way)), which], which
+
+
+def _pose(rng: np.random.Generator, distance_mm: float) -> Float:
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    away = rng.normal(size=3)
+    pose[:3, 3] = distance_mm * away / np.linalg.norm(away)
+    return pose
+
+
+Errors = dict[str, tuple[Float, Float]]  # by quantity: errors and standard uncertainties
+
+
+def inspected(part: Part) -> Errors:
+    """Root sizes and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg."""
+    root = max(0.5, round(2 * part.section.root_mm) / 2)
+    bevel = 5.0 * round(part.section.bevel / DEG / 5.0)
+    edge = segment(denoise(fuse(part.recording)), root_nominal_mm=root, bevel_nominal_deg=bevel)
+    found = [s for s in sections(edge, root_nominal_mm=root, bevel_nominal_deg=bevel).sections if s.root_mm is not None]
+    section_from_base = np.linalg.inv(part.base_from_section)
+    along = np.array([(section_from_base @ np.append(s.origin_mm, 1.0))[2] for s in found])
+    true = part.section.root_mm + part.section.drift * along
+    return {
+        "root, mm": (np.array([s.root_mm for s in found]) - true, np.array([s.root_u_mm for s in found])),
+        "bevel, deg": (
+            np.array([s.bevel_deg for s in found]) - part.section.bevel / DEG,
+            np.array([s.bevel_u_deg for s in found]),
+        ),
+    }
+
+
+def planned(part: Part) -> Errors:
+    """Place of the lower edge along the end face's normal and along the face, and the face's direction."""
+    turn = part.base_from_section[:3, :3]
+    edge = segment_raw(denoise(fuse(part.recording)), upper_side=tuple(turn[:, 1].tolist()))
+    at = np.flatnonzero(edge.seen & np.isfinite(edge.position_mm[:, 0]))[::5]
+    place = (edge.position_mm[at] - part.base_from_section[:3, 3]) @ turn
+    normal = edge.normal[at] @ turn
+    u = edge.position_u_mm[at]
+    axis_u = np.broadcast_to(np.asarray(edge.normal_u), edge.seen.shape)[at] / DEG
+    return {
+        "along n, mm": (place[:, 0], u[:, 0]),
+        "along m, mm": (place[:, 1], u[:, 1]),
+        "axis, deg": (np.arctan2(normal[:, 1], normal[:, 0]) / DEG, axis_u),
+    }
+
+
+def _judged(is_raw: bool, measure: Callable[[Part], Errors], seeds: range) -> tuple[list[str], list[tuple[float, str]]]:
+    """Rows of the table, and every part's worst error over u with what it was of."""
+    all_: dict[str, list[tuple[Float, Float]]] = {}
+    worst, refused = [], []
+    for seed in seeds:
+        part = simulate(seed, is_raw)
+        about = ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in part.about.items())
+        about += f", radius {part.section.radius_mm:.3f}"
+        try:
+            found = measure(part)
+        except WorkbenchError as error:
+            refused.append(f"{'raw' if is_raw else 'milled'} {seed} refused: {str(error)[:160]} ({about})")
+            continue
+        for name, (error, u) in found.items():
+            all_.setdefault(name, []).append((error, u))
+            z = np.abs(error) / u
+            if z.size:
+                k = int(z.argmax())
+                worst.append((float(z[k]), f"{name} {seed}: {z[k]:.1f} u, {error[k]:.4f} ({about})"))
+    rows = []
+    for name, pairs in all_.items():
+        error, u = np.abs(np.concatenate([e for e, _ in pairs])), np.concatenate([u for _, u in pairs])
+        greatest = [float(np.abs(e).max()) for e, _ in pairs if e.size]
+        rows.append(
+            f"| {name} | {len(pairs)} | {len(refused)} | {np.percentile(greatest, 95):.4f} | "
+            f"{100 * np.mean(error <= 2 * u):.1f} | {(error / u).max():.1f} | {np.mean(error > BEYOND * u):.4f} | "
+            f"{u.mean():.4f} |"
+        )
+    return rows, worst + [(np.inf, one) for one in refused]
+
+
+def main() -> None:
+    """Simulate, measure, and print a table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.outside", description=__doc__.split("\n")[0])
+    parser.add_argument("--parts", type=int, default=100, help="of each kind")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--worst", type=int, default=10, help="parts told one by one")
+    chosen = parser.parse_args()
+    seeds = range(chosen.seed, chosen.seed + chosen.parts)
+    print(f"`python -m bench.outside --parts {chosen.parts} --seed {chosen.seed}`\n")
+    print("| value | parts | refused | p95 of the greatest | within 2u, % | worst error/u | share beyond 3u | mean u |")
+    print("|" + " --- |" * 8)
+    told: list[tuple[float, str]] = []
+    for is_raw, measure in ((False, inspected), (True, planned)):
+        rows, worst = _judged(is_raw, measure, seeds)
+        print("\n".join(rows), flush=True)
+        told += worst
+    for _, line in sorted(told, key=lambda one: -one[0])[: chosen.worst]:
+        print(f"- {line}")
+
+
+if __name__ == "__main__":
+    main()

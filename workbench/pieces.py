@@ -95,9 +95,13 @@ def panels_html(pictures: Iterable[tuple[bytes, str]]) -> str:
     return f'<div class="panels">{"".join(figure_html(one, words, words) for one, words in pictures)}</div>'
 
 
+def minus(text: str) -> str:
+    """A text with minus signs as such, and no sign before a number that rounds to nothing."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<![\w.])[+-](?=0(?:\.0+)?(?![\d.]))", "", text))
+
+
 def _shown(value: str) -> str:
-    """A value, escaped: minus signs as such, and none before a number that rounds to nothing."""
-    return re.sub(r"(?<![\w.])-(?=\d)", "−", re.sub(r"(?<![\w.])[+-](?=0(?:\.0+)?(?![\d.]))", "", escape(value)))
+    return minus(escape(value))
 
 
 def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", text: Iterable[int] = ()) -> str:

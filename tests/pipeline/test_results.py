@@ -1,12 +1,19 @@
 """Result files: a milling path as the contract's JSON, and nothing that is not JSON."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from workbench import edge, inspect, scan
 from workbench.artefacts import Cutter, Engagement, Layer, LayerEngagement, Rework, Stretch, Toolpath, Travel
 from workbench.pipeline.results import result_files
+from workbench.pipeline.run import Results
+from workbench.pipeline.tables import print_findings
+
+ROOT = Path(__file__).parents[2]
 
 
 def layer(index: int, height_mm: float) -> Layer:
@@ -67,3 +74,17 @@ def test_rework_and_engagement(path: Toolpath) -> None:
     assert files["rework.json"]["toolpath"] == files["toolpath.json"]
     nothing = Rework(None, (), (), "nothing to rework")
     assert json.loads(result_files([nothing])["rework.json"])["toolpath"] is None
+
+
+def test_inspections_on_the_way_are_told_in_a_line_with_their_name(capsys: pytest.CaptureFixture[str]) -> None:
+    points = scan.fuse(scan.read(recording=ROOT / "data" / "synthetic" / "milled_edge.h5"))
+    milled = edge.segment(points)
+    first = inspect.sections(milled, root_nominal_mm=1.0, root_tolerance_mm=[-0.1, 0.1])
+    last = inspect.sections(milled)
+    gates = {"first_check": (inspect.gate(first),), "last_check": (inspect.gate(last),)}
+    print_findings(Results({"first": (first,), "last": (last,), **gates}))
+    told = capsys.readouterr().out
+    assert re.search(r"first: root face 1\.4\d\d to 1\.5\d\d mm, .*; as a finished part: fail", told)
+    assert told.count("\npart: ") == 1
+    assert "gate first_check: rejected" in told
+    assert "gate last_check: passed" in told

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import shutil
 from pathlib import Path
 
 import pytest
@@ -20,8 +18,6 @@ from workbench.report import closed_loop, html, inspection, plan
 from workbench.report import groove as report_groove
 from workbench.scan import fuse, read
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 A4_WIDTH_PX, A4_HEIGHT_PX = round((210 - 2 * 13) / 25.4 * 96), (297 - 2 * 14) / 25.4 * 96
 GROOVE = Path(__file__).parents[2] / "data" / "synthetic" / "groove.h5"
 LONG = "a name of a part that is much longer than names of parts are in most shops, revision 12"
@@ -52,21 +48,6 @@ CONTRAST = """() => {
     return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 4.5;
   }).map((e) => e.tagName + "." + e.className + ": " + e.textContent.slice(0, 40));
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed (apt-get install chromium)")
-    as_root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    with playwright.sync_playwright() as driver:
-        try:
-            started = driver.chromium.launch(executable_path=path, args=as_root)
-        except playwright.Error as error:
-            pytest.skip(f"{path} does not start: {str(error).splitlines()[0]}")
-        yield started
-        started.close()
 
 
 def loop_page(part, planned, by_formula, provenance):

@@ -18,13 +18,16 @@ COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow"}
 
 
 def print_findings(results: Results) -> None:
-    """The inspection as a table, and the gates' decisions."""
+    """The last inspection as a table, those before it in a line with their stage's name; the gates' decisions."""
     from rich.console import Console
     from rich.text import Text
 
     console = Console(highlight=False)
-    for artefact in results:
-        if isinstance(artefact, Inspection):
+    gates = sum(isinstance(artefact, Gate) for artefact in results)
+    for stage, artefact in ((stage, one) for stage, made in results.artefacts.items() for one in made):
+        if isinstance(artefact, Inspection) and artefact is not results.last(Inspection):
+            console.print(Text(one_line(f"{stage}: {inspection_summary(artefact)}")), soft_wrap=True)
+        elif isinstance(artefact, Inspection):
             console.print(_inspection_table(artefact))
             line = Text("part: ").append(artefact.verdict, f"bold {COLOURS[artefact.verdict]}")
             console.print(line.append(one_line(f" ({artefact.reason})")), soft_wrap=True)
@@ -35,7 +38,8 @@ def print_findings(results: Results) -> None:
         if isinstance(artefact, Rework):
             console.print(Text(one_line(f"rework: {artefact.reason}")), soft_wrap=True)
         if isinstance(artefact, Gate):
-            console.print(Text(one_line(f"gate: {gate_summary(artefact)}")), soft_wrap=True)
+            name = "gate" if gates == 1 else f"gate {stage}"
+            console.print(Text(one_line(f"{name}: {gate_summary(artefact)}")), soft_wrap=True)
 
 
 def print_files(results: Results) -> None:
@@ -49,6 +53,19 @@ def print_files(results: Results) -> None:
     for path in sorted(results.files, key=lambda path: path.suffix == ".html"):
         label = "report" if path.suffix == ".html" else "wrote"
         console.print(Text(one_line(f"{label}: {path}")), soft_wrap=True)
+
+
+def inspection_summary(inspection: Inspection) -> str:
+    """What an inspection on the way to the finished part measured, in a line."""
+    measured = [section for section in inspection.sections if section.root_mm is not None]
+    root = [section.root_mm for section in measured if section.root_mm is not None]
+    bevel = [section.bevel_deg for section in measured if section.bevel_deg is not None]
+    if not root or not bevel:
+        return "no section was measured"
+    return (
+        f"root face {min(root):.3f} to {max(root):.3f} mm, bevel angle {min(bevel):.2f} to {max(bevel):.2f} deg; "
+        f"as a finished part: {inspection.verdict}"
+    )
 
 
 def gate_summary(gate: Gate) -> str:

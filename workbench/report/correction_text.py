@@ -9,6 +9,7 @@ import numpy as np
 from workbench.artefacts import Inspection, PathCorrection
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
+from workbench.pieces import minus
 from workbench.report.along import gaps
 from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
 from workbench.report.figures import hatch_hidden, svg
@@ -48,13 +49,13 @@ def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]
         for name, one in finished.items()
         if (off := _off(one, "root_mm"))
     ]
-    return "; ".join(said)
+    return minus("; ".join(said))
 
 
 def _lead(found: PathCorrection) -> str:
     if found.refused:
         return f"The finishing pass is refused: {one_line(found.refused)}."
-    said = found.reason[:1].upper() + found.reason[1:]
+    said = minus(found.reason[:1].upper() + found.reason[1:])
     return f"{said}. What the first cut left for the finishing pass is {span(found.stock_mm[found.cut], 2, ' mm')}."
 
 
@@ -115,7 +116,7 @@ def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
     """SVG of root face and bevel angle deviation from the requirement, of each part."""
     figure = Figure(figsize=(10, 3.3))
     top, below = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.15, 0.985, 0.97, hspace=0.18)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
     for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
         name, unit = key.split("_")
         for part, one in finished.items():

@@ -520,7 +520,7 @@ class Axes:
         self._later.append((3.0, False, drawn))
 
     def legend(self) -> None:
-        """Names of the labelled lines along the top."""
+        """Names of the labelled lines above the axes, at the right."""
         self._later.append((5.0, False, self._drawn_legend))
 
     # How it is drawn.
@@ -620,8 +620,8 @@ class Axes:
         x, out = left + width, ""
         for name, ink in reversed(self._legend):
             x -= _width(name, SIZE)
-            out += _text(name, x, top + 8, SIZE, "left", "center")
-            out += f'<path d="M{_n(x - 24)} {_n(top + 8)}h18" {_stroke(ink, 1.5)}/>'
+            out += _text(name, x, top - 7, SIZE, "left", "center")
+            out += f'<path d="M{_n(x - 24)} {_n(top - 7)}h18" {_stroke(ink, 1.5)}/>'
             x -= 36
         return out
 

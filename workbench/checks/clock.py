@@ -28,7 +28,8 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
     """From the section's turn about the edge that poses (number, shift in s) -> (k, 4, 4) leave unexplained.
 
     A plate does not turn to and fro as the scanner does. What is left of the section's turn, less a slow twist, is
-    therefore compared with how that turn changes with the time at which the poses are taken.
+    therefore compared with how that turn changes with the time at which the poses are taken. What goes with the
+    orientation itself is left out: an oblique section is sheared by it.
     """
     above, below, square, count = 0.0, 0.0, 0.0, 0
     for number, chain in chains.items():
@@ -39,8 +40,8 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
         slow = twisted((now[0] + later[0]) / 2.0, DEGREE)
         if np.std(rate - slow @ (slow.T @ rate)) < LEAST_RATE:
             continue
-        plate = np.diff(slow, axis=0)
-        basis = np.linalg.qr(plate[:, 1:])[0]
+        known = np.diff(np.concatenate([slow[:, 1:], now[2]], axis=1), axis=0)
+        basis = np.linalg.svd(known, full_matrices=False)[0]
         rate, left = np.diff(rate), np.diff(left)
         rate, left = rate - basis @ (basis.T @ rate), left - basis @ (basis.T @ left)
         usual = np.median(np.abs(left)) / 0.6745 + 1e-9

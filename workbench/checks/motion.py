@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from workbench.checks.profiles import Chain, Few
 from workbench.units import DEG, Float, Int
@@ -123,16 +124,19 @@ def _in_view(chain: Chain, wiggle_mm: float) -> float:
     return near / over_all if near > 0.5 * wiggle_mm else 0.0
 
 
-def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float] | None:
+def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float, Float] | None:
     """Arc length mm and turn rad (k,) of the section about its way by poses (k, 4, 4), over the longest stretch.
 
-    None: it is too short.
+    And what the orientation differs there from the first one, as rotation vectors (k, 3) rad. None: it is too short.
     """
     place, across, stretch = _carried_by(chain, pose)
     way = way_of(place, stretch, pose)
     longest = np.flatnonzero((stretch == np.bincount(stretch).argmax()) & np.isfinite(way.tangent[:, 0]))
     turn = _turns(across, way.tangent, longest)
-    return None if turn is None else (way.arc_mm[longest], turn)
+    if turn is None:
+        return None
+    rotation = pose[longest, :3, :3]
+    return way.arc_mm[longest], turn, Rotation.from_matrix(rotation[0].T @ rotation).as_rotvec()
 
 
 def _spatial(point: Float) -> Float:

@@ -238,7 +238,7 @@ def _step(values: AnyArray) -> float:
     if step < 20.0 * digit:  # finer than what float32 could tell apart
         return 0.0
     near = gaps[gaps < 30.0 * step]
-    step = float(np.median(near[near < 1.5 * step]))
+    step = float(near[near < 1.5 * step].mean())  # single gaps are rounded to float32's digits
     off = np.abs(near / step - np.round(near / step)) * step
     return step if np.percentile(off, 95) < STEP_SHARE * step + 4.0 * digit else 0.0
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median_of, select
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Int
 
 FRAMES = (24, 400)  # least and most profiles of a pass that are looked at
@@ -15,6 +19,7 @@ GRID = 256  # places across the view
 JUMP_STEPS = 8.0  # slope beyond which two neighbouring returns are not one surface
 ROUNDS = 8  # of Gauss and Newton, at most
 SETTLED = (1e-4, 1e-4, 1e-6)  # mm, mm, rad: motions are then known better than noise lets them
+MOST_STEP = (2.0, 2.0, 0.05)  # mm, mm, rad: of one round
 SHARE = 0.5  # of the places that must agree
 HUBER_SIGMAS = 2.5
 MISFITS, LEAST_MISFIT_MM = 3.0, 0.01  # of the usual misfit: more is another shape, such as a clamp
@@ -99,27 +104,45 @@ def _chain(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Chain | None:
     if not high > low:
         return None
     at = np.linspace(low, high, GRID)
-    surface = np.stack([_on_grid(x[i][valid[i]], z[i][valid[i]], at) for i in range(len(x))])
+    surface = np.empty((len(x), GRID))
+    _on_grid(x, z, valid, at, surface)
     return _registered(surface, at, frames)
 
 
-def _on_grid(x: Float, z: Float, at: Float) -> Float:
-    """z at places `at`; NaN across gaps and jumps, where neighbouring returns are no one surface."""
-    if x[0] > x[-1]:
-        x, z = x[::-1], z[::-1]
-    if (np.diff(x) < 0).any():
-        order = np.argsort(x, kind="stable")
-        x, z = x[order], z[order]
-    right = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
-    step, rise = x[right] - x[right - 1], np.abs(z[right] - z[right - 1])
-    usual = float(np.median(np.diff(x)))
-    made = np.interp(at, x, z, left=np.nan, right=np.nan)
-    made[(step > 4.0 * usual + 1e-9) | (rise > JUMP_STEPS * np.maximum(step, usual))] = np.nan
-    return np.asarray(made)
+@kernel
+def _on_grid(x: Float, z: Float, valid: Bool, at: Float, out: Float) -> None:
+    """Fill out (k, m): z of k profiles at places (m,); NaN across gaps and jumps: neighbours there are no surface."""
+    u, w, step = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
+    for i in range(x.shape[0]):
+        count, back = 0, False
+        for j in range(x.shape[1]):
+            if valid[i, j]:
+                u[count], w[count] = x[i, j], z[i, j]
+                count += 1
+        if u[0] > u[count - 1]:
+            u[:count], w[:count] = u[:count][::-1].copy(), w[:count][::-1].copy()
+        for j in range(1, count):
+            step[j - 1] = u[j] - u[j - 1]
+            back |= step[j - 1] < 0.0
+        if back:
+            order = np.argsort(u[:count], kind="mergesort")
+            u[:count], w[:count] = u[:count][order], w[:count][order]
+            for j in range(1, count):
+                step[j - 1] = u[j] - u[j - 1]
+        usual = median_of(step, count - 1)
+        right = 1
+        for m in range(at.size):
+            while right < count - 1 and u[right] < at[m]:
+                right += 1
+            wide, rise = u[right] - u[right - 1], w[right] - w[right - 1]
+            one_surface = wide <= 4.0 * usual + 1e-9 and abs(rise) <= JUMP_STEPS * max(wide, usual)
+            out[i, m] = np.nan
+            if one_surface and u[0] <= at[m] <= u[count - 1]:
+                out[i, m] = w[right - 1] + (rise * (at[m] - u[right - 1]) / wide if wide > 0.0 else rise)
 
 
 def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
-    """Each row of `surface` (k, GRID) laid on the one before, all pairs at once."""
+    """Each row of `surface` (k, GRID) laid on the one before."""
     pitch = at[1] - at[0]
     if not np.isfinite(surface).any():
         return None
@@ -129,35 +152,10 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     slope = _slopes(before, pitch)
     pairs = len(before)
     motion = np.zeros((pairs, 3))  # shift_x, shift_z, turn
-    x, z = np.broadcast_to(at, after.shape), after
-    rows = np.arange(pairs)[:, None]
-    reach = at[-1] - at[0]
-    ridge = np.diag([1.0, 1.0, reach**2]) * 1e-3
-    spread = np.full(pairs, np.inf)
-    for _ in range(ROUNDS):
-        dx, dz, turn = (motion[:, [k]] for k in range(3))
-        there = (x + dx + turn * (z - z0) - at[0]) / pitch
-        cell = np.clip(np.nan_to_num(there).astype(np.int64), 0, GRID - 2)
-        share = there - cell
-        z_there = (1.0 - share) * before[rows, cell] + share * before[rows, cell + 1]
-        g = slope[rows, cell]
-        residual = z_there - (z + dz - turn * (x - x0))
-        usable = np.isfinite(residual) & np.isfinite(g) & (there >= 0) & (there <= GRID - 1)
-        flat = np.where(usable, 1.0 / np.sqrt(1.0 + np.where(usable, g, 0.0) ** 2), 0.0)  # to normal distances
-        off = np.where(usable, residual, 0.0) * flat
-        spread = _spread(off, usable)
-        cut = HUBER_SIGMAS * np.maximum(spread, 1e-6)[:, None]
-        weight = np.where(usable, np.minimum(1.0, cut / np.maximum(np.abs(off), 1e-12)), 0.0)
-        g = np.where(usable, g, 0.0)
-        jacobian = np.stack([g, -np.ones_like(g), g * np.where(usable, z - z0, 0.0) + (x - x0)], axis=-1)
-        jacobian *= flat[..., None]
-        weighted = jacobian * weight[..., None]
-        normal = np.einsum("pij,pik->pjk", weighted, jacobian)
-        step = np.linalg.solve(normal + ridge, -np.einsum("pij,pi->pj", weighted, off)[..., None])[..., 0]
-        motion += np.clip(step, [-2.0, -2.0, -0.05], [2.0, 2.0, 0.05])
-        if (np.abs(step) < SETTLED).all():
-            break
-    agreeing = (usable & (np.abs(off) < 4.0 * np.maximum(spread, 0.01)[:, None])).sum(axis=1)
+    ridge = np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2]) * 1e-3
+    spread, normal, agreeing = np.full(pairs, np.inf), np.zeros((pairs, 3, 3)), np.zeros(pairs, np.int64)
+    known = as_input(surface), as_input(slope), as_input(at), as_input(ridge.diagonal())
+    _lay(*known, x0, z0, motion, spread, normal, agreeing)
     both = np.minimum(np.isfinite(before).sum(axis=1), np.isfinite(after).sum(axis=1))
     usual = max(float(np.median(spread)), LEAST_MISFIT_MM)
     moved = np.hypot(motion[:, 0], motion[:, 1])
@@ -181,8 +179,72 @@ def _slopes(surface: Float, pitch: float) -> Float:
     return slope
 
 
-def _spread(off: Float, usable: Bool) -> Float:
-    """Robust standard deviation a row, from the median of what is usable."""
-    size = np.sort(np.where(usable, np.abs(off), np.inf), axis=1)
-    middle = np.maximum(usable.sum(axis=1) - 1, 0) // 2
-    return np.asarray(size[np.arange(len(size)), middle] / 0.6745)
+@kernel(error_model="numpy")
+def _lay(
+    surface: Float,
+    slope: Float,
+    at: Float,
+    ridge: Float,
+    x0: float,
+    z0: float,
+    motion: Float,
+    spread: Float,
+    normal: Float,
+    agreeing: Int,
+) -> None:
+    """Lay each row of `surface` (k, m) on the one before, by Gauss and Newton with Huber's weights.
+
+    Fills motion (k - 1, 3), spread (k - 1,): robust standard deviation of what is left, normal (k - 1, 3, 3): the
+    normal equations, agreeing (k - 1,): places at which no more is left than noise. slope (k - 1, m): of the rows.
+    """
+    m, pitch = at.size, at[1] - at[0]
+    off, work, jacobian, rows = np.empty(m), np.empty(m), np.empty((m, 3)), np.empty((3, 4))
+    for p in range(motion.shape[0]):
+        for _ in range(ROUNDS):
+            used = 0
+            for j in range(m):
+                z = surface[p + 1, j]
+                there = (at[j] + motion[p, 0] + motion[p, 2] * (z - z0) - at[0]) / pitch
+                if not 0.0 <= there <= m - 1:
+                    continue
+                cell = min(int(there), m - 2)
+                share = there - cell
+                g = slope[p, cell]
+                left = (1.0 - share) * surface[p, cell] + share * surface[p, cell + 1]
+                left -= z + motion[p, 1] - motion[p, 2] * (at[j] - x0)
+                if not (np.isfinite(left) and np.isfinite(g)):
+                    continue
+                flat = 1.0 / math.sqrt(1.0 + g * g)  # to normal distances
+                off[used], work[used] = left * flat, abs(left * flat)
+                jacobian[used, 0], jacobian[used, 1] = g * flat, -flat
+                jacobian[used, 2] = (g * (z - z0) + at[j] - x0) * flat
+                used += 1
+            spread[p] = select(work, used, (used - 1) // 2) / 0.6745 if used else np.inf
+            cut = HUBER_SIGMAS * max(spread[p], 1e-6)
+            rows[:] = 0.0
+            agreeing[p] = 0
+            for j in range(used):
+                weight = min(1.0, cut / max(abs(off[j]), 1e-12))
+                agreeing[p] += abs(off[j]) < 4.0 * max(spread[p], 0.01)
+                for a in range(3):
+                    for b in range(3):
+                        rows[a, b] += weight * jacobian[j, a] * jacobian[j, b]
+                    rows[a, 3] -= weight * jacobian[j, a] * off[j]
+            for a in range(3):
+                for b in range(3):
+                    normal[p, a, b] = rows[a, b]
+                rows[a, a] += ridge[a]
+            settled = True
+            for a in range(3):  # Gauss: with the ridge the matrix is positive definite
+                for b in range(a + 1, 3):
+                    share = rows[b, a] / rows[a, a]
+                    for c in range(a, 4):
+                        rows[b, c] -= share * rows[a, c]
+            for a in range(2, -1, -1):
+                for b in range(a + 1, 3):
+                    rows[a, 3] -= rows[a, b] * rows[b, 3]
+                rows[a, 3] /= rows[a, a]
+                settled &= abs(rows[a, 3]) < SETTLED[a]
+                motion[p, a] += min(max(rows[a, 3], -MOST_STEP[a]), MOST_STEP[a])
+            if settled:
+                break

@@ -34,8 +34,19 @@ def _median(values: Float) -> float:
 
 @kernel
 def median_of(work: Float, size: int) -> float:
-    """The median of the first `size` values of `work`, which are put in another order (Hoare's selection)."""
-    middle = size // 2
+    """The median of the first `size` values of `work`, which are put in another order."""
+    middle = select(work, size, size // 2)
+    if size % 2:
+        return middle
+    below = work[0]
+    for i in range(1, size // 2):
+        below = max(below, work[i])
+    return float(0.5 * (below + middle))
+
+
+@kernel
+def select(work: Float, size: int, k: int) -> float:
+    """The value that k of the first `size` of `work` do not exceed; none before it is greater then (Hoare)."""
     first, last = 0, size - 1
     while first < last:
         pivot = work[(first + last) // 2]
@@ -49,15 +60,10 @@ def median_of(work: Float, size: int) -> float:
                 work[i], work[j] = work[j], work[i]
                 i += 1
                 j -= 1
-        if middle <= j:
+        if k <= j:
             last = j
-        elif middle >= i:
+        elif k >= i:
             first = i
         else:
             break
-    if size % 2:
-        return float(work[middle])
-    below = work[0]
-    for i in range(1, middle):
-        below = max(below, work[i])
-    return float(0.5 * (below + work[middle]))
+    return float(work[k])

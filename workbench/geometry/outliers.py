@@ -51,7 +51,7 @@ def _reject(
 ) -> tuple[int, int]:
     """Frames first to last - 1 of `reject_outliers`, in one pass; the counts of both kinds."""
     isolated = streaks = 0
-    doubtful = np.zeros(z.shape[1], np.bool_)
+    doubtful, begins = np.zeros(z.shape[1], np.bool_), np.zeros(z.shape[1], np.bool_)
     for i in range(first, last):
         _doubt(z[i], keep[i], np.float32(1.99 * tolerance), doubtful)
         for j in range(z.shape[1]):
@@ -62,7 +62,7 @@ def _reject(
             ):
                 left[i, j] = False
                 isolated += 1
-        streaks += _drop_short_runs(z[i], left[i], jump)
+        streaks += _drop_short_runs(z[i], left[i], jump, begins)
     return isolated, streaks
 
 
@@ -127,19 +127,37 @@ def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int,
 
 
 @kernel
-def _drop_short_runs(z: Float32, keep: Bool, jump: float) -> int:
-    """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points."""
-    start, last, size, dropped = -1, -1, 0, 0  # first column of the run, its last so far, and its points
-    for j in range(z.size + 1):
-        if j < z.size:
-            if not keep[j]:
-                continue
-            if start >= 0 and j - last <= REACH_COLUMNS and abs(z[j] - z[last]) < jump * (j - last):
-                last, size = j, size + 1
-                continue
-        if start >= 0 and size < SHORT_RUN:
-            for k in range(start, last + 1):
-                dropped += keep[k]
-                keep[k] = False
-        start, last, size = j, j, 1
-    return dropped
+def _drop_short_runs(z: Float32, keep: Bool, jump: float, begins: Bool) -> int:
+    """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points.
+
+    No branch in the first loop: nearly all points go on from the column before. begins (M,): room to work in.
+    """
+    before, here, had, has, out = z[:-1], z[1:], keep[:-1], keep[1:], begins[1:]
+    for j in range(here.size):
+        out[j] = has[j] & ~(had[j] & (abs(here[j] - before[j]) < jump))
+    begins[0] = keep[0]
+    start, dropped = -1, 0
+    for j in range(z.size):
+        if begins[j]:
+            last = j - 1
+            while last >= 0 and j - last <= REACH_COLUMNS and not keep[last]:
+                last -= 1
+            near = start >= 0 and j - last <= REACH_COLUMNS
+            if not (near and abs(z[j] - z[last]) < jump * (j - last)):
+                dropped += _drop_if_short(keep, start, j)
+                start = j
+    return dropped + _drop_if_short(keep, start, z.size)
+
+
+@kernel
+def _drop_if_short(keep: Bool, start: int, end: int) -> int:
+    """Take the run of points from column start to end - 1 out if it has fewer than SHORT_RUN; how many it had then."""
+    size, j = 0, max(start, 0)
+    while start >= 0 and j < end and size < SHORT_RUN:
+        size += keep[j]
+        j += 1
+    if size == SHORT_RUN:
+        return 0
+    for k in range(max(start, 0), j):
+        keep[k] = False
+    return size

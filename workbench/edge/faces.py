@@ -58,10 +58,13 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
     rising = np.ones(n)
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     for frames in passes:
-        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm)
+        named = labels[frames]  # a view, where the frames lie together
+        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, named)
         if found is not None:
             side_of[frames], rising[frames], tracked = found
-            sums[frames], end[frames], seen[frames], labels[frames], sigma[frames], lower[frames] = tracked
+            sums[frames], end[frames], seen[frames], sigma[frames], lower[frames] = tracked
+            if not isinstance(frames, slice):
+                labels[frames] = named
     if seen.sum() < 2:
         raise InputError(
             cloud.source,
@@ -100,9 +103,14 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
 
 
 def _find_pass(
-    cloud: Cloud, frames: slice | Int, root_nominal_mm: float, bevel_nominal: float, rim_mm: float
+    cloud: Cloud,
+    frames: slice | Int,
+    root_nominal_mm: float,
+    bevel_nominal: float,
+    rim_mm: float,
+    labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...]] | None:
-    """Side and rise of a pass, and its faces followed; None: no edge.
+    """Side and rise of a pass, and its faces followed, with the labels (n, M) filled in; None: no edge.
 
     A few key frames are enough where all of them agree and no stretch between them is lost.
     """
@@ -112,7 +120,7 @@ def _find_pass(
         if choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
             continue
         at, states, side = choice
-        tracked = _follow_pass(cloud, frames, at, states, side, rim_mm)
+        tracked = _follow_pass(cloud, frames, at, states, side, rim_mm, labels)
         seen = np.flatnonzero(np.concatenate([[True], tracked[2], [True]]))
         if most == KEY_FRAMES or np.diff(seen).max() <= tracking.LOST_AFTER:
             return (
@@ -120,6 +128,7 @@ def _find_pass(
                 side * (1.0 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1.0),
                 tracked,
             )
+    labels[:] = 0
     return None
 
 
@@ -194,7 +203,7 @@ def _alike(states: Float) -> Bool:
 
 
 def _follow_pass(
-    cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int, rim_mm: float
+    cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int, rim_mm: float, labels: AnyArray
 ) -> tuple[AnyArray, ...]:
     """Follow the faces through one pass: first its key frames alone, for the noise, then all of it."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
@@ -207,14 +216,14 @@ def _follow_pass(
     for chosen in (keys, np.arange(x.shape[0])):
         n = chosen.size
         sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
-        seen, labels = np.zeros(n, bool), np.zeros((n, x.shape[1]), np.uint8)
-        whole = n == x.shape[0]
+        seen, whole = np.zeros(n, bool), n == x.shape[0]
+        named = labels if whole else np.empty((n, x.shape[1]), np.uint8)
         grid = (x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])
         at = keys if whole else np.arange(n)
-        tracking.follow(*grid, float(side), at, states, sigma, LABELS, rim_mm, sums, end, seen, labels)
+        tracking.follow(*grid, float(side), at, states, sigma, LABELS, rim_mm, sums, end, seen, named)
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)
-    return sums, end, seen, labels, np.tile(sigma, (n, 1)), np.full(n, common[1])
+    return sums, end, seen, np.tile(sigma, (n, 1)), np.full(n, common[1])
 
 
 def _first_sigmas(x: Float32, z: Float32, keep: Bool, states: Float) -> Float:

@@ -418,9 +418,8 @@ def _follow_stretch(
             lost = 0
             _label(x[frame], z[frame], keep[frame], side, state, sigma, names, labels[frame])
         else:
-            for f in range(4):
-                for k in range(8):
-                    sums[frame, f, k] = 0.0
+            sums[frame] = 0.0
+            labels[frame] = 0
             lost += 1
 
 

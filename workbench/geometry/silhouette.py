@@ -31,6 +31,7 @@ UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
 SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
+NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
 
 
@@ -154,10 +155,26 @@ def _overstated(logs: Float, grid: Float, variance: Float) -> Float:
 
 def _moments(logs: Float, grid: Float) -> tuple[Float, Float]:
     """Mean and variance (c,) of densities (c, g) over the grid."""
-    density = np.exp(logs - logs.max(axis=1, keepdims=True))
-    density /= density.sum(axis=1, keepdims=True)
-    mean = density @ grid
-    return mean, np.maximum(density @ grid**2 - mean**2, (0.3 * (grid[1] - grid[0])) ** 2)
+    out = np.empty((2, len(logs)))
+    _fill_moments(as_input(logs), as_input(grid), out)
+    return out[0], np.maximum(out[1], (0.3 * (grid[1] - grid[0])) ** 2)
+
+
+@kernel(error_model="numpy")
+def _fill_moments(logs: Float, grid: Float, out: Float) -> None:
+    for c in range(logs.shape[0]):
+        most = -np.inf
+        for g in range(grid.size):
+            most = max(most, logs[c, g])
+        total, first, second = 0.0, 0.0, 0.0
+        for g in range(grid.size):
+            if logs[c, g] > most - NOTHING:
+                share = math.exp(logs[c, g] - most)
+                total += share
+                first += share * grid[g]
+                second += share * grid[g] ** 2
+        out[0, c] = first / total
+        out[1, c] = second / total - (first / total) ** 2
 
 
 def _off_course(ends: Ends, about: Float) -> Float:

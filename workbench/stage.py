@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -177,6 +176,8 @@ MOST_MAKERS = 4  # named in a message
 
 def _expected(source: Source) -> str:
     """What a source is, and the stages that make it, those first that do not take one themselves."""
+    from importlib.metadata import entry_points  # slow to load, and only refusals ask
+
     for entry in entry_points(group=GROUP):
         with suppress(Exception):  # a plug-in that cannot be imported makes nothing
             entry.load()

@@ -8,7 +8,6 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-import scipy
 from PIL import Image, ImageDraw, ImageFont
 
 from workbench.geometry.splat import Camera, draw_cloud
@@ -35,9 +34,7 @@ def picture(view: View) -> bytes:
     """PNG of a view in parallel projection, at true scale. Paths and dots run inside the stock: drawn before it."""
     camera = camera_of(view)
     cloud = draw_cloud(view.points_mm, view.colour.astype(np.uint8), camera)
-    near = scipy.ndimage.maximum_filter(
-        np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX
-    )  # gaps between points hide as well
+    near = _widened(np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX)  # gaps between points hide as well
     image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
     draw = ImageDraw.Draw(image, "RGBA")
     for line, colour in view.lines():
@@ -51,6 +48,17 @@ def picture(view: View) -> bytes:
     out = io.BytesIO()
     image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png", compress_level=4)
     return out.getvalue()
+
+
+def _widened(values: Float, size_px: int) -> Float:
+    """The greatest value in a square of `size_px`, odd, about each pixel."""
+    for _ in range(2):
+        found = values.copy()
+        for k in range(1, size_px // 2 + 1):
+            np.maximum(found[k:], values[:-k], out=found[k:])
+            np.maximum(found[:-k], values[k:], out=found[:-k])
+        values = found.T
+    return values
 
 
 def camera_of(view: View) -> Camera:

@@ -50,7 +50,7 @@ def picture(view: View) -> bytes:
     return out.getvalue()
 
 
-def _widened(values: Float, size_px: int) -> Float:
+def _widened(values: Float32, size_px: int) -> Float32:
     """The greatest value in a square of `size_px`, odd, about each pixel."""
     for _ in range(2):
         found = values.copy()

@@ -143,11 +143,16 @@ def _left(
     slope = face.sxz[frames] / face.sxx[frames]
     lean = np.hypot(1.0, slope)
     on = (labels[frames] == label) & cloud.keep[frames]
-    column = np.arange(on.shape[1])
+    column = np.flatnonzero(on.any(axis=0))  # of the rest nothing is asked
+    if not column.size:
+        return np.zeros(at.size), np.zeros(at.size), 1.0
+    column = np.arange(column[0], column[-1] + 1)
+    on = on[:, column[0] : column[-1] + 1]
     if not whole:  # the points of its line
         on &= (column >= face.columns[frames, :1]) & (column <= face.columns[frames, 1:])
-    x = np.where(on, cloud.x_mm[frames], np.nan).astype(float)
-    off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope[:, None] * (x - face.x_mean[frames, None])
+    here = frames[:, None], column[None, :]
+    x = np.where(on, cloud.x_mm[here], np.nan).astype(float)
+    off = cloud.z_mm[here] - face.z_mean[frames, None] - slope[:, None] * (x - face.x_mean[frames, None])
     off = off / lean[:, None]
     first, last = np.nanmin(x, axis=1), np.nanmax(x, axis=1)
     if not whole:

@@ -715,16 +715,21 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[floa
     if unseen[0] ** 2 > hidden:
         hidden, mm = unseen[0] ** 2, min(unseen[1], length)
     least_one = hidden / mm ** (2 * low - 1)
-    one = np.geomspace(least_one, max(most**2 / length ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
+    one = _powers(least_one, max(most**2 / length ** (2 * low - 1), 10.0 * least_one), STIFFNESSES)
     least_two = least_one / mm ** (2 * (high - low))
     most_two = most**2 / (2.0 * BIN_MM) ** (2 * high - 1)
-    two = np.geomspace(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
-    grid = [(low, a, b) for a in one for b in two]
+    two = _powers(least_two, max(most_two, 10.0 * least_two), 2 * STIFFNESSES)
+    walks = np.column_stack([np.full(one.size * two.size, low), np.repeat(one, two.size), np.tile(two, one.size)])
     if low > 1 or bins.s.size < LEAST_WAVE_BINS:
-        return np.array(grid)
-    shortest = SHORTEST_BINS * BIN_MM
-    for wave in np.geomspace(shortest, max(length, 2.0 * shortest), CUTS):
+        return walks
+    shortest, grid = SHORTEST_BINS * BIN_MM, [walks]
+    for wave in _powers(shortest, max(length, 2.0 * shortest), CUTS):
         k, least_flat = 2.0 * math.pi / wave, 0.5 * hidden * mm
-        for q in np.geomspace(least_flat, max(most**2 * wave, 30.0 * least_flat), STIFFNESSES):
-            grid.append((low - 1, q * k ** (2 * low - 2), q * k ** (2 * SHARPEST)))
-    return np.array(grid)
+        q = _powers(least_flat, max(most**2 * wave, 30.0 * least_flat), STIFFNESSES)
+        grid.append(np.column_stack([np.full(q.size, low - 1), q * k ** (2 * low - 2), q * k ** (2 * SHARPEST)]))
+    return np.concatenate(grid)
+
+
+def _powers(first: float, last: float, count: int) -> Float:
+    """Values (count,) from first to last, each by the same factor more."""
+    return np.asarray(first * (last / first) ** (np.arange(count) / (count - 1)))

@@ -7,6 +7,7 @@ which follows from the factor row by row (Takahashi et al. 1973).
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -123,8 +124,9 @@ def _finite(values: Float) -> Float:
     return values
 
 
+@functools.lru_cache(64)
 def _differences(size: int, order: int) -> Float:
-    """D' D of the differences of an order, (size, BAND)."""
+    """D' D of the differences of an order, (size, BAND); not to be changed."""
     row = np.array([(-1.0) ** (order - k) * math.comb(order, k) for k in range(order + 1)])
     out = np.zeros((size, BAND))
     for first in range(order + 1):

@@ -195,14 +195,17 @@ def cover(records: Sequence[Record]) -> dict[str, Any]:
         ],
         "limits": [_limits(needs, key, unit) for key, unit, _ in KEYS] if needs and alike else [],
         "drawings": one_line(", ".join(sorted(drawings))) or "unknown",
-        "rows": [_row(one) for one in shown],
+        "rows": [_row(one, [each.part_id for each in measured].count(one.part_id) > 1) for one in shown],
         "not_shown": len(measured) - len(shown),
         "simulated": any(one.identity.get("simulated") for one in records),
     }
 
 
-def _row(record: Record) -> dict[str, Any]:
-    """One part: name, verdict, and the range of each characteristic with the largest expanded uncertainty."""
+def _row(record: Record, shared: bool) -> dict[str, Any]:
+    """One part: name, verdict, and the range of each characteristic with the largest expanded uncertainty.
+
+    Where others share its name its recording's stands beside it.
+    """
     cells = {}
     for key, unit, places in KEYS:
         rows = [one for one in record.sections if one.get(f"{key}_{unit}") is not None]
@@ -210,7 +213,8 @@ def _row(record: Record) -> dict[str, Any]:
         u = max((float(one[f"{key}_u_{unit}"]) for one in rows), default=0.0)
         ends = f"{min(values):.{places}f} to {max(values):.{places}f}" if values else "–"
         cells[key] = f"{ends} ± {COVERAGE * u:.{places}f}" if values else "–"
-    return {"name": one_line(record.part_id or record.part)[:40], "verdict": record.verdict or "", **cells}
+    name = f"{record.part_id[:36]} ({record.part})" if record.part_id and shared else record.part_id or record.part
+    return {"name": one_line(name)[:60], "verdict": record.verdict or "", **cells}
 
 
 def _limits(needs: Mapping[str, Any], key: str, unit: str) -> str:

@@ -236,7 +236,7 @@ def far_away(path: Toolpath) -> Toolpath:
 
 
 def test_a_path_out_of_reach_is_refused(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
-    with pytest.raises(InputError, match="unreachable 100%"):
+    with pytest.raises(InputError, match="unreachable 100 %"):
         posture(cell, stiffness, far_away(path), force(far_away(path))[0], **COARSE)
 
 

@@ -14,10 +14,10 @@ def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], residual: 
     worst = int(np.argmax(share))
     summary = (
         f"Joint stiffness from {found.loads} loads at {found.postures} postures; the least certain is joint "
-        f"{worst + 1}, U = {share[worst]:.1%} of its value (k = 2)"
+        f"{worst + 1}, U = {100 * share[worst]:.1f} % of its value (k = 2)"
     )
     rows = [
-        (f"{j}", f"{k / 1e6:.4f} ± {2 * u / 1e6:.4f}", f"{2 * u / k:.1%}")
+        (f"{j}", f"{k / 1e6:.4f} ± {2 * u / 1e6:.4f}", f"{100 * (2 * u / k):.1f} %")
         for j, (k, u) in enumerate(zip(found.nm_per_rad, found.u_nm_per_rad, strict=True), 1)
     ]
     text = (

@@ -199,8 +199,8 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
     if u.max() > target:
         needed = int(np.ceil(2 * len(p) * (u.max() / target) ** 2))
         warnings.append(
-            f"joint {int(u.argmax()) + 1} is known to {u.max():.1%} only with these {2 * len(p)} loads; {target:.1%} "
-            f"needs some {needed} loads of this kind, larger forces, longer levers or other postures"
+            f"joint {int(u.argmax()) + 1} is known to {100 * u.max():.1f} % only with these {2 * len(p)} loads; "
+            f"{100 * target:.1f} % needs some {needed} such loads, larger forces, longer levers or other postures"
         )
     return LoadPlan(
         labels=tuple(names[int(one)] for one in np.repeat(p, 2)),
@@ -218,7 +218,7 @@ def _csv(plan: LoadPlan) -> bytes:
     names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
     lines = [
         "# point and force in the flange frame; wrench as the sensor sees it (nominal). Joints known to (standard): "
-        + ", ".join(f"{u:.2%}" for u in plan.relative_u),
+        + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u),
         ",".join(["posture", *ANGLES, *names, *WRENCH]),
     ]
     rows = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])

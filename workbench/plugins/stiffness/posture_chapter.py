@@ -18,7 +18,7 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
     made = found.postures
     summary = (
         f"Postures for {len(found.points.layer)} points: mean displacement {found.displacement_mm.mean():.4f} mm, "
-        f"{found.gap:.1%} above the best posture of each single point; least clearance "
+        f"{100 * found.gap:.1f} % above the best posture of each single point; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
     )
     text = (
@@ -46,7 +46,7 @@ def _how(found: Found) -> str:
     if found.mode == "along_path":
         gap = found.law_gap or 0.0
         line += " A law along the path was found by dynamic programming on the whole grid, in one configuration: "
-        line += "proven the best of all." if gap < 1e-6 else f"at most {gap:.2%} above the best of them."
+        line += "proven the best of all." if gap < 1e-6 else f"at most {100 * gap:.2f} % above the best of them."
     return line
 
 
@@ -76,8 +76,8 @@ def _row(name: str, case: Case | None) -> tuple[str, ...]:
 def _causes(found: Found) -> str:
     """Why the rest of the map is infeasible."""
     cause, pair = found.map.cause, found.map.pair
-    parts = [f"{CAUSES[c]} {np.mean(cause == c):.1%}" for c in (3, 2, 1, COLLISION) if (cause == c).any()]
-    pairs = [f"{a} with {b} {np.mean(pair == i):.1%}" for i, (a, b) in enumerate(found.map.pairs)]
+    parts = [f"{CAUSES[c]} {100 * np.mean(cause == c):.1f} %" for c in (3, 2, 1, COLLISION) if (cause == c).any()]
+    pairs = [f"{a} with {b} {100 * np.mean(pair == i):.1f} %" for i, (a, b) in enumerate(found.map.pairs)]
     if not parts:
         return pieces.paragraph("The whole map is feasible.")
     return pieces.paragraph(f"Infeasible share of the map: {', '.join(parts + pairs)}.")

@@ -139,7 +139,9 @@ class _State:
 def _why_not(found: PostureMap) -> str:
     """What stands in the way everywhere, in one line."""
     shares = [
-        f"{CAUSES[c]} {np.mean(found.cause == c):.0%}" for c in range(1, UNREACHABLE + 2) if (found.cause == c).any()
+        f"{CAUSES[c]} {100 * np.mean(found.cause == c):.0f} %"
+        for c in range(1, UNREACHABLE + 2)
+        if (found.cause == c).any()
     ]
     pairs = [f"'{a}' with '{b}'" for a, b in found.pairs[:3]]
     return (

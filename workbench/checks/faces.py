@@ -176,7 +176,9 @@ def _bowed(x: Float, z: Float) -> tuple[float, float]:
         return 0.0, 0.0
     fit, rows, powers, limit = np.zeros(3), np.empty((3, 4)), np.ones(4), 1.0
     for _ in range(3):
-        rows[:] = 0.0
+        for k in range(3):
+            for m in range(4):
+                rows[k, m] = 0.0
         for i in range(size):
             if off[i] < limit:
                 powers[1], powers[2], powers[3] = u[i] / half, (u[i] / half) ** 2, v[i]

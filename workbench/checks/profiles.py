@@ -114,21 +114,23 @@ def _on_grid(x: Float, z: Float, valid: Bool, at: Float, out: Float) -> None:
     """Fill out (k, m): z of k profiles at places (m,); NaN across gaps and jumps: neighbours there are no surface."""
     u, w, step = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
     for i in range(x.shape[0]):
-        count, back = 0, False
+        count = 0
         for j in range(x.shape[1]):
             if valid[i, j]:
                 u[count], w[count] = x[i, j], z[i, j]
                 count += 1
         if u[0] > u[count - 1]:
-            u[:count], w[:count] = u[:count][::-1].copy(), w[:count][::-1].copy()
+            for j in range(count // 2):
+                u[j], u[count - 1 - j] = u[count - 1 - j], u[j]
+                w[j], w[count - 1 - j] = w[count - 1 - j], w[j]
+        for j in range(1, count):  # nearly always in order
+            k, one, other = j, u[j], w[j]
+            while k > 0 and u[k - 1] > one:
+                u[k], w[k] = u[k - 1], w[k - 1]
+                k -= 1
+            u[k], w[k] = one, other
         for j in range(1, count):
             step[j - 1] = u[j] - u[j - 1]
-            back |= step[j - 1] < 0.0
-        if back:
-            order = np.argsort(u[:count], kind="mergesort")
-            u[:count], w[:count] = u[:count][order], w[:count][order]
-            for j in range(1, count):
-                step[j - 1] = u[j] - u[j - 1]
         usual = median_of(step, count - 1)
         right = 1
         for m in range(at.size):
@@ -221,7 +223,9 @@ def _lay(
                 used += 1
             spread[p] = select(work, used, (used - 1) // 2) / 0.6745 if used else np.inf
             cut = HUBER_SIGMAS * max(spread[p], 1e-6)
-            rows[:] = 0.0
+            for a in range(3):
+                for b in range(4):
+                    rows[a, b] = 0.0
             agreeing[p] = 0
             for j in range(used):
                 weight = min(1.0, cut / max(abs(off[j]), 1e-12))

@@ -319,7 +319,8 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
     columns = x.shape[1]
     along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
     for i in range(x.shape[0]):
-        middle_x, middle_z, slope, side, end, step, sense = known[i]
+        middle_x, middle_z, slope, side = known[i, 0], known[i, 1], known[i, 2], known[i, 3]
+        end, step, sense = known[i, 4], known[i, 5], known[i, 6]
         lean = math.sqrt(1.0 + slope * slope)
         outside = 0
         for j in range(columns):

@@ -72,8 +72,13 @@ def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
     breaks = (x.size + step - 1) // step
-    at = np.minimum(np.arange(breaks + 1) * step, x.size)
-    s1, s2, s3, s4, s5 = sums[at, 0], sums[at, 1], sums[at, 2], sums[at, 3], sums[at, 4]
+    at = np.empty(breaks + 1)
+    s1, s2, s3 = np.empty(breaks + 1), np.empty(breaks + 1), np.empty(breaks + 1)
+    s4, s5 = np.empty(breaks + 1), np.empty(breaks + 1)
+    for b in range(breaks + 1):
+        i = min(b * step, x.size)
+        at[b] = i
+        s1[b], s2[b], s3[b], s4[b], s5[b] = sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3], sums[i, 4]
     cost, trial = np.zeros(breaks + 1), np.empty(breaks + 1)
     came_from = np.zeros(breaks + 1, np.int64)
     skipped = np.zeros(breaks + 1, np.bool_)

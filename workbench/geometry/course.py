@@ -542,7 +542,9 @@ def _fit_parabolas(
     components = middle.shape[1]
     rows, powers = np.empty((3, 3 + components)), np.ones(3)
     for b in range(place.size):
-        rows[:] = 0.0
+        for i in range(3):
+            for j in range(3 + components):
+                rows[i, j] = 0.0
         for k in range(first[b], first[b] + count):
             powers[1] = (place[k] - place[b]) / reach[b]
             powers[2] = powers[1] * powers[1]

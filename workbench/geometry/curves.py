@@ -226,18 +226,21 @@ def with_frame(spline: Spline, s: Float, course: Course | None = None) -> Curve:
 def _reflect_on(t: Float, position: Float, a: Float) -> None:
     """Fill a (n, 3) from its first row on by double reflection, t and position (n, 3) given."""
     for i in range(len(t) - 1):
-        v1 = position[i + 1] - position[i]
-        c1 = _dot(v1, v1)
-        ref = a[i] - (2.0 / c1 * _dot(v1, a[i])) * v1
-        tan = t[i] - (2.0 / c1 * _dot(v1, t[i])) * v1
-        v2 = t[i + 1] - tan
-        c2 = _dot(v2, v2)
-        a[i + 1] = ref - (2.0 / c2 * _dot(v2, ref)) * v2 if c2 > 0.0 else ref
-
-
-@kernel
-def _dot(p: Float, q: Float) -> float:
-    return float(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
+        c1 = d1 = e1 = 0.0
+        for d in range(3):
+            v1 = position[i + 1, d] - position[i, d]
+            c1, d1, e1 = c1 + v1 * v1, d1 + v1 * a[i, d], e1 + v1 * t[i, d]
+        c2 = d2 = 0.0
+        for d in range(3):
+            v1 = position[i + 1, d] - position[i, d]
+            a[i + 1, d] = a[i, d] - 2.0 / c1 * d1 * v1
+            v2 = t[i + 1, d] - t[i, d] + 2.0 / c1 * e1 * v1
+            c2, d2 = c2 + v2 * v2, d2 + v2 * a[i + 1, d]
+        for d in range(3):
+            v1 = position[i + 1, d] - position[i, d]
+            v2 = t[i + 1, d] - t[i, d] + 2.0 / c1 * e1 * v1
+            if c2 > 0.0:
+                a[i + 1, d] -= 2.0 / c2 * d2 * v2
 
 
 def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:

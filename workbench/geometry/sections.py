@@ -67,33 +67,37 @@ def _section_lines(
     breaks: Float, powers: Float, limits: Float, references: Float, pose: Float, known: Float, out: Float
 ) -> None:
     """Fill `out` (10, n): what SectionLines holds, in its order."""
-    frame, e = np.empty((3, 3)), np.empty((2, 3))
+    frame, p, place, line = np.empty((3, 3)), np.empty(3), np.empty(2), np.empty(3)
+    ray, bend = np.empty(2), np.empty(2)
     for m in range(known.shape[0]):
-        x, z, sxx, sxz, count, slope, side, sigma, guess = known[m]
-        e[0], e[1] = pose[m, :3, 0], pose[m, :3, 2]
-        p = pose[m, :3, 3] + x * e[0] + z * e[1]
-        s = foot(breaks, powers, p[0], p[1], p[2], guess)
+        sxx, sxz, count, slope = known[m, 2], known[m, 3], known[m, 4], known[m, 5]
+        side, sigma = known[m, 6], known[m, 7]
+        for d in range(3):
+            p[d] = pose[m, d, 3] + known[m, 0] * pose[m, d, 0] + known[m, 1] * pose[m, d, 2]
+            line[d] = 0.0
+        for k in range(2):
+            place[k] = ray[k] = bend[k] = 0.0
+        s = foot(breaks, powers, p[0], p[1], p[2], known[m, 8])
         at = s if s == s else 0.0
         frame_at(breaks, powers, limits, references, at, frame)
         inside = min(max(at, breaks[0]), breaks[-1])
         i = piece_of(breaks, inside)
-        place, line, ray, bend = np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)
         speed2 = along = 0.0
         for d in range(3):
             value, first, second = derivatives(powers, i, d, inside - breaks[i])
             speed2 += first * first
             along += first * second
             off = p[d] - value - (at - inside) * first
-            to_upper = -side * (e[0, d] + slope * e[1, d])
+            to_upper = -side * (pose[m, d, 0] + slope * pose[m, d, 2])
             for k in range(2):
                 place[k] += off * frame[k + 1, d]
-                ray[k] += e[1, d] * frame[k + 1, d]
+                ray[k] += pose[m, d, 2] * frame[k + 1, d]
                 bend[k] += second * frame[k + 1, d]  # a and b stand square to the first derivative
             for k in range(3):
                 line[k] += to_upper * frame[k, d]
         for k in range(2):
             bend[k] = bend[k] / speed2 if at == inside else 0.0
-        run, du, dv = line
+        run, du, dv = line[0], line[1], line[2]
         size2 = du * du + dv * dv
         size = math.sqrt(size2)
         across = (du * ray[1] - dv * ray[0]) / size  # range noise seen across the line

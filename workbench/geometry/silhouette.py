@@ -214,7 +214,8 @@ def _add_up(
         else:
             # The last return is the one before the end, or one of MISSES - 1 before that: from column to column the
             # share of frames is taken off that the end has not passed, but for noise, and the share beyond it added.
-            chance[:] = 0.0
+            for g in range(grid.size):
+                chance[g] = 0.0
             share = 0.0
             for k in range(MISSES + 1):
                 before, share = share, (1.0 - missing[i]) * missing[i] ** k if k < MISSES else 0.0

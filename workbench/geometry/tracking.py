@@ -418,8 +418,11 @@ def _follow_stretch(
             lost = 0
             _label(x[frame], z[frame], keep[frame], side, state, sigma, names, labels[frame])
         else:
-            sums[frame] = 0.0
-            labels[frame] = 0
+            for f in range(4):
+                for k in range(8):
+                    sums[frame, f, k] = 0.0
+            for j in range(x.shape[1]):
+                labels[frame, j] = 0
             lost += 1
 
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from workbench.checks.profiles import Chain, Few
+from workbench.geometry.poses import vector_from_rotation
 from workbench.units import DEG, Float, Int
 
 REACH = 3  # profiles on each side, for the direction of the way
@@ -136,7 +136,7 @@ def section_turns(chain: Chain, pose: Float) -> tuple[Float, Float, Float] | Non
     if turn is None:
         return None
     rotation = pose[longest, :3, :3]
-    return way.arc_mm[longest], turn, Rotation.from_matrix(rotation[0].T @ rotation).as_rotvec()
+    return way.arc_mm[longest], turn, vector_from_rotation(rotation[0].T @ rotation)
 
 
 def _spatial(point: Float) -> Float:

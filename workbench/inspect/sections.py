@@ -56,8 +56,8 @@ def sections(
         >>> found = inspect.sections(milled)
         >>> found.verdict
         'pass'
-        >>> [round(section.root_mm, 2) for section in found.sections[:3]]
-        [1.5, 1.52, 1.48]
+        >>> [round(section.root_mm, 1) for section in found.sections[:3]]
+        [1.5, 1.5, 1.5]
     """
     required = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
     at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])

@@ -71,7 +71,10 @@ def test_a_clamp_between_targets_100_mm_apart_is_found(cell: Cell, cell_file: Ca
 def test_a_bump_thinner_than_any_step_is_found(cell: Cell, cell_file: Callable[..., Path]) -> None:
     """A needle of 0.2 mm across the way: samples of half a millimetre may miss it."""
     a = start_pose(cell)
-    thin = clamped(cell_file, a[:3, 3] + [0, 40.1, 0] - 30 * a[:3, 2], 0.2)
+    thick = clamped(cell_file, a[:3, 3] + [0, 40.1, 0] - 30 * a[:3, 2], 10.0)
+    needle = [dataclasses.replace(s, size_mm=(0.2,) * 3) if s.size_mm == (10.0,) * 3 else s for s in thick.shapes]
+    thin = dataclasses.replace(thick, shapes=tuple(needle))
+    assert (0.2,) * 3 in [shape.size_mm for shape in thin.shapes]
     assert not judge(thin, program(thin, to(2, shifted(a, (0, 100, 0))))).passed
 
 

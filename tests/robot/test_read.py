@@ -1,6 +1,7 @@
 """The cell file: what it makes, and what is refused."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from pydantic import BaseModel
 from workbench.errors import InputError, WorkbenchError
 from workbench.robot import Cell, CollisionModel, cell, forward_kinematics, inverse_kinematics, read_cell
 from workbench.robot import cell_file as cell_file_module
+
+DATA = Path(__file__).parents[2] / "data" / "robot"
 
 
 def test_shipped_cell(cell: Cell) -> None:
@@ -69,6 +72,96 @@ def test_bad_cells_are_refused_in_one_line(cell_file: Any, change: Change, messa
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
+
+
+def _scaled(tree: Any, by: float = 1e-3) -> None:
+    for row in tree["tool"]["flange_from_cutter"][:3]:
+        row[3] *= by
+
+
+def _mesh_in_metres(tree: Any) -> None:
+    tree["fixtures"].append({"name": "clamp", "mesh": str(METRES_FILE)})
+
+
+METRES_FILE = Path("clamp.stl")
+IMPLAUSIBLE: list[tuple[Change, str]] = [
+    (
+        _scaled,
+        "$.tool.flange_from_cutter: expected a place at least 5 mm from the flange, found 0.26, 0, 0.14: is it in m",
+    ),
+    (lambda t: _scaled(t, 0.0), "found 0, 0, 0: was it left out?"),
+    (lambda t: _scaled(t, 0.1), "14 mm within $.tool.shapes[0]"),  # in cm
+    (
+        lambda t: t["tool"].update(flange_from_cutter=[[0, 0, -1, 260], [0, 1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]),
+        "is z flipped?",
+    ),
+    (lambda t: t["tool"].update(mass_kg=0.032), "$.tool.mass_kg"),
+    (lambda t: t["tool"].update(centre_of_gravity_mm=[0.03, 0, 0.11]), "$.tool.centre_of_gravity_mm"),
+    (lambda t: t["tool"]["shapes"][0].update(cylinder_mm=[0.08, 0.09]), "$.tool.shapes[0]: expected a body of mm"),
+    (
+        lambda t: t["fixtures"].append({"name": "clamp", "box_mm": [0.04, 0.04, 0.1]}),
+        "$.fixtures[1]: expected a body of mm",
+    ),
+    (
+        lambda t: t["fixtures"].append({"name": "c", "box_mm": [40, 40, 9], "pose": {"position_mm": [2, 0.1, 0.6]}}),
+        "$.fixtures[1].pose",
+    ),
+    (_mesh_in_metres, "$.fixtures[1].mesh: expected millimetres"),
+    (
+        lambda t: t["turntable"].update(base_from_turntable={"position_mm": [2, 0, 0.5]}),
+        "$.turntable.base_from_turntable",
+    ),
+    (lambda t: t["turntable"].update(limits_deg=[-3.14159, 3.14159]), "$.turntable.limits_deg"),
+    (lambda t: t["turntable"]["shapes"][0].update(cylinder_mm=[0.5, 0.1]), "$.turntable.shapes[0]"),
+    (lambda t: t["work_object"].update(pose={"position_mm": [2, 0, 0.5]}), "$.work_object.pose"),
+    (lambda t: t.update(envelope={"lowest_mm": [-2.5, -3, 0], "highest_mm": [3.5, 3, 4]}), "$.envelope"),
+    (lambda t: t.update(margin_mm=0.005), "$.margin_mm"),
+    (lambda t: t.update(margin_mm=-5), "$.margin_mm"),
+    (lambda t: t["uncertainty"].update(tool_u_mm=5e-5), "$.uncertainty.tool_u_mm"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), IMPLAUSIBLE)
+def test_units_and_senses_that_cannot_be_are_refused(tmp_path: Path, change: Change, message: str) -> None:
+    tree = json.loads((DATA / "cell.json").read_text())
+    tree["robot"]["urdf"] = str(DATA / tree["robot"]["urdf"])
+    box = open3d.geometry.TriangleMesh.create_box(0.1, 0.2, 0.05)
+    open3d.io.write_triangle_mesh(tmp_path / METRES_FILE, box.compute_triangle_normals())
+    (tmp_path / "cell.json").write_text(json.dumps(tree))
+    read_cell(tmp_path / "cell.json")  # as it is shipped, it is taken
+    change(tree)
+    (tmp_path / "cell.json").write_text(json.dumps(tree))
+    with pytest.raises(InputError) as caught:
+        read_cell(tmp_path / "cell.json")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("limits", [[-180, 180], [-1, 1], [0, 30], [-90, 90.5], [-360, 360], [179, 180]])
+def test_a_turntable_in_degrees_is_taken(cell_file: Any, limits: list[float]) -> None:
+    assert read_cell(cell_file(lambda tree: tree["turntable"].update(limits_deg=limits))).turntable is not None
+
+
+def test_no_clearance_is_named(cell_file: Any) -> None:
+    assert any("$.margin_mm is 0" in text for text in read_cell(cell_file(lambda t: t.update(margin_mm=0))).unchecked)
+    assert not any("$.margin_mm" in text for text in read_cell(cell_file(lambda t: t.update(margin_mm=5))).unchecked)
+
+
+@pytest.mark.parametrize(
+    ("name", "by", "message"),
+    [("lower|upper", 1 / 57.2958, "57.3 twice"), ("velocity", 57.2958, "deg/s"), ("xyz", 1e3, "in mm?")],
+)
+def test_a_robot_in_other_units_is_refused(tmp_path: Path, name: str, by: float, message: str) -> None:
+    def scaled(match: re.Match[str]) -> str:
+        return f'{match[1]}="{" ".join(f"{float(value) * by:.9g}" for value in match[2].split())}"'
+
+    tree = json.loads((DATA / "cell.json").read_text())
+    text = (DATA / tree["robot"]["urdf"]).read_text()
+    (tmp_path / tree["robot"]["urdf"]).write_text(re.sub(rf'({name})="([^"]+)"', scaled, text))
+    (tmp_path / "cell.json").write_text(json.dumps(tree))
+    with pytest.raises(InputError) as caught:
+        read_cell(tmp_path / "cell.json")
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": NaN}', '{"a": 1, "a": 2}'])

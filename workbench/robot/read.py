@@ -29,10 +29,11 @@ from workbench.robot.cell_file import (
 )
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
+from workbench.robot.plausible import check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
-from workbench.robot.workpiece import read_workpiece, scanned
+from workbench.robot.workpiece import check_size, read_workpiece, scanned
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
@@ -78,6 +79,7 @@ def read_cell(path: Path) -> Cell:
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
             raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
+    check_plausible(part, f"{path}: $")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
     tools, frames = _on_controller(part, cutter, path)
     return Cell(
@@ -154,6 +156,8 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
         yield "the work object: the cell file states none ($.work_object); targets are in the robot's base"
     if part.envelope is None:
         yield "the robot's envelope: the cell file states none ($.envelope)"
+    if part.margin_mm == 0:
+        yield "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)"
     if part.uncertainty is None:
         yield "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)"
     if part.robot.acceleration_deg_s2 is None:
@@ -227,6 +231,7 @@ def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, pat
     pose = parent @ _pose(part.pose, f"{where}.pose")
     if part.mesh is not None:
         vertices, triangles = read_mesh(path.parent / part.mesh, f"{where}.mesh")
+        check_size(vertices, path.parent / part.mesh, f"{where}.mesh")
         return Shape(body, link, "mesh", (), pose, vertices, triangles)
     sizes = {
         "box": part.box_mm,

@@ -22,6 +22,9 @@ from workbench.units import DEG, Float
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
+LEAST_RANGE = 0.2  # rad, the middle of six: in degrees made radians twice, 654 deg
+MOST_SPEED = 30.0  # rad/s: the middle of six joints is slower in the fastest arms, and faster in deg/s in the slowest
+LEAST_SIZE_MM, MOST_SIZE_MM = 50.0, 2e4  # of an arm, along its joints
 TURNS = 2  # of a continuous joint, either way: a cable allows for no more
 
 
@@ -207,6 +210,20 @@ def _check_joints(model: pin.Model, path: Path) -> None:
             )
         if not model.velocityLimit[i] > 0:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected a limit with a velocity above 0")
+    middle, speed = (
+        float(np.median(model.upperPositionLimit - model.lowerPositionLimit)),
+        model.velocityLimit,
+    )
+    if middle < LEAST_RANGE:
+        raise InputError(
+            str(path), f"expected limits in radians, the middle range of six is {middle:.3g}: divided by 57.3 twice?"
+        )
+    if np.median(speed) > MOST_SPEED:
+        found = ", ".join(f"{value:g}" for value in speed)
+        raise InputError(str(path), f"expected velocities in rad/s, found {found}: are they in deg/s?")
+    size = float(sum(np.linalg.norm(place.translation) for place in model.jointPlacements[2:])) * MM
+    if not LEAST_SIZE_MM < size < MOST_SIZE_MM:
+        raise InputError(str(path), f"expected lengths in metres, found {size / MM:.3g} m along the joints: in mm?")
 
 
 def _frame(model: pin.Model, name: str, path: Path) -> int:

@@ -14,7 +14,7 @@ from workbench.units import AnyArray, Float
 Cell = tuple[int, ...]  # of the grid
 CLOUDS = (".pcd", ".xyz", ".pts")  # hold points only; a PLY file may hold either
 MOST_CUBES, MOST_BOXES = 20_000, 250
-LEAST_MM = 5.0  # a smaller workpiece is one in metres
+LEAST_MM = 5.0  # a smaller body is one in metres
 
 
 def read_workpiece(path: Path, where: str) -> tuple[Float, AnyArray]:
@@ -34,10 +34,15 @@ def read_workpiece(path: Path, where: str) -> tuple[Float, AnyArray]:
             points, triangles = np.array(mesh.vertices), np.array(mesh.triangles)
     if not len(points) or not np.isfinite(points).all():
         raise InputError(where, f"expected a mesh or a cloud of finite points, '{path}' holds none")
+    check_size(points, path, where)
+    return points, triangles
+
+
+def check_size(points: Float, path: Path, where: str) -> None:
+    """Refuse a body whose file (v, 3) is so small that it must be in metres."""
     size = float(np.ptp(points, axis=0).max())
     if size < LEAST_MM:
         raise InputError(where, f"expected millimetres, '{path}' is {size:.3g} large: is it in metres?")
-    return points, triangles
 
 
 def boxes(points_mm: Float, edge_mm: float, where: str) -> tuple[Float, Float]:

@@ -57,17 +57,19 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
     told = [s for s in inspection.sections if s.root_mm is not None]
     count = len(inspection.sections)
     share = np.array([(s.index - 0.5) / count for s in told])
-    wrong = min(_wrong(told, truth, share), _wrong(told, truth, 1.0 - share))
+    seen = truth.arc_length_mm[truth.seen]
+    places = [seen[0] + one * (seen[-1] - seen[0]) for one in (share, 1.0 - share)]
+    if told:  # where only a part of the edge was left in view
+        places.append(truth.arc_length_mm_at(np.array([s.origin_mm for s in told])))
+    wrong = min((_wrong(told, truth, at) for at in places), default=0)
     if wrong > 2:
         return _wrong_class(kind, inspection.checks)
     vague = [s for s in told if s.root_u_mm > HONEST_MM or s.bevel_u_deg > HONEST_DEG]
     return "honest" if len(told) - len(vague) < count / 2 else "right"
 
 
-def _wrong(told: list, truth: Truth, share: Float) -> int:
-    """How many sections are off the truth at their share of the seen edge by more than 3 u."""
-    seen = truth.arc_length_mm[truth.seen]
-    at = seen[0] + share * (seen[-1] - seen[0])
+def _wrong(told: list, truth: Truth, at: Float) -> int:
+    """How many sections are off the truth at arc lengths `at` (k,) mm by more than 3 u."""
     root = np.interp(at, truth.arc_length_mm, truth.root_mm)
     bevel = np.interp(at, truth.arc_length_mm, truth.bevel_deg)
     return sum(

@@ -84,7 +84,7 @@ def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
 
 
 def _travelled(cloud: Cloud) -> Float:
-    """How far (3,) the seen surface moved through the base in the longest pass, mm."""
+    """How far (3,) the seen surface reaches through the base in the longest pass, mm: there and back is once."""
     shown = np.flatnonzero(cloud.keep.any(axis=1))
     shown = shown[np.unique(np.linspace(0, shown.size - 1, TRAVEL_FRAMES).round().astype(int))] if shown.size else shown
     centre = np.full((len(cloud.keep), 3), np.nan)
@@ -96,8 +96,9 @@ def _travelled(cloud: Cloud) -> Float:
     for p in np.unique(cloud.pass_index):
         seen = np.flatnonzero((cloud.pass_index == p) & np.isfinite(centre[:, 0]))
         if seen.size >= 2:
-            part = max(1, seen.size // 20)
-            moved = np.median(centre[seen[-part:]], axis=0) - np.median(centre[seen[:part]], axis=0)
+            off = centre[seen] - np.median(centre[seen], axis=0)
+            axis = np.linalg.svd(off, full_matrices=False)[2][0]
+            moved = axis * float(np.ptp(np.percentile(off @ axis, [2.5, 97.5])))
             best = moved if np.linalg.norm(moved) > np.linalg.norm(best) else best
     return best
 

@@ -89,8 +89,11 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     equal = 0.0
     if both.sum() >= LEAST_PAIRS:
         apart = noise * np.sqrt(2.0 * max(1.0 - correlation[1], 0.05))
-        chance = min(digit / (np.sqrt(2.0 * np.pi) * apart), 1.0)
-        equal = max(float((np.diff(pieces_z[flat], axis=1) == 0)[both].mean()) - chance, 0.0)
+        steps = np.abs(np.diff(pieces_z[flat], axis=1))[both]
+        near = max(float(np.median(steps)) / 2.0, 1.5 * digit)  # noise of heavy tails has more small steps than normal
+        dense = float(((steps > 0.5 * digit) & (steps < near)).mean()) / (2.0 * near - digit)
+        chance = min(digit * max(1.0 / (np.sqrt(2.0 * np.pi) * apart), dense), 1.0)
+        equal = max(float((steps == 0).mean()) - chance, 0.0)
     whole = off[plain & used.all(axis=1)]
     mean = moving_mean(z)
     if mean and not _blind(whole, mean):

@@ -56,16 +56,20 @@ class Chain:
 
         Stretches are parted where profiles do not agree, such as at a clamp.
         """
-        count = len(self.frames)
-        point, angle = np.empty((count, 2)), np.zeros(count)
-        point[0] = self.centre
-        x0, z0 = self.centre
-        for i in range(count - 1):  # the inverse of the motion, to first order in the small turn
-            x, z = point[i] - (self.shift_x[i], self.shift_z[i])
-            f = self.turn[i]
-            point[i + 1] = x - f * (z - z0), z + f * (x - x0)
-            angle[i + 1] = angle[i] + f
+        angle = np.concatenate([[0.0], np.cumsum(self.turn)])
+        point = self.carried(self.centre, 0)
         return point, angle, np.concatenate([[0], np.cumsum(~self.good)])
+
+    def carried(self, start: Float, first: int) -> Float:
+        """Where a point of profile `first` that goes with the section is in that and the later ones: (k - first, 2)."""
+        x0, z0 = self.centre
+        point = np.empty((len(self.frames) - first, 2))
+        point[0] = start
+        for i in range(first, len(self.frames) - 1):  # the inverse of the motion, to first order in the small turn
+            x, z = point[i - first] - (self.shift_x[i], self.shift_z[i])
+            f = self.turn[i]
+            point[i + 1 - first] = x - f * (z - z0), z + f * (x - x0)
+        return point
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,9 @@ from workbench.units import Bool, Float, Int
 
 PINNED = 0.3  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
-MOVED = 2.0  # columns, standard deviation, by which the part moves in the view meanwhile; 0.8 if its own end is there
+MOVED = (
+    3.0  # columns, robust standard deviation, by which the end of what is seen would move; 2.5 where sections change
+)
 
 
 def as_delivered(recording: Recording) -> Recording:
@@ -62,16 +64,22 @@ def _step(seen: Bool) -> int:
 
 
 def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int) -> bool:
-    """Whether the part moves in the view over the frames whose first (side 0) or last return is in `column`."""
+    """Whether the first (side 0) or last return moves, as the whole profiles do, over the frames with it in `column`."""
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)
     middle = chain.frames[len(chain.frames) // 2]
     if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
         return False
-    point, _, stretch = chain.track
+    stretch = chain.track[2]
     pitch = float(np.nanmedian(np.abs(np.diff(x[:, column % step :: step], axis=1))))
-    return any(point[at[stretch[at] == number], 0].std() > MOVED * pitch for number in np.unique(stretch[at]))
+    for number in np.unique(stretch[at]):
+        mine = at[stretch[at] == number]
+        end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
+        gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
+        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > MOVED * pitch:
+            return True
+    return False
 
 
 def _bends(x: Float, z: Float) -> bool:

@@ -64,7 +64,7 @@ def _step(seen: Bool) -> int:
 
 
 def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int) -> bool:
-    """Whether the first (side 0) or last return moves, as the whole profiles do, over the frames with it in `column`."""
+    """Whether the first (side 0) or last return moves as the whole profiles do while it stays in one column."""
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)

@@ -69,10 +69,11 @@ class Part(NamedTuple):
     about: dict[str, object]
 
 
-def simulate(seed: int, is_raw: bool) -> Part:
-    """Part `seed`: a milled edge, or a raw one whose end face is as high as the plate."""
+def simulate(seed: int, is_raw: bool, of: Section | None = None) -> Part:
+    """Part `seed`: a milled edge, or a raw one whose end face is as high as the plate; or a section `of` one's own."""
     rng = np.random.default_rng([778, seed, is_raw])
     section = _section(rng, is_raw)
+    section = section if of is None else of
     thick = section.thickness_mm
     incline = np.radians(rng.uniform(15, 55) if is_raw else rng.uniform(25, 65))  # of the rays over the horizontal
     columns, width = int(rng.choice([640, 1024, 1280])), rng.uniform(max(18, 2.5 * thick if is_raw else 0), 38)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
+from bench.outside import Section, simulate
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.faces import judge_faces
@@ -23,6 +24,8 @@ from workbench.inspect import gate, sections
 from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
 from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.swept import simulate_swept
+from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
@@ -141,3 +144,28 @@ def test_faces_that_the_view_cuts_off_are_refused() -> None:
     cut = replace(recording, x_mm=recording.x_mm[:, keep], z_mm=recording.z_mm[:, keep], intensity=None)
     with pytest.raises(InputError, match=r"lower end is in view|lower edge not in view"):
         segment(fuse(cut), root_nominal_mm=1.5, bevel_nominal_deg=40.0)
+
+
+def test_a_bevel_of_which_only_a_part_is_straight_is_refused() -> None:
+    """A concave bevel of 0.09 mm is parted into two lines; the lower one alone is 2.3 deg off."""
+    recording = simulate_swept(random_swept_recipe("swept_bowed", 5_130_000))[0]
+    with pytest.raises(InputError, match=r"compound bevel.*goes_on_share"):
+        segment(denoise(fuse(recording)), root_nominal_mm=2.0, bevel_nominal_deg=45.0)
+
+
+class Compound(Section):
+    """A second bevel face, 10 deg flatter, from half the thickness on."""
+
+    def segments(self, w: np.ndarray) -> np.ndarray:
+        pieces = Section.segments(self, w)
+        knee = np.array([-np.tan(self.bevel) * (self.thickness_mm / 2 - self.root_mm), self.thickness_mm / 2])
+        top = knee + self.thickness_mm / 2 * np.array([-np.tan(self.bevel + np.radians(10.0)), 1.0])
+        faces = np.array([[top[0] - 60.0, top[1], *top], [*top, *knee], [*knee, 0.0, self.root_mm]])
+        return np.concatenate([np.broadcast_to(faces, (len(w), 3, 4)), pieces[:, 2:]], axis=1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_compound_bevel_is_refused(seed: int) -> None:
+    part = simulate(seed, is_raw=False, of=Compound(1.5, 0.0, np.radians(35.0), 9.0, 0.0, None))
+    with pytest.raises(InputError, match=r"goes_on_share|no edge in view"):
+        segment(denoise(fuse(part.recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)

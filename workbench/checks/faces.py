@@ -14,7 +14,7 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, median_of
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float
+from workbench.units import DEG, AnyArray, Bool, Float
 
 SAMPLE = 40  # frames with faces
 LEAST_POINTS = 8  # of a face, to tell whether it is straight
@@ -22,7 +22,7 @@ SURE = 3.0  # standard uncertainties by which a bow is one
 SMALL_BOW_MM = 0.03  # no face is straighter than that for certain
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
-HOLLOW = np.radians(12.0)  # turn beyond which a surface turns back
+HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
@@ -101,14 +101,21 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     )
     scatter, blur = _size_scatter(cloud, labels, rows)
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
-    hollow = _hollow_share(cloud, labels, rows)
+    turns = [_turns_beside(cloud, labels[i], int(i)) for i in rows]
+    hollow = _share([any(turn < -HOLLOW for turn in one.values()) for one in turns if one is not None])
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
+    on = _share([abs(one.get(BEVEL_FACE, HOLLOW)) < HOLLOW for one in turns if one is not None])
+    goes_on = (
+        f"beyond what would be the bevel face the surface goes on, less than {HOLLOW / DEG:.0f} deg off its direction, "
+    )
+    goes_on += f"in {100 * on:.0f} % of the frames: a compound bevel, or one that is not straight?"
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),
         check("face_bow", bow, round_, given=given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
+        check("goes_on_share", on, goes_on, given=given),
     )
 
 
@@ -213,34 +220,33 @@ def _shown(keep: Bool, labels: AnyArray, shows: Bool, found: Bool) -> None:
         shows[i] = returns >= LEAST_RETURNS
 
 
-def _hollow_share(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> float:
-    """Share of frames in which a surface that joins root face or bevel face turns the other way than these two do."""
-    hollow = [_is_hollow(cloud, labels[i], int(i)) for i in rows]
-    seen = [one for one in hollow if one is not None]
-    return float(np.mean(seen)) if len(seen) >= LEAST_FRAMES else 0.0
+def _share(found: list[bool]) -> float:
+    return float(np.mean(found)) if len(found) >= LEAST_FRAMES else 0.0
 
 
-def _is_hollow(cloud: Cloud, labels: AnyArray, i: int) -> bool | None:
-    """Of one frame; None: its faces do not stand side by side.
+def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | None:
+    """By face, the turn (rad) from it to the surface that joins it on its other side, in the sense of their corner.
 
-    From face to face along a profile of a convex edge the direction turns one way. In a groove it turns back.
+    Of one frame; None: its faces do not stand side by side. From face to face along a profile of a convex edge the
+    direction turns one way. In a groove it turns back.
     """
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     kept = np.flatnonzero(cloud.keep[i])
-    on = [np.flatnonzero((labels == face) & cloud.keep[i]) for face in NAMES]
-    if min(len(one) for one in on) < LEAST_POINTS // 2:
+    on = {face: np.flatnonzero((labels == face) & cloud.keep[i]) for face in NAMES}
+    if min(len(one) for one in on.values()) < LEAST_POINTS // 2:
         return None
-    first, second = sorted(on, key=median)
+    (lower, first), (upper, second) = sorted(on.items(), key=lambda one: float(np.median(one[1])))
     sign = 1.0 if x[kept[-1]] >= x[kept[0]] else -1.0
-    between = _direction(x[second], z[second], sign) - _direction(x[first], z[first], sign)
+    at_first, at_second = _direction(x[first], z[first], sign), _direction(x[second], z[second], sign)
+    sense = float(np.sign(at_second - at_first))
     before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
     after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
-    turns = []
+    turns = {}
     if before is not None:
-        turns.append(_direction(x[first], z[first], sign) - before)
+        turns[lower] = (at_first - before) * sense
     if after is not None:
-        turns.append(after - _direction(x[second], z[second], sign))
-    return any(turn * np.sign(between) < -HOLLOW for turn in turns)
+        turns[upper] = (after - at_second) * sense
+    return turns
 
 
 def _direction(x: Float, z: Float, sign: float) -> float:

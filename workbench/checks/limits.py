@@ -171,6 +171,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
         "a plate's edge is convex all round; grooves, fillets and steps are not",
     ),
+    "goes_on_share": Limit(
+        0.3,
+        "share of the frames in which the surface beyond the bevel face stands within 12 deg of it",
+        "the upper surface stands 35 to 65 deg off; what is within 12 is the rest of a bevel that bows or is compound",
+    ),
     "two_plates_share": Limit(
         0.4,
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",

@@ -173,7 +173,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "goes_on_share": Limit(
         0.3,
-        "share of the frames in which the surface beyond the bevel face stands within 12 deg of it",
+        "share of the frames in which the surface beyond the bevel face stands 2 to 12 deg off it",
         "the upper surface stands 35 to 65 deg off; what is within 12 is the rest of a bevel that bows or is compound",
     ),
     "two_plates_share": Limit(

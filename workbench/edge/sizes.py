@@ -101,7 +101,10 @@ def changes(
     least_slope: float = SUDDEN_SLOPE,
     seen: Bool | bool = True,
 ) -> list[tuple[int, int, float]]:
-    """The sudden changes of `sudden`: first and last station, and by how much the size changes between them."""
+    """The sudden changes of `sudden`: first and last station, and by how much the size changes between them.
+
+    Beyond what it does on both sides: where a wave is steep it is so over some way, and beside it nearly as steep.
+    """
     if at.size < 3:
         return []
     reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
@@ -109,10 +112,11 @@ def changes(
     steep = np.flatnonzero(seen & (slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope)))))
     if not steep.size:
         return []
-    out = []
+    out, rate = [], np.gradient(value, at)
     for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
         first, last = int(max(run[0] - reach, 0)), int(min(run[-1] + reach, at.size - 1))
-        change = float(np.ptp(value[first : last + 1]))
+        beside = 0.5 * (rate[first] + rate[last]) * (at[first : last + 1] - at[first])
+        change = float(np.ptp(value[first : last + 1] - beside))
         if change >= max(least, SUDDEN_SIGMAS * float(np.median(u[first : last + 1]))):
             out.append((first, last, change))
     return out

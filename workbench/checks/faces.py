@@ -22,7 +22,7 @@ SURE = 3.0  # standard uncertainties by which a bow is one
 SMALL_BOW_MM = 0.03  # no face is straighter than that for certain
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
-ON = 2.0 * DEG  # turn of what is no mere second return of the same face
+ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
@@ -105,7 +105,10 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     turns = [_turns_beside(cloud, labels[i], int(i)) for i in rows]
     hollow = _share([any(turn < -HOLLOW for turn in one.values()) for one in turns if one is not None])
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
-    on = _share([ON < abs(one.get(BEVEL_FACE, HOLLOW)) < HOLLOW for one in turns if one is not None])
+    beyond = [one.get(BEVEL_FACE, HOLLOW) for one in turns if one is not None]
+    along = [turn for turn in beyond if abs(turn) < HOLLOW]
+    is_turned = bool(along) and abs(float(np.median(along))) > ON  # second returns stand off both ways
+    on = _share([is_turned and abs(turn) < HOLLOW for turn in beyond])
     goes_on = (
         f"beyond what would be the bevel face the surface goes on, less than {HOLLOW / DEG:.0f} deg off its direction, "
     )
@@ -270,5 +273,5 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
     gap = float(np.hypot(x[run[0]] - x[end], z[run[0]] - z[end]))
     if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
         return None
-    halves = np.array_split(np.sort(run), 2)  # a second return that begins within the run is a step, no slope
-    return sum(_direction(x[half], z[half], sign) for half in halves) / 2.0
+    run = np.sort(run)
+    return _direction(x[run], z[run], sign)

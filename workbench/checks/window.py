@@ -10,11 +10,9 @@ from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
 from workbench.units import Bool, Float, Int
 
-PINNED = 0.3  # share of the frames whose returns end in one and the same column
+PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
-MOVED = (
-    3.0  # columns, robust standard deviation, by which the end of what is seen would move; 2.5 where sections change
-)
+MOVED_MM = 0.4  # robust standard deviation, by which the end of what is seen would move: sizes of faces change by less
 
 
 def as_delivered(recording: Recording) -> Recording:
@@ -46,8 +44,8 @@ def _measured(recording: Recording) -> slice:
     begins = low > 0 and bool((first == low).mean() > PINNED)
     ends = high < z.shape[1] - 1 and bool((last == high).mean() > PINNED)
     found = chains(recording.x_mm, z, passes) if begins or ends else {}
-    begins = begins and any(_moves(chain, recording, 0, low, step) for chain in found.values())
-    ends = ends and any(_moves(chain, recording, 1, high, step) for chain in found.values())
+    begins = begins and any(_moves(chain, recording, 0, low) for chain in found.values())
+    ends = ends and any(_moves(chain, recording, 1, high) for chain in found.values())
     return slice(low if begins else low % step, high + 1 if ends else z.shape[1], step)
 
 
@@ -63,7 +61,7 @@ def _step(seen: Bool) -> int:
     return int(np.gcd.reduce(np.diff(ever))) if len(ever) > 2 else 1
 
 
-def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int) -> bool:
+def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
     """Whether the first (side 0) or last return moves as the whole profiles do while it stays in one column."""
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
@@ -72,12 +70,11 @@ def _moves(chain: Chain, recording: Recording, side: int, column: int, step: int
     if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
         return False
     stretch = chain.track[2]
-    pitch = float(np.nanmedian(np.abs(np.diff(x[:, column % step :: step], axis=1))))
     for number in np.unique(stretch[at]):
         mine = at[stretch[at] == number]
         end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
         gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
-        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > MOVED * pitch:
+        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > MOVED_MM:
             return True
     return False
 

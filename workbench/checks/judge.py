@@ -368,7 +368,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
     by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
     yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
-    yield _unseen(recording)
+    yield _unseen(recording, found, now)
     yield from _pass_check(recording, found, hand_eye, given)
     offset = clock_offset(
         found, lambda number, shift: _poses(recording, {number: found[number]}, hand_eye, AS_READ, shift)[number]
@@ -384,22 +384,28 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     )
 
 
-def _unseen(recording: Recording) -> Check:
-    """How much the flange turns within a pass, and what does not show where that is little; told, not judged."""
+def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) -> Check:
+    """How much the flange turns within a pass, and what does not show where that is little; told, not judged.
+
+    What it turns with the edge, as along an arc, shows nothing: only what the section turns in the view, or the laser
+    plane against the edge, does.
+    """
+    against = max((float(np.degrees(np.ptp(chain.track[1]))) for chain in found.values()), default=0.0)
+    against += 2.0 * now.varies_deg if np.isfinite(now.varies_deg) else 0.0
     turned = max(
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])
         for number in np.unique(recording.robot_pass)
     )
     told = f"the flange turns by {turned:.1f} deg within a pass: "
     told += "a scale of its travel and frames in reverse order would not show"
-    if turned < TURNS_DEG:
+    if min(turned, against) < TURNS_DEG:
         told += (
             ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
             "swapped axes of the robot or of the profiler, orientations that are off by a constant"
         )
     if _held(recording):
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
-    reason = f"a hand-eye pose shows itself where the flange turns by {TURNS_DEG:g} deg and more"
+    reason = f"a hand-eye pose shows itself where the flange turns against the edge by {TURNS_DEG:g} deg and more"
     return Check("flange_turn_deg", turned, None, True, reason, told)
 
 

@@ -272,6 +272,8 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
+    is_narrow = frames.size < LEAST_FRAMES  # too few columns on the face: nothing is known of its end
+    frames = np.flatnonzero(here & (face.sxx > 0.0)) if is_narrow else frames
     if frames.size < LEAST_FRAMES:
         return NO_ROUNDING
     step = float(np.median(rim.step_mm[frames]))
@@ -286,7 +288,7 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, beyond)
     depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
     depth = depth[np.isfinite(depth).all(axis=1)]
-    told = len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
+    told = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
     edges = edges[: depth.shape[1] + 1] if told else edges[:LEAST_GROUPS]
     known = _known_depths(depth, edges * step) if told else _nothing_known(edges.size - 1)
     moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step

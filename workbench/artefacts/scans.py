@@ -70,13 +70,13 @@ class Cloud:
     base_from_profiler: Float  # (N, 4, 4)
     time_s: Float  # (N,)
     pass_index: Int  # (N,)
-    brightness: AnyArray | None = None  # (N, M) of the returns, as recorded
     hand_eye_covariance: Float | None = None  # (6, 6) as in HandEye
     flange_from_profiler: Float | None = None  # (4, 4)
     source: str = ""
     part: Part = UNKNOWN_PART
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
+    brightness: AnyArray | None = None  # (N, M) of the returns, as recorded
 
     @property
     def points_mm(self) -> Float:

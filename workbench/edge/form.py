@@ -35,7 +35,7 @@ STILL = 3.0  # columns: where the end moves by less over the pass, its place wit
 ANYWHERE: Float = (np.arange(20.0)[None] + 0.5) / 20.0  # (1, 20) places of the end within a column, all of them in turn
 SOMEWHERE: Float = (np.arange(6.0)[:, None] + 0.5) / 6.0  # (6, 1) one of them, unknown
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a rounding
-PROOF, DEPTH_U_MM = 3.0, 0.0005
+PROOF, DEPTH_U_MM, LEAST_MEANS = 3.0, 0.0005, 8
 LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 30
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
@@ -375,7 +375,8 @@ def _known_depths(depth: Float, edges_mm: Float) -> Depths:
     cut = len(depth) // 20
     mean = level[cut : len(depth) - cut].mean(axis=0)
     low, high = level[cut], level[len(depth) - 1 - cut]
-    noise = np.cov(np.clip(depth, low, high).T) / len(depth)
+    clipped = np.clip(depth, low, high)
+    noise = np.cov(clipped.T) * _alike(clipped) / len(depth)
     middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
     t = 2.0 * middle / edges_mm[-1] - 1.0
     shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1)
@@ -387,6 +388,19 @@ def _known_depths(depth: Float, edges_mm: Float) -> Depths:
     far = np.abs(middle[:, None] - middle[None, :]) / (edges_mm[-1] / PLACES)
     noise = noise + max(pattern, 0.0) * np.exp(-far) + DEPTH_U_MM**2 * np.eye(t.size)
     return Depths(mean, noise, (shapes * [PLACE_MM, TURN_MM, BOW_MM]) @ (shapes * [PLACE_MM, TURN_MM, BOW_MM]).T)
+
+
+def _alike(values: Float) -> float:
+    """How many neighbouring frames count as one, since they share their errors (roughness), of values (f, g) in order.
+
+    By how means of 2, 4, 8, ... frames scatter against single ones; as long as LEAST_MEANS of them are left.
+    """
+    single, size, most = values.var(axis=0, ddof=1), 2, 1.0
+    while len(values) // size >= LEAST_MEANS:
+        means = values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
+        most = max(most, size * float(np.mean(means.var(axis=0, ddof=1) / np.maximum(single, 1e-18))))
+        size *= 2
+    return most
 
 
 def _nothing_known(groups: int) -> Depths:

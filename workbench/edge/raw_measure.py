@@ -527,7 +527,7 @@ def _end_along(
     course, off = _found_end(side, cloud.pass_index, (2, 3), TOGETHER_MM if rough else None, whole)
     loose_mm = np.maximum(loose.mm, off)
     rounding = NO_ROUNDING
-    if whole and not rough and not side.by_corners:
+    if whole and not side.by_corners:
         rounding = _rounding(cloud, found, side, most_radius_mm)
         spline = course.spline
         course = replace(course, spline=Spline(spline.t, spline.c + rounding.beyond_mm, spline.k))

@@ -18,7 +18,7 @@ from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.form import MOST_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
-from workbench.edge.sizes import NEAR_MM, changes, off_commonest
+from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_commonest
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
@@ -42,7 +42,9 @@ TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs togeth
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
 UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
+JUMP_STEPS = 3.0  # columns, of both ends together: smaller jumps are followed by a smooth course
 MORE = 0.5  # times what the other end jumps: this one may be what changes
+LEAST_MEDIAN, NEAR_JUMP_MM = 3, 4.0  # frames; within which a jump is over
 LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
 TREND = 3  # order of what a rough face does over the whole edge
@@ -410,22 +412,62 @@ def _loose(
     Bends of the edge are in both of its ends. Burrs in the face's plane, lost returns and what covers a part of the
     face are in one, the one that jumps against the reference curve; corners with a surface are none of these.
     """
-    sides = (lower, upper)
+    sides = [lower, upper]
     if lower.by_corners and upper.by_corners:
         return [_nothing_loose(side) for side in sides]
-    courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in sides]
-    places = [np.sort(side.s[np.isfinite(side.low)]) for side in sides]
-    start, stop = max(s[0] for s in places), min(s[-1] for s in places)
-    at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
+    out = [_nothing_loose(side) for side in sides]
+    for smooth in (False, True):  # jumps in single frames first, which no smooth course follows; then what is left
+        left = [_sound(side, loose) for side, loose in zip(sides, out, strict=True)]
+        places = [np.sort(side.s[np.isfinite(side.low)]) for side in left]
+        start, stop = max(s[0] for s in places), min(s[-1] for s in places)
+        at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
+        if smooth:
+            courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in left]
+            ends = [course.value(at) for course in courses]
+            found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=_near(places, at))
+        else:
+            ends = [running_median(side.s, side.middle, at, STATION_MM) for side in left]
+            steps = math.hypot(*(float(np.nanmedian(side.step)) for side in left))
+            least = max(SUDDEN_MM, JUMP_STEPS * steps)
+            found = changes(at, ends[0] + ends[1], np.zeros(at.size), least, least / NEAR_JUMP_MM, reach_mm=NEAR_MM)
+        told = _told(sides, at, ends, found, bend)
+        out = [_Loose(np.maximum(a.mm, b.mm), a.shift + b.shift) for a, b in zip(out, told, strict=True)]
+    return out
+
+
+def _near(places: list[Float], at: Float) -> Bool:
+    """Stations (m,) that frames show at both ends of the face; places: sorted arc lengths of both."""
     seen = np.ones(at.size, bool)
     for s in places:
         after = np.searchsorted(s, at).clip(1, s.size - 1)
         seen &= np.minimum(np.abs(at - s[after - 1]), np.abs(s[after] - at)) < NEAR_MM
-    u = np.hypot(courses[0].u(at), courses[1].u(at))
-    ends = [course.value(at) for course in courses]
+    return seen
+
+
+def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
+    """Median of values (N,) at s (N,) within reach of stations (m,); between them where there are none."""
+    on = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
+    on = on[np.argsort(s[on], kind="stable")]
+    first = np.searchsorted(s[on], at - reach_mm)
+    last = np.searchsorted(s[on], at + reach_mm, side="right")
+    some = np.flatnonzero(last - first >= min(LEAST_MEDIAN, on.size))
+    middle = [float(np.median(value[on[first[k] : last[k]]])) for k in some]
+    return np.interp(at, at[some], middle)
+
+
+def _told(
+    sides: list[_Side],
+    at: Float,
+    ends: list[Float],
+    found: list[tuple[int, int, float]],
+    bend: scipy.interpolate.CubicSpline,
+) -> list[_Loose]:
+    """What sudden changes of the width say of both ends; found: first and last of the stations (m,), and how much.
+
+    ends: both (m,), counted outwards from the straight line.
+    """
     off_curve = [end - side.outward * bend(at) for end, side in zip(ends, sides, strict=True)]
     width = ends[0] + ends[1]
-    found = changes(at, width, u, seen=seen)
     out = []
     for k, side in enumerate(sides):
         own, level = np.zeros(at.size), np.zeros(at.size)
@@ -435,7 +477,7 @@ def _loose(
                 own[first : last + 1] = np.maximum(own[first : last + 1], change)
                 level[(first + last) // 2 :] += width[last] - width[first]
         over, off = off_commonest(level)
-        s = np.nan_to_num(side.s, nan=start)
+        s = np.nan_to_num(side.s, nan=at[0])
         loose = np.interp(s, at, np.maximum(own, off))
         shift = np.where(np.interp(s, at, own) > 0.0, np.nan, over[np.searchsorted(at, s).clip(0, at.size - 1)])
         out.append(_nothing_loose(side) if side.by_corners else _Loose(loose, shift))
@@ -448,6 +490,12 @@ class _Loose:
 
     mm: Float  # (N,) by how much the end may be off
     shift: Float  # (N,) how far it stands out where the face is wider than it mostly is, mm; NaN: it changes here
+
+
+def _sound(side: _Side, loose: _Loose) -> _Side:
+    """The end without the frames at which it changes suddenly, those beyond shifted back; as it is if none are left."""
+    low = side.low - loose.shift
+    return replace(side, low=low) if np.isfinite(low).sum() > LEAST_SOUND * np.isfinite(side.low).sum() else side
 
 
 def _nothing_loose(side: _Side) -> _Loose:
@@ -521,9 +569,7 @@ def _end_along(
     most_radius_mm: float,
 ) -> EndAlong:
     """The course of one edge along m. Frames at which it changes suddenly are bridged, those beyond shifted back."""
-    low = side.low - loose.shift
-    if np.isfinite(low).sum() > LEAST_SOUND * np.isfinite(side.low).sum():
-        side = replace(side, low=low)
+    side = _sound(side, loose)
     course, off = _found_end(side, cloud.pass_index, (2, 3), TOGETHER_MM if rough else None, whole)
     loose_mm = np.maximum(loose.mm, off)
     rounding = NO_ROUNDING

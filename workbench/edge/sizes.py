@@ -88,8 +88,8 @@ def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]
     share = near / level.size
     over = level - level[np.argmax(share)]
     off = np.abs(over)
-    if share.max() < MOST:
-        off = np.maximum(off, np.ptp(level))
+    if share.max() < MOST:  # the true one may be any that lasts
+        off = np.maximum(off, np.ptp(level[share >= min(float(share.max()), 0.5 * (1.0 - MOST))]))
     return over, np.where(off < least, 0.0, off)
 
 
@@ -100,14 +100,16 @@ def changes(
     least: float = SUDDEN_MM,
     least_slope: float = SUDDEN_SLOPE,
     seen: Bool | bool = True,
+    reach_mm: float = REACH_MM,
 ) -> list[tuple[int, int, float]]:
     """The sudden changes of `sudden`: first and last station, and by how much the size changes between them.
 
     Beyond what it does on both sides: where a wave is steep it is so over some way, and beside it nearly as steep.
+    reach_mm: beside what is steep, that belongs to the change.
     """
     if at.size < 3:
         return []
-    reach = max(1, round(REACH_MM / float(np.median(np.diff(at)))))
+    reach = max(1, round(reach_mm / float(np.median(np.diff(at)))))
     slope = np.abs(np.gradient(value, at))
     steep = np.flatnonzero(seen & (slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope)))))
     if not steep.size:

@@ -426,7 +426,8 @@ def _loose(
             ends = [course.value(at) for course in courses]
             found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=_near(places, at))
         else:
-            ends = [running_median(side.s, side.middle, at, STATION_MM) for side in left]
+            off = [running_median(side.s, side.middle - side.outward * bend(side.s), at, STATION_MM) for side in left]
+            ends = [one + side.outward * bend(at) for one, side in zip(off, left, strict=True)]
             steps = math.hypot(*(float(np.nanmedian(side.step)) for side in left))
             least = max(SUDDEN_MM, JUMP_STEPS * steps)
             found = changes(at, ends[0] + ends[1], np.zeros(at.size), least, least / NEAR_JUMP_MM, reach_mm=NEAR_MM)

@@ -169,8 +169,7 @@ def _left(
         mine = stretch == k
         if mine.sum() < min(LEAST_FRAMES, frames.size):
             continue
-        wheres = (place, column) if together_mm == 0.0 else (place,)  # roughness hides patterns of the columns
-        value.append(max(_excess(off[mine], where[mine], unit[mine]) for where in wheres))
+        value.append(max(_excess(off[mine], where[mine], unit[mine]) for where in (place, column)))
         ends.append(_bow(off[mine], place[mine], unit[mine]))
         middle.append(float(s[mine].mean()))
     if not value:

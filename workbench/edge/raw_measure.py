@@ -34,10 +34,10 @@ MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's 
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
 # noise by more than its estimate errs.
-ROUGH_MM, ROUGH_SHARE = 0.01, 0.25
-# From here on it is, where the directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS: texture does not
-# reach from frame to frame, what a flame cut leaves does.
-SHARED_MM, SHARED_LAG_MM, SHARED_SIGMAS = 0.003, (0.7, 1.5), 3.0
+ROUGH_MM, ROUGH_SHARE = 0.02, 0.25
+# From here on it is, where the directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS and SHARED_LEAST:
+# texture does not reach so far, what a flame cut leaves does.
+SHARED_MM, SHARED_LAG_MM, SHARED_SIGMAS, SHARED_LEAST = 0.003, (0.7, 1.5), 3.0, 0.4
 TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
@@ -275,7 +275,7 @@ def _shared(s: Float, angle: Float, pass_index: Int) -> bool:
         product += float((off[near] * off[other[near]]).sum())
         square += float((off[near] ** 2).sum())
         pairs += int(near.sum())
-    return pairs > 1 and product > SHARED_SIGMAS * square / math.sqrt(pairs)
+    return pairs > 1 and product > max(SHARED_SIGMAS / math.sqrt(pairs), SHARED_LEAST) * square
 
 
 def _whole(found: RawFaces) -> Bool:
@@ -641,13 +641,14 @@ def _vibration(cloud: Cloud, stand_out: Float) -> Float:
 
 
 def _roughness(found: RawFaces, sigma: float) -> float:
-    """Height of the end face's roughness within frames, beyond the range noise, mm."""
+    """Height of the end face's roughness within frames, square to it, beyond the range noise, mm."""
     face = found.faces[ROOT_FACE]
     on = face.count > 5
     if not on.any():
         return 0.0
     rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[on] / (face.count[on] - 2)
-    return math.sqrt(max(float(np.median(rss)) - sigma**2, 0.0))
+    lean = float(np.median(np.hypot(1.0, face.sxz[on] / face.sxx[on])))
+    return math.sqrt(max(float(np.median(rss)) - sigma**2, 0.0)) / lean
 
 
 def _range_noise(cloud: Cloud, found: RawFaces) -> float:

@@ -47,7 +47,7 @@ MORE = 0.5  # times what the other end jumps: this one may be what changes
 LEAST_MEDIAN, NEAR_JUMP_MM = 3, 4.0  # frames; within which a jump is over
 LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
 LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
-TREND = 3  # order of what a rough face does over the whole edge
+TREND = 3  # order of what a face may do over the whole edge without being rough
 LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
@@ -216,7 +216,7 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
 
     seen = frames.sum(axis=0) > 0
     mean_of = total.sum(axis=0)[seen] / frames.sum(axis=0)[seen]
-    trend = np.polynomial.Polynomial.fit(place[seen], mean_of, min(TREND, int(seen.sum()) - 1))
+    trend = np.polynomial.Polynomial.fit(place[seen], mean_of, min(1, int(seen.sum()) - 1))
     off = np.zeros(count)  # a face that turns along the edge is not where the middle of a window at its end is
     off[seen] = mean_of - trend(place[seen])
     there = over(seen.astype(float))

@@ -82,7 +82,12 @@ def measured_raw(recording: Recording, truth: Any) -> Any:
     axis = np.cross(across, rng.normal(size=3))
     turned = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0, MOST_TURNED_DEG) * DEG) @ across
     z_away = recipe.scanner.z_away if recipe.title == "raw_square" else None
-    return segment_raw(denoise(fuse(recording)), upper_side=tuple(float(x) for x in turned), z_away=z_away)
+    robot = recipe.robot  # its slow errors are declared, since no scan shows them
+    slow = math.hypot(
+        getattr(robot, "drift_mm", 0.0) / math.sqrt(12), getattr(robot, "smooth_error_mm", 0.0) / math.sqrt(2)
+    )
+    upper_side = tuple(float(x) for x in turned)
+    return segment_raw(denoise(fuse(recording)), upper_side=upper_side, z_away=z_away, robot_drift_u_mm=slow)
 
 
 def compare_milled(result: Result, inspection: Any, truth: Any) -> None:

@@ -47,6 +47,9 @@ def segment_raw(
     end_u_mm: Annotated[
         float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
     ] = 0.0,
+    robot_drift_u_mm: Annotated[
+        float, Field(ge=0, le=5, description="declared standard uncertainty of places by the robot's slow errors")
+    ] = 0.0,
     most_radius_mm: Annotated[
         float, Field(ge=0.01, le=0.8, description="greatest radius of the plate's edges, where the view shows none")
     ] = MOST_RADIUS_MM,
@@ -69,6 +72,8 @@ def segment_raw(
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
         end_u_mm: of the lower edge across it by what no frame shows (a burr in the end face's plane, returns lost along
             the whole edge).
+        robot_drift_u_mm: of a place of the edge in the base, along its normal and across it: errors of the robot that
+            change slowly along the scan (drift, its path accuracy) look like the edge's own course.
         most_radius_mm: greatest radius that the plate's edges can have. Where the rays graze the end face a rounding is
             not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
         limits: limits of the checks of the edge by name. One that passes only by a wider limit than the default is
@@ -94,11 +99,18 @@ def segment_raw(
     except np.linalg.LinAlgError:
         told = "its passes do not determine one smooth edge: do they overlap?"
         raise InputError(cloud.source, told) from None
-    edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm)
+    edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, plates))
 
 
-def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: float, end_u_mm: float) -> RawEdge:
+def _edge(
+    cloud: Cloud,
+    found: RawFaces,
+    measured: RawMeasured,
+    robot_noise_mm: float,
+    end_u_mm: float,
+    robot_drift_u_mm: float,
+) -> RawEdge:
     lower_s, upper_s = measured.lower.s, measured.upper.s
     start, stop = float(np.nanmin(lower_s)), float(np.nanmax(lower_s))
     length = stop - start
@@ -164,7 +176,7 @@ def _edge(cloud: Cloud, found: RawFaces, measured: RawMeasured, robot_noise_mm: 
         burr_stations=raw_burr_stations(found, measured, at),
         upper_position_mm=upper,
         upper_inward=inward,
-        position_u_mm=np.stack([stand_u, low_u], axis=1),
+        position_u_mm=np.hypot(np.stack([stand_u, low_u], axis=1), robot_drift_u_mm),
         normal_u=np.hypot(tilt_u, turn),
         hand_eye_u_mm=shared,
         checks=cloud.checks,

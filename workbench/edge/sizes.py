@@ -90,7 +90,7 @@ def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]
     off = np.abs(over)
     if share.max() < MOST:  # the true one may be any that lasts
         off = np.maximum(off, np.ptp(level[share >= min(float(share.max()), 0.5 * (1.0 - MOST))]))
-    return over, np.where(off < least, 0.0, off)
+    return np.where(np.abs(over) < least, 0.0, over), np.where(off < least, 0.0, off)
 
 
 def changes(

@@ -41,7 +41,8 @@ def sizes(
     loose = np.maximum(sudden(at, root, end_u, seen=seen), end_loose_mm(measured.end, s))
     # What obliquity makes of the root size's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
-    turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
+    turns = sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
+    turned = np.hypot(lever / np.sin(beta) * np.hypot(bevel_u, turns), 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
     whole = np.ones(at.size)
     root_u = {
         END: np.hypot(end_u, loose),
@@ -52,7 +53,7 @@ def sizes(
         DECLARED: end_u_mm * whole,
     }
     angle = {
-        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)),
+        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), turns),
         TANGENT: tangent_u * leverage,
         FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
     }
@@ -71,7 +72,7 @@ def sudden(
 
     A change by `least`, steeper than `least_slope` a mm and than is usual on the edge. The end of the face may be lost
     on one side of it, covered, or stand out in its plane, a second return may stand for the face: nothing tells which.
-    What is not `seen` may change as it likes. What lies off the level of most of the edge is uncertain by all of that;
+    Where it is not `seen` what counts is by how much it has changed beyond. What lies off the level of most of the edge is uncertain by all of that;
     where no level has most of it, all is.
     """
     out, level = np.zeros(at.size), np.zeros(at.size)
@@ -110,8 +111,12 @@ def changes(
     if at.size < 3:
         return []
     reach = max(1, round(reach_mm / float(np.median(np.diff(at)))))
+    if not np.all(seen):
+        if not np.any(seen):
+            return []
+        value = np.interp(at, at[seen], value[seen])
     slope = np.abs(np.gradient(value, at))
-    steep = np.flatnonzero(seen & (slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope)))))
+    steep = np.flatnonzero(slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope))))
     if not steep.size:
         return []
     out, rate = [], np.gradient(value, at)

@@ -143,11 +143,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     angle = about + wrapped(face.angle - about)
     mid = np.where(np.isfinite(face.s), face.s, 0.0)
     tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index)
-    # An oblique frame sees each point of the face at another arc length, where the face has turned (eq. (7)).
-    n = _normal(tilt.value(mid))
-    turn = face.run * tilt.slope(mid)
-    angle = angle - turn * np.abs((face.place * np.stack([n[:, 1], -n[:, 0]], axis=1)).sum(axis=1))
-    face = replace(face, place=face.place - (turn * face.spread)[:, None] * n)
+    face, angle = _straightened(face, angle, tilt, mid)
     tilt = fit_course(face.s, angle, face.angle_variance, cloud.pass_index, stiffness=tilt.stiffness)
     height = _roughness(found, sigma)
     rough = height > max(ROUGH_MM, ROUGH_SHARE * sigma)
@@ -158,7 +154,9 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
         mid = np.where(np.isfinite(face.s), face.s, 0.0)
         face = replace(face, s=np.where(_whole(found), face.s, np.nan))
         inner = local_mean(face.s, angle, cloud.pass_index)
-        tilt = local_mean(face.s, about + wrapped(face.angle - about), cloud.pass_index)
+        out = local_mean(face.s, (face.place * _normal(inner.value(mid))).sum(axis=1), cloud.pass_index)
+        face, angle = _straightened(face, about + wrapped(face.angle - about), tilt, mid)
+        tilt = _squared(local_mean(face.s, angle, cloud.pass_index), out, face)
         turn_mm = float(np.sqrt(np.mean((inner.value(tilt.at_mm) - tilt.value(tilt.at_mm)) ** 2) / MARGIN_MM))
     n = _normal(tilt.value(mid))
     stand_out = (face.place * n).sum(axis=1)
@@ -187,6 +185,27 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     pose_u = math.sqrt(out.frame_factor * max(pitch / LOCAL_MM, POSE_MM / LOCAL_MM)) if not rough else 0.0
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
     return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, lever, rough, pose_u, turn_u)
+
+
+def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:
+    """Lines and directions (N,) of frames as the sections at their middles, mid (N,), have them.
+
+    An oblique frame sees each point of the face at another arc length, where the face has turned (eq. (7)).
+    """
+    n = _normal(tilt.value(mid))
+    turn = face.run * tilt.slope(mid)
+    angle = angle - turn * np.abs((face.place * np.stack([n[:, 1], -n[:, 0]], axis=1)).sum(axis=1))
+    return replace(face, place=face.place - (turn * face.spread)[:, None] * n), angle
+
+
+def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
+    """Local means of the direction over rectangles of a rough face instead of the parallelograms of oblique frames."""
+    on = np.flatnonzero(np.isfinite(face.s))
+    on = on[np.argsort(face.s[on], kind="stable")]
+    run = np.interp(tilt.at_mm, face.s[on], face.run[on])
+    value = tilt.value(tilt.at_mm) - run * stand_out.slope(tilt.at_mm)
+    spline = scipy.interpolate.make_interp_spline(tilt.at_mm, value, k=tilt.spline.k)
+    return replace(tilt, spline=Spline(spline.t, spline.c, spline.k))
 
 
 def local_mean(s: Float, value: Float, pass_index: Int) -> Course:

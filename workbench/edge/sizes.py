@@ -72,8 +72,8 @@ def sudden(
 
     A change by `least`, steeper than `least_slope` a mm and than is usual on the edge. The end of the face may be lost
     on one side of it, covered, or stand out in its plane, a second return may stand for the face: nothing tells which.
-    Where it is not `seen` what counts is by how much it has changed beyond. What lies off the level of most of the edge is uncertain by all of that;
-    where no level has most of it, all is.
+    Where it is not `seen` what counts is by how much it has changed beyond. What lies off the level of most of the edge
+    is uncertain by all of that; where no level has most of it, all is.
     """
     out, level = np.zeros(at.size), np.zeros(at.size)
     for first, last, change in changes(at, value, u, least, least_slope, seen):

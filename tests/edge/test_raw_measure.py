@@ -66,5 +66,6 @@ def test_texture_does_not_reach_from_frame_to_frame_and_what_a_flame_cut_leaves_
     turning = 0.003 * np.nan_to_num(s)  # a plate that turns along its edge is not rough
     noise = rng.normal(0.0, 0.002, s.size)
     passes = (np.arange(s.size) > 200).astype(np.int64)
-    assert _shared(s, face + turning + noise, passes) == expected
-    assert not _shared(s, turning + noise, passes)
+    variance = np.full(s.size, 0.002**2)
+    assert _shared(s, face + turning + noise, variance, passes) == expected
+    assert not _shared(s, turning + noise, variance, passes)

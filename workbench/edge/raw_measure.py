@@ -148,7 +148,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     height = _roughness(found, sigma)
     rough = height > max(ROUGH_MM, ROUGH_SHARE * sigma)
     if not rough and height > max(SHARED_MM, ROUGH_SHARE * sigma):
-        rough = _shared(face.s, angle, cloud.pass_index)
+        rough = _shared(face.s, angle, face.angle_variance, cloud.pass_index)
     if rough:
         face = _lines(cloud, found, found.whole, curve, s, sigma)
         mid = np.where(np.isfinite(face.s), face.s, 0.0)
@@ -271,9 +271,12 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     )
 
 
-def _shared(s: Float, angle: Float, pass_index: Int) -> bool:
-    """Do the directions (N,) of frames at s (N,) go together over SHARED_LAG_MM, beside their mean over LOCAL_MM?"""
-    product, square, pairs = 0.0, 0.0, 0
+def _shared(s: Float, angle: Float, variance: Float, pass_index: Int) -> bool:
+    """Do the directions (N,) of frames at s (N,) go together over SHARED_LAG_MM, beside their mean over LOCAL_MM?
+
+    variance (N,): of a direction by the range noise, which is left out of the share that has to go together.
+    """
+    product, square, noise, pairs = 0.0, 0.0, 0.0, 0
     for p in np.unique(pass_index):
         on = np.flatnonzero((pass_index == p) & np.isfinite(s) & np.isfinite(angle))
         on = on[np.argsort(s[on], kind="stable")]
@@ -293,8 +296,10 @@ def _shared(s: Float, angle: Float, pass_index: Int) -> bool:
         near &= (far >= SHARED_LAG_MM[0]) & (far <= SHARED_LAG_MM[1])
         product += float((off[near] * off[other[near]]).sum())
         square += float((off[near] ** 2).sum())
+        noise += float(variance[on][near].sum())
         pairs += int(near.sum())
-    return pairs > 1 and product > max(SHARED_SIGMAS / math.sqrt(pairs), SHARED_LEAST) * square
+    least = max(SHARED_SIGMAS / math.sqrt(max(pairs, 1)) * square, SHARED_LEAST * (square - noise))
+    return pairs > 1 and product > least
 
 
 def _whole(found: RawFaces) -> Bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -24,8 +24,11 @@ LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
+RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
+CORNER = 0  # of root face and bevel face
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
+LONG_MM = 1.0  # of that surface at least: a rounded edge is none
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
@@ -105,13 +108,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     turns = [_turns_beside(cloud, labels[i], int(i)) for i in rows]
     hollow = _share([any(turn < -HOLLOW for turn in one.values()) for one in turns if one is not None])
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
-    beyond = [one.get(BEVEL_FACE, HOLLOW) for one in turns if one is not None]
-    along = [turn for turn in beyond if abs(turn) < HOLLOW]
-    is_turned = bool(along) and abs(float(np.median(along))) > ON  # second returns stand off both ways
-    on = _share([is_turned and abs(turn) < HOLLOW for turn in beyond])
-    goes_on = (
-        f"beyond what would be the bevel face the surface goes on, less than {HOLLOW / DEG:.0f} deg off its direction, "
-    )
+    on, off, name = max(_goes_on(turns, face) for face in NAMES)
+    goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
     goes_on += f"in {100 * on:.0f} % of the frames: a compound bevel, or one that is not straight?"
     widest = max(most("size_scatter"), blur)
     return (
@@ -121,6 +119,19 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
         check("hollow_share", hollow, groove, given=given),
         check("goes_on_share", on, goes_on, given=given),
     )
+
+
+def _goes_on(turns: Sequence[dict[int, float] | None], face: int) -> tuple[float, float, str]:
+    """Share of the frames in which the surface beyond a face is another face and none of the plate; its turn, deg.
+
+    Upper and lower surface stand upright on the root face.
+    """
+    beside = [one for one in turns if one is not None]
+    upright = [RIGHT - UPRIGHT - (one[CORNER] if face == BEVEL_FACE else 0.0) for one in beside]
+    beyond = [one.get(face, np.inf) for one in beside]
+    goes = [-HOLLOW < turn < max(HOLLOW, least) for turn, least in zip(beyond, upright, strict=True)]
+    off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
+    return _share([one and off > ON for one in goes]), off / DEG, NAMES[face]  # second returns stand off both ways
 
 
 def _bow(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> float:
@@ -231,8 +242,8 @@ def _share(found: list[bool]) -> float:
 def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | None:
     """By face, the turn (rad) from it to the surface that joins it on its other side, in the sense of their corner.
 
-    Of one frame; None: its faces do not stand side by side. From face to face along a profile of a convex edge the
-    direction turns one way. In a groove it turns back.
+    At CORNER the turn of that corner. Of one frame; None: its faces do not stand side by side. From face to face along a profile of a convex edge the
+    direction turns one way. In a groove it turns back. At CORNER stands the turn of their own corner.
     """
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     kept = np.flatnonzero(cloud.keep[i])
@@ -245,7 +256,7 @@ def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | 
     sense = float(np.sign(at_second - at_first))
     before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
     after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
-    turns = {}
+    turns = {CORNER: abs(at_second - at_first)}
     if before is not None:
         turns[lower] = (at_first - before) * sense
     if after is not None:
@@ -264,12 +275,14 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
 
     `beyond` and `face` are columns, both from the face's end on.
     """
-    run, end = beyond[SKIP : SKIP + BESIDE], face[0]
-    if len(run) < BESIDE or abs(int(run[-1]) - int(end)) > 2 * (BESIDE + SKIP):
+    own, end = face[:BESIDE], face[0]
+    pitch = median(np.hypot(np.diff(x[own]), np.diff(z[own])))
+    long = max(BESIDE, math.ceil(LONG_MM / max(pitch, 1e-3)))
+    run = beyond[SKIP : SKIP + long]
+    if len(run) < long or abs(int(run[-1]) - int(end)) > 2 * (long + SKIP):
         return None
     step = np.hypot(np.diff(x[run]), np.diff(z[run]))
-    own = face[:BESIDE]
-    usual = max(median(step), median(np.hypot(np.diff(x[own]), np.diff(z[own]))))
+    usual = max(median(step), pitch)
     gap = float(np.hypot(x[run[0]] - x[end], z[run[0]] - z[end]))
     if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
         return None

@@ -173,8 +173,10 @@ LIMITS: dict[str, Limit] = {
     ),
     "goes_on_share": Limit(
         0.3,
-        "share of the frames in which the surface beyond the bevel face stands 2 to 12 deg off it",
-        "the upper surface stands 35 to 65 deg off; what is within 12 is the rest of a bevel that bows or is compound",
+        "share of the frames in which the surface beyond the bevel face is more than 2 deg off it, yet leans to the "
+        "root face by less than 75 deg",
+        "the upper surface stands upright on the root face; what leans more is the rest of a bevel that bows or is "
+        "compound",
     ),
     "two_plates_share": Limit(
         0.4,

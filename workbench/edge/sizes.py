@@ -123,8 +123,8 @@ def changes(
     for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
         first, last = int(max(run[0] - reach, 0)), int(min(run[-1] + reach, at.size - 1))
         beside = 0.5 * (rate[first] + rate[last]) * (at[first : last + 1] - at[first])
-        change = float(np.ptp(value[first : last + 1] - beside))
-        if change >= max(least, SUDDEN_SIGMAS * float(np.median(u[first : last + 1]))):
+        change = float(min(np.ptp(value[first : last + 1] - beside), np.ptp(value[first : last + 1])))
+        if change >= max(least, SUDDEN_SIGMAS * float(max(u[first], u[last]))):  # between them a course cannot follow
             out.append((first, last, change))
     return out
 
@@ -141,9 +141,8 @@ def end_loose_mm(end: EndCourse, s: Float) -> Float:
             off[near] = np.maximum(off[near], departure)
     if end.s.size < 3:
         return off
-    apart = np.gradient(end.s)
     least = max(SUDDEN_MM, MORE_THAN_STEPS * float(np.median(end.middle_u)))
-    changes = sudden(end.s, end.middle, end.middle_u, least, seen=apart < 1.5 * float(np.median(apart)))
+    changes = sudden(end.s, end.middle, end.middle_u, least)
     return np.asarray(np.maximum(off, np.interp(s, end.s, changes)))
 
 

@@ -79,7 +79,7 @@ def sudden(
     for first, last, change in changes(at, value, u, least, least_slope, seen):
         out[first : last + 1] = np.maximum(out[first : last + 1], change)
         level[(first + last) // 2 :] += value[last] - value[first]
-    return np.asarray(np.maximum(out, off_commonest(level, least)[1]))
+    return np.asarray(np.maximum(out, off_commonest(level, 0.5 * least)[1]))  # half of a change parts two levels
 
 
 def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -153,19 +154,49 @@ def test_a_bevel_of_which_only_a_part_is_straight_is_refused() -> None:
         segment(denoise(fuse(recording)), root_nominal_mm=2.0, bevel_nominal_deg=45.0)
 
 
-class Compound(Section):
-    """A second bevel face, 10 deg flatter, from half the thickness on."""
+@dataclass(frozen=True, slots=True)
+class Chain(Section):
+    """A plate whose root face goes on through `corners`, (u, v) from its upper end on, to the plate's surface."""
+
+    corners: tuple[tuple[float, float], ...] = ()
 
     def segments(self, w: np.ndarray) -> np.ndarray:
         pieces = Section.segments(self, w)
-        knee = np.array([-np.tan(self.bevel) * (self.thickness_mm / 2 - self.root_mm), self.thickness_mm / 2])
-        top = knee + self.thickness_mm / 2 * np.array([-np.tan(self.bevel + np.radians(10.0)), 1.0])
-        faces = np.array([[top[0] - 60.0, top[1], *top], [*top, *knee], [*knee, 0.0, self.root_mm]])
-        return np.concatenate([np.broadcast_to(faces, (len(w), 3, 4)), pieces[:, 2:]], axis=1)
+        above = [(u, self.root_mm + v) for u, v in self.corners]
+        points = [(0.0, self.root_mm), *above, (above[-1][0] - 60.0, above[-1][1])]
+        faces = np.array([[*after, *before] for before, after in pairwise(points)])
+        return np.concatenate([np.broadcast_to(faces, (len(w), len(faces), 4)), pieces[:, 2:]], axis=1)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_compound_bevel_is_refused(seed: int) -> None:
-    part = simulate(seed, is_raw=False, of=Compound(1.5, 0.0, np.radians(35.0), 9.0, 0.0, None))
-    with pytest.raises(InputError, match=r"goes_on_share|no edge in view"):
+def compound(lower_deg: float, upper_deg: float, share: float) -> tuple[tuple[float, float], ...]:
+    """Two bevel faces on 6 mm, parted at this share of the height."""
+    low, high = np.tan(np.radians([lower_deg, upper_deg])) * [6.0 * share, 6.0 * (1.0 - share)]
+    return ((-low, 6.0 * share), (-low - high, 6.0))
+
+
+def j_shape(radius_mm: float, bevel_deg: float, land_mm: float) -> tuple[tuple[float, float], ...]:
+    turn = np.linspace(0.0, np.radians(90.0 - bevel_deg), 24)[1:]
+    arc = [(-land_mm - radius_mm * np.sin(t), radius_mm * (1.0 - np.cos(t))) for t in turn]
+    rest = 10.0 - arc[-1][1]
+    return ((-land_mm - 1e-6, 0.0), *arc, (arc[-1][0] - rest * np.tan(np.radians(bevel_deg)), 10.0))
+
+
+ODD = {
+    "compound by 10 deg": compound(35.0, 45.0, 0.5),
+    "compound by 20 deg": compound(35.0, 55.0, 0.5),
+    "compound by 27 deg, the lower face short": compound(28.0, 55.0, 0.3),  # root face and bevel face of the upper two
+    "compound, the upper face steeper": compound(45.0, 25.0, 0.6),
+    "a land above the bevel": ((-4.2, 5.0), (-4.2, 6.5)),
+    "a ledge below the bevel": ((-1.0, 0.0), (-5.0, 6.0)),
+    "J": j_shape(5.0, 12.0, 0.0),
+    "J with a land": j_shape(4.0, 15.0, 1.5),
+}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("name", ODD)
+def test_a_plate_that_is_no_plain_bevel_is_refused(name: str, seed: int) -> None:
+    corners = ODD[name]
+    part = simulate(seed, is_raw=False, of=Chain(1.5, 0.0, np.radians(35.0), 1.5 + corners[-1][1], 0.0, None, corners))
+    with pytest.raises(InputError, match=r"no bevel: |no edge in view"):
         segment(denoise(fuse(part.recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)

@@ -12,7 +12,7 @@ from workbench.units import DEG, Bool, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
-SAME_LEVEL = 0.7  # times the least change: middles of columns' steps differ by a step at the most
+BESIDE = 3  # stations on each side of a change, whose mean is the level there
 NEAR_MM = 1.5  # of a section: frames that speak for it
 SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
 SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
@@ -79,8 +79,9 @@ def sudden(
     out, level = np.zeros(at.size), np.zeros(at.size)
     for first, last, change in changes(at, value, u, least, least_slope, seen):
         out[first : last + 1] = np.maximum(out[first : last + 1], change)
-        level[(first + last) // 2 :] += value[last] - value[first]
-    return np.asarray(np.maximum(out, off_commonest(level, SAME_LEVEL * least)[1]))
+        after, before = value[last : last + BESIDE], value[max(first - BESIDE + 1, 0) : first + 1]
+        level[(first + last) // 2 :] += after.mean() - before.mean()
+    return np.asarray(np.maximum(out, off_commonest(level, 0.5 * least)[1]))  # half of a change parts two levels
 
 
 def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:

@@ -242,8 +242,8 @@ def _share(found: list[bool]) -> float:
 def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | None:
     """By face, the turn (rad) from it to the surface that joins it on its other side, in the sense of their corner.
 
-    At CORNER the turn of that corner. Of one frame; None: its faces do not stand side by side. From face to face along a profile of a convex edge the
-    direction turns one way. In a groove it turns back. At CORNER stands the turn of their own corner.
+    At CORNER the turn of that corner. Of one frame; None: its faces do not stand side by side. From face to face along
+    a profile of a convex edge the direction turns one way. In a groove it turns back.
     """
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     kept = np.flatnonzero(cloud.keep[i])

@@ -23,6 +23,7 @@ from workbench.checks import (
     without_copies,
 )
 from workbench.checks.judge import refuse_failed
+from workbench.checks.sensor import quaternion_step
 from workbench.checks.table import limits_table
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
@@ -137,6 +138,11 @@ def gauss(r: Recording, axis: int) -> np.ndarray:
     return gaussian_filter1d(r.z_mm.astype(float), 1.0, axis=axis).astype("f4")
 
 
+def two_digits(r: Recording) -> Recording:
+    quaternion = np.round(r.robot_quaternion_wxyz, 2)
+    return spoilt(r, robot_quaternion_wxyz=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
+
+
 FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "positions in metres": (partial(scaled, by=1e-3), "reach_mm", "metres read as mm"),
     "positions in inches": (partial(scaled, by=1 / 25.4), "reach_mm", "inches"),
@@ -161,6 +167,7 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r, 1)), "column_smoothing", "smoothing filter"),
     "a Gaussian over frames": (lambda r: spoilt(r, z_mm=gauss(r, 0)), "frame_smoothing", "smoothing filter"),
     "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
+    "quaternions rounded to 0.01": (two_digits, "orientation_step_deg", "rounded to 0.01"),
     "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),
 }
 
@@ -171,6 +178,17 @@ def test_a_fault_is_seen_and_named(fault: str) -> None:
     found = failed(spoil(good()))
     assert name in found, found
     assert words in found[name]
+
+
+@pytest.mark.parametrize("digits", [1, 2, 3])
+def test_digits_of_quaternions_are_counted(digits: int) -> None:
+    quaternion = Rotation.random(50, random_state=5).as_quat()
+    few = np.round(quaternion, digits)
+    few /= np.linalg.norm(few, axis=1, keepdims=True)
+    assert quaternion_step(few) == 10.0**-digits
+    assert quaternion_step(few[:1]) == 10.0**-digits
+    assert quaternion_step(quaternion) == 0.0
+    assert quaternion_step(np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])) == 0.0
 
 
 @pytest.mark.parametrize("step_mm", [0.01, 0.3])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from workbench.checks.motion import Consistency, chord_obliquity_deg, consistenc
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
-from workbench.checks.sensor import column_pitch_mm, sensor_traces, swapped_share
+from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
 from workbench.checks.window import as_delivered
 from workbench.errors import InputError
 from workbench.geometry.grids import extent
@@ -240,6 +241,9 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
             f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}",
             given=given,
         )
+    step = quaternion_step(recording.robot_quaternion_wxyz)
+    told = f"orientations are rounded to {step:g} in each number of their quaternions: were digits lost in writing?"
+    yield check("orientation_step_deg", math.degrees(step), told, given=given)
     if calibration:
         return
     ways, speeds, steps, standing = [], [], [], []

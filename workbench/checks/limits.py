@@ -48,6 +48,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames of a pass during which the recorded pose stands still",
         "a robot that waits does so for less of a scan; a pose stream that hangs looks like this",
     ),
+    "orientation_step_deg": Limit(
+        0.1,
+        "standard uncertainty of a turn by the digits to which quaternions are rounded",
+        "two digits leave 0.6 deg, as much in all poses of a robot that hardly turns; three leave 0.06",
+    ),
     "hand_eye_mm": Limit(
         (5.0, 2000.0),
         "distance of the profiler's origin from the flange; 0: the poses are the profiler's own",

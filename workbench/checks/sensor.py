@@ -29,6 +29,9 @@ DIGITS = 4.0  # times the power of rounding: no more than that is left
 LEAST_ROWS = 20
 SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and over how many frames
 BENDING = 4  # degree of how a surface moves in the view over PIECE frames
+# Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
+# many are.
+QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -285,3 +288,23 @@ def _pitch(x: Float) -> float:
     spacing = np.abs(np.diff(x, axis=1))
     spacing = spacing[np.isfinite(spacing)]
     return float(spacing.mean()) if spacing.size else float("nan")
+
+
+def quaternion_step(wxyz: Float) -> float:
+    """The decimal step to which (nearly) all quaternions (n, 4) were rounded before they got their length 1; 0: none.
+
+    Such a step turns poses by as much, in rad (root mean square). Quaternions about an axis of the robot tell nothing:
+    numbers that are 0 or alike are multiples of anything.
+    """
+    some = np.abs(np.unique(wxyz, axis=0))
+    some = some[np.linspace(0, len(some) - 1, min(len(some), QUATERNIONS)).astype(int)]
+    numbers = np.sort(some, axis=1)
+    some = some[(np.diff(numbers, axis=1) > ALIKE).sum(axis=1) + (numbers[:, 0] > ALIKE) >= DIFFERENT]
+    for step in (0.1, 0.01, 0.001):
+        largest = some.max(axis=1, initial=0.0)
+        near = np.round(largest / step)[:, None] + np.array([-1.0, 0.0, 1.0])  # the length was 1 to within a step
+        multiple = some[:, None, :] * (near / np.maximum(largest, step)[:, None])[:, :, None]
+        found = (np.abs(multiple - np.round(multiple)) < ON_STEP).all(axis=2).any(axis=1)
+        if len(some) and found.mean() > MOST_ON_STEP:
+            return step
+    return 0.0

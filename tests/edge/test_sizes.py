@@ -160,7 +160,7 @@ def test_a_sudden_change_under_a_smooth_course_is_uncertain_by_all_of_it() -> No
     smooth.middle = smooth.middle + burr
     loose = end_loose_mm(smooth, at)  # type: ignore[arg-type]
     assert (loose[burr > 0] > 0.1).all()
-    assert (loose[np.abs(at - 40.0) > 20.0] < 0.01).all()
+    assert (loose[np.abs(at - 40.0) > 32.0] == 0.0).all()
 
 
 def profile(change: Float) -> tuple[Float, Float]:
@@ -172,7 +172,7 @@ def test_a_sudden_change_is_uncertain_by_all_of_it_and_a_drift_is_not() -> None:
     s = np.arange(0.0, 200.0)
     at, lost = profile(np.where(np.abs(s - 100.0) < 6.0, -0.2, 0.0))
     assert (lost[np.abs(at - 100.0) < 6.0] > 0.15).all()
-    assert (lost[np.abs(at - 100.0) > 10.0] == 0.0).all()
+    assert (lost[np.abs(at - 100.0) > 22.0] == 0.0).all()
     assert (profile(0.002 * s)[1] == 0.0).all()
     assert (profile(0.05 * np.sin(2 * np.pi * s / 80.0))[1] == 0.0).all()
 
@@ -181,7 +181,7 @@ def test_a_level_that_has_not_most_of_the_edge_is_no_truth() -> None:
     s = np.arange(0.0, 200.0)
     _, third = profile(np.where(s > 160.0, -0.2, 0.0))
     assert (third[s > 166.0] > 0.15).all()
-    assert (third[s < 150.0] == 0.0).all()
+    assert (third[s < 138.0] == 0.0).all()
     _, half = profile(np.where(s > 100.0, -0.2, 0.0))
     assert (half > 0.15).all()
 
@@ -191,4 +191,4 @@ def test_waves_are_steep_everywhere_and_a_burr_is_not() -> None:
     assert (profile(0.05 * np.sin(2 * np.pi * s / 15.0))[1] == 0.0).all()
     burr = profile(0.09 * np.exp(-(((s - 120.0) / 4.0) ** 2)))[1]
     assert burr[120] > 0.08
-    assert (burr[np.abs(s - 120.0) > 20.0] == 0.0).all()
+    assert (burr[np.abs(s - 120.0) > 32.0] == 0.0).all()

@@ -327,3 +327,17 @@ def test_every_key_of_the_cell_file_is_explained() -> None:
     keys = {key for part in parts for key in part.model_fields}
     assert len(keys) > 30
     assert sorted(key for key in keys if f"| `{key}` |" not in text) == []
+
+
+@pytest.mark.parametrize("name", ["limit_deg", "wrist_deg"])
+def test_margins_in_radians_are_refused(cell_file: Any, name: str) -> None:
+    with pytest.raises(InputError, match=rf"margins\.{name}: expected 0 or at least 0\.1 deg.*radians"):
+        read_cell(cell_file(lambda tree: tree.update(margins={name: 0.035})))
+
+
+def test_a_home_in_radians_is_refused(cell_file: Any) -> None:
+    home = {"home": {"joints_deg": [0.0, -0.35, 0.52, 0.0, 0.79, 0.0]}}
+    with pytest.raises(InputError, match=r"process\.home\.joints_deg: expected degrees.*radians"):
+        read_cell(cell_file(lambda tree: tree.update(process=home)))
+    home["home"]["joints_deg"] = [0.0, -20.0, 30.0, 0.0, 45.0, 0.0]
+    assert read_cell(cell_file(lambda tree: tree.update(process=home))).process is not None

@@ -133,3 +133,11 @@ def test_limits_in_degrees_are_refused(tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(wrong)
     with pytest.raises(InputError, match="joint_2: expected limits in radians"):
         read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")
+
+
+def test_one_velocity_in_degrees_a_second_is_refused(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
+    one = re.sub(r'velocity="([.0-9]+)"', lambda m: f'velocity="{float(m[1]) * 57.3}"', text, count=1)
+    (tmp_path / "robot.urdf").write_text(one)
+    with pytest.raises(InputError, match=r"expected a velocity in rad/s like those of the other joints"):
+        read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")

@@ -37,6 +37,7 @@ def require_bevel(
     labels: AnyArray,
     two_plates_share: float,
     root_seen_share: float,
+    root_over_nominal: float,
     limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
     """As `judge_faces`, and two plates with a groove between them are no bevel, nor are faces that the view cuts off.
@@ -45,6 +46,7 @@ def require_bevel(
         cloud, labels: see there.
         two_plates_share: share of the profiles that show such a groove.
         root_seen_share: share of the frames with faces in which the root face's own end is seen.
+        root_over_nominal: width of the root face over its nominal size.
         limits: limits to set by name.
 
     Raises:
@@ -53,7 +55,12 @@ def require_bevel(
     told = f"the root face's lower end is in view in {100 * root_seen_share:.0f} % of the frames with faces only: does "
     told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face?"
     seen = check("root_seen_share", root_seen_share, told, given=limits)
-    checks = (plates_check(two_plates_share, limits), seen, *judge_faces(cloud, labels, limits))
+    told = (
+        f"what would be the root face is {root_over_nominal:.2g} times as wide as its nominal size: another face, or "
+    )
+    told += "another nominal size?"
+    wide = check("root_over_nominal", root_over_nominal, told, given=limits)
+    checks = (plates_check(two_plates_share, limits), seen, wide, *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 

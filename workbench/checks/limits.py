@@ -161,6 +161,12 @@ LIMITS: dict[str, Limit] = {
         "columns that the expected root face's width would hold",
         "a face of fewer columns is not found, and its neighbours are taken for it",
     ),
+    "root_over_nominal": Limit(
+        (0.25, 3.5),
+        "width of what would be the root face over its nominal size",
+        "the nominal size tells the faces apart; where upper surface and bevel face are all that the view shows, they "
+        "look like a bevel face and a wide root face",
+    ),
     "face_bow": Limit(
         0.01,
         "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",

@@ -19,6 +19,7 @@ from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope
+from workbench.geometry.faces import FaceLines
 from workbench.geometry.gaps import covered
 from workbench.kernels import kernel
 from workbench.stage import stage
@@ -88,7 +89,9 @@ def segment(
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     root_seen_share = 1.0 - float(tracked.end_is_cut[tracked.seen].mean())
-    checks = (columns, *require_bevel(cloud, tracked.labels, two_plates_share(cloud), root_seen_share, given))
+    root_over_nominal = root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
+    shares = two_plates_share(cloud), root_seen_share, root_over_nominal
+    checks = (columns, *require_bevel(cloud, tracked.labels, *shares, given))
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
@@ -96,6 +99,15 @@ def segment(
     measured = measure_edge(cloud, tracked)
     edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))
+
+
+def root_width_mm(face: FaceLines) -> float:
+    """Width of a face along its lines, the median of the frames, as far as its points reach."""
+    on = face.count > 2
+    if not on.any():
+        return math.nan
+    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
+    return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
 def _edge(

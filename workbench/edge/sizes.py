@@ -12,6 +12,7 @@ from workbench.units import DEG, Bool, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
+SWING = 3  # times REACH_MM: beyond, a spline's swing beside a change is a twentieth of it
 BESIDE = 3  # stations on each side of a change, whose mean is the level there
 NEAR_MM = 1.5  # of a section: frames that speak for it
 SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
@@ -78,7 +79,9 @@ def sudden(
     """
     out, level = np.zeros(at.size), np.zeros(at.size)
     for first, last, change in changes(at, value, u, least, least_slope, seen):
-        out[first : last + 1] = np.maximum(out[first : last + 1], change)
+        beyond = np.maximum(np.maximum(at[first] - at, at - at[last]), 0.0)
+        swing = np.where(beyond < SWING * REACH_MM, np.exp(-beyond / REACH_MM), 0.0)  # of a spline beside a change
+        out = np.maximum(out, change * swing)
         after, before = value[last : last + BESIDE], value[max(first - BESIDE + 1, 0) : first + 1]
         level[(first + last) // 2 :] += after.mean() - before.mean()
     return np.asarray(np.maximum(out, off_commonest(level, 0.5 * least)[1]))  # half of a change parts two levels

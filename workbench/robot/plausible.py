@@ -21,6 +21,8 @@ LEAST_KG = 0.1  # lighter is in tonnes, to 100 kg
 LEAST_ROOM_MM = 100.0  # no robot moves in less; in metres, any envelope below 100 m is
 BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cutter modelled as part of it
 FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
+LEAST_DEG = 0.1  # a margin below it is one in radians, to 5 deg
+FOLDED_DEG = 3.2  # a home with all joints within it, but for 0, stretches the arm and its wrist; in radians any does
 METRES = "is it in metres?"
 
 
@@ -59,6 +61,15 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
             yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
     if 0 < part.margin_mm < LEAST_MARGIN_MM:
         yield "margin_mm", f"expected 0 or at least {LEAST_MARGIN_MM:g} mm, found {part.margin_mm:g}: {METRES}"
+    for name in ("limit_deg", "wrist_deg"):
+        margin = getattr(part.margins, name)
+        if 0 < margin < LEAST_DEG:
+            yield f"margins.{name}", f"expected 0 or at least {LEAST_DEG:g} deg, found {margin:g}: is it in radians?"
+    if part.process is not None:
+        home = part.process.home.joints_deg
+        if 0 < max(map(abs, home)) < FOLDED_DEG:
+            found = ", ".join(f"{value:g}" for value in home)
+            yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
     for name in ("tool_u_mm", "base_u_mm", "turntable_u_mm"):
         u = 0.0 if part.uncertainty is None else getattr(part.uncertainty, name)
         if 0 < u < LEAST_U_MM:

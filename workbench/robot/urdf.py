@@ -24,6 +24,9 @@ MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
 LEAST_RANGE = 0.2  # rad, the middle of six: in degrees made radians twice, 654 deg
 MOST_SPEED = 30.0  # rad/s: the middle of six joints is slower in the fastest arms, and faster in deg/s in the slowest
+UNLIKE = (
+    8.0  # times the middle velocity: the fastest axis of an arm turns three times as fast, deg/s are 57 times rad/s
+)
 LEAST_SIZE_MM, MOST_SIZE_MM = 50.0, 2e4  # of an arm, along its joints
 TURNS = 2  # of a continuous joint, either way: a cable allows for no more
 
@@ -221,6 +224,13 @@ def _check_joints(model: pin.Model, path: Path) -> None:
     if np.median(speed) > MOST_SPEED:
         found = ", ".join(f"{value:g}" for value in speed)
         raise InputError(str(path), f"expected velocities in rad/s, found {found}: are they in deg/s?")
+    for i, value in enumerate(speed):
+        if not 1.0 / UNLIKE < value / np.median(speed) < UNLIKE:
+            raise InputError(
+                f"{path}: {model.names[i + 1]}",
+                f"expected a velocity in rad/s like those of the other joints, found {value:g} (their middle is "
+                f"{np.median(speed):g}): is it in deg/s?",
+            )
     size = float(sum(np.linalg.norm(place.translation) for place in model.jointPlacements[2:])) * MM
     if not LEAST_SIZE_MM < size < MOST_SIZE_MM:
         raise InputError(str(path), f"expected lengths in metres, found {size / MM:.3g} m along the joints: in mm?")

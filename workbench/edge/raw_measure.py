@@ -81,6 +81,7 @@ class RawMeasured:
     upper: EndAlong
     lean: float  # turn from the end face to the direction of the upper surface into the plate; NaN: not seen; rad
     s_face: Float  # (N,) where each frame shows the end face, mm
+    run: Float  # (N,) by how much the section advances along the edge per mm along the face
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
     pose_u_mm: float  # of a place over POSE_MM of edge, by how single frames scatter: robots' errors hang together
@@ -184,7 +185,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
     pose_u = math.sqrt(out.frame_factor * max(pitch / LOCAL_MM, POSE_MM / LOCAL_MM)) if not rough else 0.0
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
-    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, lever, rough, pose_u, turn_u)
+    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, face.run, lever, rough, pose_u, turn_u)
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:

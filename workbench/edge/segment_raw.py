@@ -145,7 +145,10 @@ def _edge(
         together_mm=TOGETHER_MM if measured.rough else 0.0,
     )
     below = misfit_of(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, lower_s, at, whole=True)
-    tilt_u = np.hypot(tilt_u, form.turn_u)
+    turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
+    doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
+    tangent_u = np.hypot(turning, doubtful)
+    tilt_u = np.hypot(np.hypot(tilt_u, form.turn_u), np.abs(_between(measured.s_face, measured.run, at)) * tangent_u)
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
     if measured.rough:  # its scatter hides the robot's
@@ -157,8 +160,6 @@ def _edge(
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
-    turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
-    doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     return RawEdge(
         part=cloud.part,
         source=cloud.source,
@@ -169,7 +170,7 @@ def _edge(
         arc_length_mm=at - start,
         position_mm=position,
         tangent=t,
-        tangent_u=np.hypot(turning, doubtful),
+        tangent_u=tangent_u,
         normal=n,
         across=m,
         seen=seen,

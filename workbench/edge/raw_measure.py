@@ -445,6 +445,8 @@ def _loose(
         left = [_sound(side, loose) for side, loose in zip(sides, out, strict=True)]
         places = [np.sort(side.s[np.isfinite(side.low)]) for side in left]
         start, stop = max(s[0] for s in places), min(s[-1] for s in places)
+        if stop - start < STATION_MM:  # nowhere are both seen
+            return out
         at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
         if smooth:
             courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in left]

@@ -34,7 +34,7 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
     above, below, square, count = 0.0, 0.0, 0.0, 0
     for number, chain in chains.items():
         now, later = (section_turns(chain, poses_at(number, shift)) for shift in (-STEP_S / 2, STEP_S / 2))
-        if now is None or later is None or len(now[1]) < 12:
+        if now is None or later is None or not 12 <= len(now[1]) == len(later[1]):  # where poses stand still it differs
             continue
         rate, left = (later[1] - now[1]) / STEP_S, (now[1] + later[1]) / 2.0
         slow = twisted((now[0] + later[0]) / 2.0, DEGREE)

@@ -13,6 +13,7 @@ from workbench.edge.form import (
     PLACES,
     SOMEWHERE,
     Misfit,
+    _alike,
     _bow,
     _excess,
     _known_depths,
@@ -142,3 +143,9 @@ def test_a_face_of_few_columns_may_be_rounded() -> None:
     edges = np.arange(7.0) * 0.1
     _, _, missing, spread, _ = _quarter_circle(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE)
     assert math.hypot(missing, spread) > 0.03
+
+
+@pytest.mark.parametrize("together", [1, 8, 32])
+def test_frames_that_share_their_errors_count_as_one(together: int) -> None:
+    depths = np.repeat(np.random.default_rng(8).normal(0.0, 0.01, (480 // together, 12)), together, axis=0)
+    assert _alike(depths) == pytest.approx(together, rel=0.3)

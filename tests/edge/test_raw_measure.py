@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.raw_measure import LOCAL_MM, _shared, local_mean
+from workbench.edge.raw_measure import LOCAL_MM, _shared, local_mean, running_median
 from workbench.edge.sizes import changes, off_commonest
 
 RNG = np.random.default_rng(8)
@@ -69,3 +69,11 @@ def test_texture_does_not_reach_from_frame_to_frame_and_what_a_flame_cut_leaves_
     variance = np.full(s.size, 0.002**2)
     assert _shared(s, face + turning + noise, variance, passes) == expected
     assert not _shared(s, turning + noise, variance, passes)
+
+
+def test_a_running_median_leaves_strays_out_and_bridges_gaps() -> None:
+    s = np.arange(0.0, 30.0, 0.5)
+    value = np.where(s < 15.0, 1.0, 2.0)
+    value[::7] = 9.0
+    value[(s > 20.0) & (s < 25.0)] = np.nan
+    assert running_median(s, value, np.array([5.0, 10.0, 18.0, 22.5, 27.0]), 1.5) == pytest.approx([1, 1, 2, 2, 2])

@@ -134,6 +134,27 @@ def test_raw_edges_scatter_as_the_uncertainties_say(quantity: str) -> None:
     assert len(RAW) * mean_square(RAW, quantity) < chi2.ppf(1 - UNUSUAL, len(RAW))
 
 
+# Parts that were wrong by 3.6 to 106 u, each for a reason of its own.
+ONCE_WRONG = {
+    "a rough face with a rounded edge": ("swept_raw_mixed", 5_250_014, "across_mm"),
+    "an end lost over most of the edge": ("swept_raw_mixed", 5_250_005, "across_mm"),
+    "a level that is not shifted": ("swept_raw_burr_in", 5_260_007, "across_mm"),
+    "texture that is no roughness": ("swept_raw_mixed", 5_250_019, "axis_deg"),
+    "oblique frames on a rough face": ("raw_mixed", 5_270_036, "axis_deg"),
+    "a change under a clamp": ("swept_mixed", 5_270_033, "root_mm"),
+    "a level lost for a third of the edge": ("swept_lost_edge", 5_270_035, "root_mm"),
+}
+
+
+@pytest.mark.parametrize("name", ONCE_WRONG)
+def test_what_was_wrong_once_is_in_its_uncertainty(name: str) -> None:
+    condition, seed, quantity = ONCE_WRONG[name]
+    result = measure(condition, seed, None)
+    assert not result.refused
+    off = np.abs(result.error[quantity]) / result.u[quantity]
+    assert np.nanmax(off) < 3.0
+
+
 def test_the_same_part_again_and_from_the_cache(tmp_path: Path) -> None:
     first, truth = part("swept_plain", 3, tmp_path)
     again, kept = part("swept_plain", 3, tmp_path)

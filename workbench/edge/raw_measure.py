@@ -18,7 +18,7 @@ from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.form import MOST_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
-from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_commonest
+from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
@@ -448,17 +448,18 @@ def _loose(
         if stop - start < STATION_MM:  # nowhere are both seen
             return out
         at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
+        seen = _near(places, at)
         if smooth:
             courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in left]
             ends = [course.value(at) for course in courses]
-            found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=_near(places, at))
+            found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=seen)
         else:
             off = [running_median(side.s, side.middle - side.outward * bend(side.s), at, STATION_MM) for side in left]
             ends = [one + side.outward * bend(at) for one, side in zip(off, left, strict=True)]
             steps = math.hypot(*(float(np.nanmedian(side.step)) for side in left))
             least = max(SUDDEN_MM, JUMP_STEPS * steps)
             found = changes(at, ends[0] + ends[1], np.zeros(at.size), least, least / NEAR_JUMP_MM, reach_mm=NEAR_MM)
-        told = _told(sides, at, ends, found, bend)
+        told = _told(sides, at, ends, found, bend, seen)
         out = [_Loose(np.maximum(a.mm, b.mm), a.shift + b.shift) for a, b in zip(out, told, strict=True)]
     return out
 
@@ -489,10 +490,11 @@ def _told(
     ends: list[Float],
     found: list[tuple[int, int, float]],
     bend: scipy.interpolate.CubicSpline,
+    seen: Bool,
 ) -> list[_Loose]:
     """What sudden changes of the width say of both ends; found: first and last of the stations (m,), and how much.
 
-    ends: both (m,), counted outwards from the straight line.
+    ends: both (m,), counted outwards from the straight line; seen (m,): where frames show both.
     """
     off_curve = [end - side.outward * bend(at) for end, side in zip(ends, sides, strict=True)]
     width = ends[0] + ends[1]
@@ -504,7 +506,7 @@ def _told(
             if sides[1 - k].by_corners or jump > MORE * other:
                 own[first : last + 1] = np.maximum(own[first : last + 1], change)
                 level[(first + last) // 2 :] += width[last] - width[first]
-        over, off = off_commonest(level)
+        over, off = off_levels(at, level, SUDDEN_MM, seen)
         s = np.nan_to_num(side.s, nan=at[0])
         loose = np.interp(s, at, np.maximum(own, off))
         shift = np.where(np.interp(s, at, own) > 0.0, np.nan, over[np.searchsorted(at, s).clip(0, at.size - 1)])
@@ -603,6 +605,8 @@ def _end_along(
     rounding = NO_ROUNDING
     if whole and not side.by_corners:
         rounding = _rounding(cloud, found, side, most_radius_mm)
+        if rough and rounding.radius_mm > 0.0:  # depths of a rough face may feign one
+            rounding = replace(rounding, beyond_mm=0.0, u_mm=math.hypot(rounding.beyond_mm, rounding.u_mm))
         spline = course.spline
         course = replace(course, spline=Spline(spline.t, spline.c + rounding.beyond_mm, spline.k))
     return EndAlong(_scaled(course, side.outward), bend, side.s, rounding, loose_mm)

@@ -84,7 +84,17 @@ def sudden(
         out = np.maximum(out, change * swing)
         after, before = value[last : last + BESIDE], value[max(first - BESIDE + 1, 0) : first + 1]
         level[(first + last) // 2 :] += after.mean() - before.mean()
-    return np.asarray(np.maximum(out, off_commonest(level, 0.5 * least)[1]))  # half of a change parts two levels
+    return np.maximum(out, off_levels(at, level, 0.5 * least, seen)[1])  # half of a change parts two levels
+
+
+def off_levels(at: Float, level: Float, least: float, seen: Bool | bool = True) -> tuple[Float, Float]:
+    """As `off_commonest`; and no stretch between gaps lends its level to another: it may change under the gap."""
+    over, off = off_commonest(level, least)
+    there = np.flatnonzero(np.broadcast_to(seen, at.shape))
+    for stretch in np.split(there, np.flatnonzero(np.diff(at[there]) > 2.0 * REACH_MM) + 1):
+        if stretch.size:
+            off[stretch] = np.maximum(off[stretch], off_commonest(level[stretch], least)[1])
+    return over, off
 
 
 def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:

@@ -17,6 +17,7 @@ from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
+from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, doubtful_slope
 from workbench.geometry.gaps import covered
@@ -134,7 +135,10 @@ def _edge(
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    tilt_u = np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u)
+    tilt_u = measured.tilt.u(at)
+    if not measured.rough:  # a face that turns suddenly holds a second return or a part of something else
+        turns = sudden(at, measured.tilt.value(at), tilt_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
+        tilt_u = np.hypot(np.hypot(tilt_u, measured.local_turn_u), turns)
     form = misfit_of(
         cloud,
         found.labels,

@@ -141,3 +141,13 @@ def test_one_velocity_in_degrees_a_second_is_refused(tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(one)
     with pytest.raises(InputError, match=r"expected a velocity in rad/s like those of the other joints"):
         read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3, 5])
+def test_limits_of_one_joint_in_degrees_are_refused(tmp_path: Path, joint: int) -> None:
+    text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
+    begin = text.index(f'<joint name="joint_{joint}"')
+    wrong = re.sub(r'(lower|upper)="([-.0-9]+)"', lambda m: f'{m[1]}="{float(m[2]) * 57.3}"', text[begin:], count=2)
+    (tmp_path / "robot.urdf").write_text(text[:begin] + wrong)
+    with pytest.raises(InputError, match=f"joint_{joint}: expected limits in radians"):
+        read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")

@@ -206,7 +206,8 @@ def _check_joints(model: pin.Model, path: Path) -> None:
         if not model.lowerPositionLimit[i] < model.upperPositionLimit[i]:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected limits with lower < upper")
         low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-        if i in (1, 2) and max(-low, high) > 1.01 * TURNS * 2 * np.pi:  # more than a continuous joint is given
+        # More than a continuous joint is given; axes 4 and 6 of some arms do turn many times.
+        if i in (0, 1, 2, 4) and max(-low, high) > 1.01 * TURNS * 2 * np.pi:
             raise InputError(
                 f"{path}: {model.names[i + 1]}",
                 f"expected limits in radians, found {low:g}, {high:g}: degrees? Divide them by 57.3",
@@ -229,7 +230,7 @@ def _check_joints(model: pin.Model, path: Path) -> None:
             raise InputError(
                 f"{path}: {model.names[i + 1]}",
                 f"expected a velocity in rad/s like those of the other joints, found {value:g} (their middle is "
-                f"{np.median(speed):g}): is it in deg/s?",
+                f"{np.median(speed):g}): is its unit another?",
             )
     size = float(sum(np.linalg.norm(place.translation) for place in model.jointPlacements[2:])) * MM
     if not LEAST_SIZE_MM < size < MOST_SIZE_MM:

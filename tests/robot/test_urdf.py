@@ -131,7 +131,7 @@ def test_limits_in_degrees_are_refused(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
     wrong = re.sub(r'(lower|upper)="([-.0-9]+)"', lambda m: f'{m[1]}="{float(m[2]) * 57.3}"', text)
     (tmp_path / "robot.urdf").write_text(wrong)
-    with pytest.raises(InputError, match="joint_2: expected limits in radians"):
+    with pytest.raises(InputError, match="joint_1: expected limits in radians"):
         read_urdf(tmp_path / "robot.urdf", "base_link", "tool0")
 
 

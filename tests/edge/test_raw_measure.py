@@ -77,3 +77,8 @@ def test_a_running_median_leaves_strays_out_and_bridges_gaps() -> None:
     value[::7] = 9.0
     value[(s > 20.0) & (s < 25.0)] = np.nan
     assert running_median(s, value, np.array([5.0, 10.0, 18.0, 22.5, 27.0]), 1.5) == pytest.approx([1, 1, 2, 2, 2])
+
+
+def test_frames_too_far_apart_for_a_median_stand_for_themselves() -> None:
+    s, value = np.array([0.0, 10.0, 20.0, 30.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    assert running_median(s, value, np.array([5.0, 15.0, 25.0]), 1.0) == pytest.approx([1.5, 2.5, 3.5])

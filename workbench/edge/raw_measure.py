@@ -480,6 +480,8 @@ def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
     first = np.searchsorted(s[on], at - reach_mm)
     last = np.searchsorted(s[on], at + reach_mm, side="right")
     some = np.flatnonzero(last - first >= min(LEAST_MEDIAN, on.size))
+    if not some.size:  # so few frames so far apart: each stands for itself
+        return np.interp(at, s[on], value[on])
     middle = [float(np.median(value[on[first[k] : last[k]]])) for k in some]
     return np.interp(at, at[some], middle)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.judge import refuse_failed
@@ -25,10 +27,11 @@ LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
-CORNER = 0  # of root face and bevel face
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
+NEAR_CORNER_MM, LEAST_NEAR, LEAST_SCATTER_MM = 0.25, 3, 1e-4  # returns at a corner
+AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
@@ -106,18 +109,24 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = np.flatnonzero(found)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
-    bow, name = max((_bow(cloud, labels, rows, face), NAMES[face]) for face in NAMES)
+    bows = {face: bow_of(cloud, labels, rows, face) for face in NAMES}
+    bow, name = max((one.share, NAMES[face]) for face, one in bows.items())
     round_ = (
         f"what would be its {name} bows by {100 * bow:.0f} % of its width: a dome, a bar, a cable or a rounded groove?"
     )
     scatter, blur = _size_scatter(cloud, labels, rows)
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
-    turns = [_turns_beside(cloud, labels[i], int(i)) for i in rows]
-    hollow = _share([any(turn < -HOLLOW for turn in one.values()) for one in turns if one is not None])
+    seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
+    hollow = share_of([any(turn < -HOLLOW for turn in one.beside.values()) for one in seen])
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
-    on, off, name = max(_goes_on(turns, face) for face in NAMES)
+    on, off, name = max(_goes_on(seen, face) for face in NAMES)
     goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
     goes_on += f"in {100 * on:.0f} % of the frames: a compound bevel, or one that is not straight?"
+    out = float(np.median([one.stands_out_mm for one in seen])) if len(seen) >= LEAST_FRAMES else 0.0
+    out -= AT_END * max(abs(one.mm) for one in bows.values())
+    ledge = (
+        f"between root face and bevel face {out:.2g} mm stand out of both: a ledge, a nose or a burr along the edge?"
+    )
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),
@@ -125,41 +134,58 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
         check("goes_on_share", on, goes_on, given=given),
+        check("corner_stands_out_mm", out, ledge, given=given),
     )
 
 
-def _goes_on(turns: Sequence[dict[int, float] | None], face: int) -> tuple[float, float, str]:
+class _Corner(NamedTuple):
+    """What one frame shows of root face and bevel face, which stand side by side."""
+
+    turn: float  # from one face to the other, rad
+    beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
+    stands_out_mm: float  # of both faces' lines, between them, beyond the noise
+
+
+def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float, str]:
     """Share of the frames in which the surface beyond a face is another face and none of the plate; its turn, deg.
 
     Upper and lower surface stand upright on the root face.
     """
-    beside = [one for one in turns if one is not None]
-    upright = [RIGHT - UPRIGHT - (one[CORNER] if face == BEVEL_FACE else 0.0) for one in beside]
-    beyond = [one.get(face, np.inf) for one in beside]
+    upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
+    beyond = [one.beside.get(face, np.inf) for one in seen]
     goes = [-HOLLOW < turn < max(HOLLOW, least) for turn, least in zip(beyond, upright, strict=True)]
     off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
-    return _share([one and off > ON for one in goes]), off / DEG, NAMES[face]  # second returns stand off both ways
+    return share_of([one and off > ON for one in goes]), off / DEG, NAMES[face]  # second returns stand off both ways
 
 
-def _bow(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> float:
-    """Bow of a face over its width, the median of the frames; 0 where it is not certain."""
-    bows, widths = [], []
+class Bow(NamedTuple):
+    """Height of the parabola through a face over its chord; the median of some frames."""
+
+    mm: float
+    u_mm: float
+    width_mm: float
+
+    @property
+    def share(self) -> float:
+        """Of the width; 0 where it is not certain."""
+        return 0.0 if abs(self.mm) < max(SURE * self.u_mm, SMALL_BOW_MM) else abs(self.mm) / self.width_mm
+
+
+def bow_of(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> Bow:
+    """How far a face bows in the frames `rows`; not at all where too few of them show it."""
+    found = []
     for i in rows:
         on = (labels[i] == face) & cloud.keep[i]
-        if on.sum() < LEAST_POINTS:
-            continue
-        found = _sagitta(cloud.x_mm[i][on].astype(np.float64), cloud.z_mm[i][on].astype(np.float64))
-        if found is not None:
-            bows.append(found[0])
-            widths.append(found[1])
-    if len(bows) < 4:
-        return 0.0
+        if on.sum() >= LEAST_POINTS:
+            bow, width = _bowed(*(as_input(v[i][on].astype(np.float64)) for v in (cloud.x_mm, cloud.z_mm)))
+            if width > 0.0:
+                found.append((bow, width))
+    if len(found) < LEAST_FRAMES:
+        return Bow(0.0, 0.0, 0.0)
+    bows, widths = np.transpose(found)
     middle = float(np.median(bows))
-    spread = float(np.median(np.abs(np.array(bows) - middle))) / 0.6745
-    u = 1.2533 * spread / np.sqrt(len(bows))
-    if abs(middle) < max(SURE * u, SMALL_BOW_MM):
-        return 0.0
-    return abs(middle) / float(np.median(widths))
+    spread = float(np.median(np.abs(bows - middle))) / 0.6745
+    return Bow(middle, 1.2533 * spread / math.sqrt(len(bows)), float(np.median(widths)))
 
 
 def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:
@@ -179,14 +205,9 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
     return float(scatter / np.median(widths)), float(COLUMNS / np.median(counts))
 
 
-def _sagitta(x: Float, z: Float) -> tuple[float, float] | None:
-    """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
-    bow, width = _bowed(as_input(x), as_input(z))
-    return (bow, width) if width > 0.0 else None
-
-
 @kernel
 def _bowed(x: Float, z: Float) -> tuple[float, float]:
+    """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
     size = x.size
     x0, z0, xx, xz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(size):
@@ -242,15 +263,15 @@ def _shown(keep: Bool, labels: AnyArray, shows: Bool, found: Bool) -> None:
         shows[i] = returns >= LEAST_RETURNS
 
 
-def _share(found: list[bool]) -> float:
+def share_of(found: list[bool]) -> float:
+    """Share of the frames for which something was found; 0 where there are too few to tell."""
     return float(np.mean(found)) if len(found) >= LEAST_FRAMES else 0.0
 
 
-def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | None:
-    """By face, the turn (rad) from it to the surface that joins it on its other side, in the sense of their corner.
+def _corner_of(cloud: Cloud, labels: AnyArray, i: int) -> _Corner | None:
+    """What frame i shows of the corner of its faces; None: they do not stand side by side.
 
-    At CORNER the turn of that corner. Of one frame; None: its faces do not stand side by side. From face to face along
-    a profile of a convex edge the direction turns one way. In a groove it turns back.
+    From face to face along a profile of a convex edge the direction turns one way. In a groove it turns back.
     """
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     kept = np.flatnonzero(cloud.keep[i])
@@ -258,20 +279,79 @@ def _turns_beside(cloud: Cloud, labels: AnyArray, i: int) -> dict[int, float] | 
     if min(len(one) for one in on.values()) < LEAST_POINTS // 2:
         return None
     (lower, first), (upper, second) = sorted(on.items(), key=lambda one: float(np.median(one[1])))
-    sign = 1.0 if x[kept[-1]] >= x[kept[0]] else -1.0
-    at_first, at_second = _direction(x[first], z[first], sign), _direction(x[second], z[second], sign)
+    sign = rising(x[kept])
+    at_first, at_second = direction(x[first], z[first], sign), direction(x[second], z[second], sign)
     sense = float(np.sign(at_second - at_first))
-    before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
-    after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
-    turns = {CORNER: abs(at_second - at_first)}
+    before, after = surfaces_beside(x, z, kept, first, second, sign)
+    beside = {}
     if before is not None:
-        turns[lower] = (at_first - before) * sense
+        beside[lower] = (at_first - before) * sense
     if after is not None:
-        turns[upper] = (after - at_second) * sense
-    return turns
+        beside[upper] = (after - at_second) * sense
+    between = kept[(kept > first[len(first) // 2]) & (kept < second[len(second) // 2])]
+    lines = [_Line.through(x[own], z[own], at) for own, at in ((first, sign * at_first), (second, sign * at_second))]
+    return _Corner(abs(at_second - at_first), beside, _stands_out_mm(x[between], z[between], *lines))
 
 
-def _direction(x: Float, z: Float, sign: float) -> float:
+class _Line(NamedTuple):
+    """A face's line in a profile, x cos(at) + z sin(at) being the way along it."""
+
+    at: float  # rad
+    x_mm: float
+    z_mm: float
+    scatter_mm: float
+
+    @classmethod
+    def through(cls, x: Float, z: Float, at: float) -> _Line:
+        x0, z0 = median(x), median(z)
+        across = (z - z0) * math.cos(at) - (x - x0) * math.sin(at)
+        middle = median(across)
+        x0, z0 = x0 - middle * math.sin(at), z0 + middle * math.cos(at)
+        return cls(at, x0, z0, median(np.abs(across - middle)) / 0.6745)
+
+    def across(self, x: Float, z: Float) -> Float:
+        """Distance of points from the line, mm, counted along (-sin, cos)."""
+        return np.asarray((z - self.z_mm) * math.cos(self.at) - (x - self.x_mm) * math.sin(self.at))
+
+
+def _stands_out_mm(x: Float, z: Float, one: _Line, other: _Line) -> float:
+    """By how much returns at the crossing of two faces' lines stand out of both, mm: their mean.
+
+    The plate lies on that side of each line where the other face is. By noise alone the farther out of two returns at
+    a mean distance of 0 and -d is out by E max(0, X), X of mean -d and of both variances (Clark, Operations Research 9
+    (1961) 145).
+    """
+    turn = math.sin(other.at - one.at)
+    if abs(turn) < math.sin(ON) or len(x) < LEAST_NEAR:
+        return 0.0
+    far = ((other.z_mm - one.z_mm) * math.cos(other.at) - (other.x_mm - one.x_mm) * math.sin(other.at)) / -turn
+    corner = one.x_mm + far * math.cos(one.at), one.z_mm + far * math.sin(one.at)
+    away = np.hypot(x - corner[0], z - corner[1])
+    near = away < max(NEAR_CORNER_MM, np.sort(away)[LEAST_NEAR - 1])
+    x, z, noise = x[near], z[near], math.sqrt(2.0) * max(one.scatter_mm, other.scatter_mm, LEAST_SCATTER_MM)
+    out = []
+    for line, beside in ((one, other), (other, one)):
+        inwards = (beside.z_mm - line.z_mm) * math.cos(line.at) - (beside.x_mm - line.x_mm) * math.sin(line.at)
+        out.append(-math.copysign(1.0, inwards) * line.across(x, z))
+    behind = away[near] * abs(math.sin(turn)) / noise  # of the other line
+    by_noise = noise * (np.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi) - behind * scipy.special.ndtr(-behind))
+    return float(np.mean(np.maximum(*out) - by_noise))
+
+
+def rising(x: Float) -> float:
+    """+1 if x rises with the column, else -1."""
+    return 1.0 if x[-1] >= x[0] else -1.0
+
+
+def surfaces_beside(
+    x: Float, z: Float, kept: AnyArray, first: AnyArray, last: AnyArray, sign: float
+) -> tuple[float | None, float | None]:
+    """Directions (rad) of the surfaces before the face in columns `first` and beyond that in columns `last`, if any."""
+    before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
+    return before, _joined(x, z, kept[kept > last[-1]], last[::-1], sign)
+
+
+def direction(x: Float, z: Float, sign: float) -> float:
     """Angle (rad) of a straight run of returns, along rising columns; robust against a few strays."""
     half = len(x) // 2
     return float(np.arctan2(median(z[half:]) - median(z[:half]), sign * (median(x[half:]) - median(x[:half]))))
@@ -294,4 +374,4 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
     if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
         return None
     run = np.sort(run)
-    return _direction(x[run], z[run], sign)
+    return direction(x[run], z[run], sign)

@@ -189,6 +189,27 @@ LIMITS: dict[str, Limit] = {
         "the upper surface stands upright on the root face; what leans more is the rest of a bevel that bows or is "
         "compound",
     ),
+    "corner_stands_out_mm": Limit(
+        0.01,
+        "how far returns within 0.25 mm of the corner of root face and bevel face stand out of both on average, beyond "
+        "what noise and bow explain; median of the frames",
+        "good recordings have up to 0.007; a ledge of 0.1 mm, which takes 0.1 to 0.2 mm off the root size, 0.015",
+    ),
+    "end_face_lean_deg": Limit(
+        25.0,
+        "angle between the end face of a raw edge and upper_side, in the laser plane",
+        "upper_side is good to that much; a bevel leans by 25 to 55 deg",
+    ),
+    "end_face_square_deg": Limit(
+        15.0,
+        "how far the plate's surface beside the end face of a raw edge is from square to it; median of the frames",
+        "a raw plate is cut square to a few degrees; beside a root face lies a bevel, beside a bevel the upper surface",
+    ),
+    "end_face_bow": Limit(
+        0.02,
+        "bow of the end face of a raw edge over its width, where it is certain and more than 0.03 mm",
+        "rough faces of the simulators bow by up to 0.006; a compound bevel taken for one face by 0.04 and more",
+    ),
     "two_plates_share": Limit(
         0.4,
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",

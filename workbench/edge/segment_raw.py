@@ -11,6 +11,7 @@ from pydantic import Field
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
+from workbench.checks.end_face import require_end_face
 from workbench.checks.faces import plates_check
 from workbench.edge.form import MOST_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
@@ -91,17 +92,19 @@ def segment_raw(
         >>> round(float(raw.arc_length_mm[-1]), 1)
         75.0
     """
-    plates = plates_check(two_plates_share(cloud), checked_limits(limits, "edge.segment_raw.limits"))
+    set_limits = checked_limits(limits, "edge.segment_raw.limits")
+    plates = plates_check(two_plates_share(cloud), set_limits)
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     along, sense = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, along, sense)
+    checks = plates, *require_end_face(cloud, found.labels, upper_side, set_limits)
     try:
         measured = measure_raw_edge(cloud, found, most_radius_mm)
     except np.linalg.LinAlgError:
         told = "its passes do not determine one smooth edge: do they overlap?"
         raise InputError(cloud.source, told) from None
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
-    return replace(edge, checks=(*edge.checks, plates))
+    return replace(edge, checks=(*edge.checks, *checks))
 
 
 def _edge(

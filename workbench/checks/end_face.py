@@ -1,0 +1,82 @@
+"""Is this the end face of a raw plate at all? What it must satisfy before a path rests on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from workbench.artefacts import ROOT_FACE, Check, Cloud
+from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
+from workbench.checks.judge import refuse_failed
+from workbench.checks.limits import Bound, check
+from workbench.units import DEG, AnyArray
+
+LEAST_FRAMES = 4
+
+
+def require_end_face(
+    cloud: Cloud, labels: AnyArray, upper_side: Sequence[float], limits: Mapping[str, Bound] | None = None
+) -> tuple[Check, ...]:
+    """Checks of what was found as the end face (labels (N, M), ROOT_FACE) of a raw plate.
+
+    A plate's end is cut square or nearly so, runs along `upper_side`, and is straight but for its roughness. Root face
+    and bevel of an edge that is prepared already are none of these.
+
+    Args:
+        cloud: organised.
+        labels: faces of its points.
+        upper_side: from the lower to the upper side, in the base.
+        limits: limits to set by name.
+
+    Raises:
+        InputError: what was found is no end face of a raw plate.
+    """
+    rows = np.flatnonzero((labels == ROOT_FACE).any(axis=1))
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
+    wished = np.asarray(upper_side, dtype=float)
+    seen = [_of_frame(cloud, labels[i], int(i), wished / np.linalg.norm(wished)) for i in rows]
+    leans = [lean for lean, _ in seen if lean is not None]
+    lean = float(np.median(leans)) / DEG if len(leans) >= LEAST_FRAMES else None
+    turns = [turn for _, beside in seen for turn in beside]
+    off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
+    bow = bow_of(cloud, labels, rows, ROOT_FACE).share
+    prepared = "is this an edge that is prepared already, with root face and bevel (edge.segment)?"
+    checks = (
+        check(
+            "end_face_lean_deg",
+            lean,
+            f"what would be the end face leans by {lean or 0.0:.0f} deg from upper_side: {prepared}",
+            given=limits,
+        ),
+        check(
+            "end_face_square_deg",
+            off,
+            f"the surface beside what would be the end face is {off or 0.0:.0f} deg off the square to it: {prepared}",
+            given=limits,
+        ),
+        check(
+            "end_face_bow",
+            bow,
+            f"what would be the end face bows by {100 * bow:.1f} % of its width: {prepared}",
+            given=limits,
+        ),
+    )
+    refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
+    return checks
+
+
+def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:
+    """Angle (rad) between a frame's end face and `upper_side` in the laser plane, and the turns to what joins it."""
+    x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
+    on = np.flatnonzero((labels == ROOT_FACE) & cloud.keep[i])
+    if len(on) < LEAST_POINTS:
+        return None, []
+    kept = np.flatnonzero(cloud.keep[i])
+    sign = rising(x[kept])
+    at = direction(x[on], z[on], sign)
+    wished = upper_side @ cloud.base_from_profiler[i, :3, [0, 2]].T
+    size = float(np.linalg.norm(wished))
+    along = abs(float(wished @ np.array([sign * np.cos(at), np.sin(at)]))) / size if size > 0 else 0.0
+    beside = surfaces_beside(x, z, kept, on, on, sign)
+    return float(np.arccos(min(along, 1.0))), [abs(one - at) for one in beside if one is not None]

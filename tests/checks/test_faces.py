@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
-from bench.outside import Section, simulate
+from bench.metrology.planning.part import rough_upper_side
+from bench.odd_plates import Chain, compound, j_shape, ledge, odd_plate
+from bench.outside import Part, simulate
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.faces import judge_faces
@@ -154,49 +155,66 @@ def test_a_bevel_of_which_only_a_part_is_straight_is_refused() -> None:
         segment(denoise(fuse(recording)), root_nominal_mm=2.0, bevel_nominal_deg=45.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Chain(Section):
-    """A plate whose root face goes on through `corners`, (u, v) from its upper end on, to the plate's surface."""
-
-    corners: tuple[tuple[float, float], ...] = ()
-
-    def segments(self, w: np.ndarray) -> np.ndarray:
-        pieces = Section.segments(self, w)
-        above = [(u, self.root_mm + v) for u, v in self.corners]
-        points = [(0.0, self.root_mm), *above, (above[-1][0] - 60.0, above[-1][1])]
-        faces = np.array([[*after, *before] for before, after in pairwise(points)])
-        return np.concatenate([np.broadcast_to(faces, (len(w), len(faces), 4)), pieces[:, 2:]], axis=1)
-
-
-def compound(lower_deg: float, upper_deg: float, share: float) -> tuple[tuple[float, float], ...]:
-    """Two bevel faces on 6 mm, parted at this share of the height."""
-    low, high = np.tan(np.radians([lower_deg, upper_deg])) * [6.0 * share, 6.0 * (1.0 - share)]
-    return ((-low, 6.0 * share), (-low - high, 6.0))
-
-
-def j_shape(radius_mm: float, bevel_deg: float, land_mm: float) -> tuple[tuple[float, float], ...]:
-    turn = np.linspace(0.0, np.radians(90.0 - bevel_deg), 24)[1:]
-    arc = [(-land_mm - radius_mm * np.sin(t), radius_mm * (1.0 - np.cos(t))) for t in turn]
-    rest = 10.0 - arc[-1][1]
-    return ((-land_mm - 1e-6, 0.0), *arc, (arc[-1][0] - rest * np.tan(np.radians(bevel_deg)), 10.0))
-
-
 ODD = {
-    "compound by 10 deg": compound(35.0, 45.0, 0.5),
-    "compound by 20 deg": compound(35.0, 55.0, 0.5),
-    "compound by 27 deg, the lower face short": compound(28.0, 55.0, 0.3),  # root face and bevel face of the upper two
-    "compound, the upper face steeper": compound(45.0, 25.0, 0.6),
+    "compound by 10 deg": compound(35.0, 45.0, 0.5, 6.0),
+    "compound by 20 deg": compound(35.0, 55.0, 0.5, 6.0),
+    "compound by 27 deg, the lower face short": compound(28.0, 55.0, 0.3, 6.0),  # root face and bevel of the upper two
+    "compound, the upper face steeper": compound(45.0, 25.0, 0.6, 6.0),
     "a land above the bevel": ((-4.2, 5.0), (-4.2, 6.5)),
-    "a ledge below the bevel": ((-1.0, 0.0), (-5.0, 6.0)),
-    "J": j_shape(5.0, 12.0, 0.0),
-    "J with a land": j_shape(4.0, 15.0, 1.5),
+    "a nose": ledge(1.0, 35.0, 6.0),
+    "a ledge": ledge(0.3, 35.0, 6.0),
+    "J": j_shape(5.0, 12.0, 0.0, 10.0),
+    "J with a land": j_shape(4.0, 15.0, 1.5, 10.0),
 }
+
+
+def odd(name: str, seed: int, is_raw: bool) -> Part:
+    corners = ODD[name]
+    of = Chain(1.5, 0.0, np.radians(35.0), 1.5 + corners[-1][1], 0.0, None, corners)
+    return simulate(seed, is_raw, of)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("name", ODD)
 def test_a_plate_that_is_no_plain_bevel_is_refused(name: str, seed: int) -> None:
-    corners = ODD[name]
-    part = simulate(seed, is_raw=False, of=Chain(1.5, 0.0, np.radians(35.0), 1.5 + corners[-1][1], 0.0, None, corners))
     with pytest.raises(InputError, match=r"no bevel: |no edge in view"):
-        segment(denoise(fuse(part.recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)
+        segment(denoise(fuse(odd(name, seed, is_raw=False).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("name", ODD)
+def test_an_edge_that_is_prepared_is_no_raw_edge(name: str, seed: int) -> None:
+    part = odd(name, seed, is_raw=True)
+    with pytest.raises(InputError):
+        segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
+
+
+@pytest.mark.parametrize(
+    ("shape", "seed", "expected"),
+    [
+        ("compound bevel", 17, "end_face_bow"),
+        ("nose of 0.5 to 3 mm", 13, "end_face_lean_deg"),
+        ("J", 6, "end_face_square_deg"),
+    ],
+)
+def test_a_refused_raw_edge_names_what_it_is(shape: str, seed: int, expected: str) -> None:
+    part = odd_plate(shape, seed, is_raw=True)
+    with pytest.raises(InputError, match=rf"prepared already.*{expected}"):
+        segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
+
+
+@pytest.mark.parametrize("condition", ["raw_straight", "raw_rough", "raw_clamps", "raw_burrs"])
+def test_end_faces_of_raw_plates_pass(condition: str) -> None:
+    recording, truth = simulate_recording(random_recipe(condition, 9_300_000))
+    edge = segment_raw(denoise(fuse(recording)), upper_side=rough_upper_side(truth))
+    value = {check.name: check.value for check in edge.checks}
+    assert (value["end_face_square_deg"] or 0.0) < 5.0
+    assert (value["end_face_lean_deg"] or 0.0) < 12.0
+    assert (value["end_face_bow"] or 0.0) < 0.01
+
+
+def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
+    """0.1 mm: it takes 0.14 mm off the root size; each frame has a few points on it, within their noise."""
+    of = Chain(1.5, 0.0, np.radians(35.0), 6.5, 0.0, None, ledge(0.1, 35.0, 5.0))
+    with pytest.raises(InputError, match=r"stands out of them.*corner_stands_out_mm"):
+        segment(denoise(fuse(simulate(0, False, of).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)

@@ -124,9 +124,7 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     goes_on += f"in {100 * on:.0f} % of the frames: a compound bevel, or one that is not straight?"
     out = float(np.median([one.stands_out_mm for one in seen])) if len(seen) >= LEAST_FRAMES else 0.0
     out -= AT_END * max(abs(one.mm) for one in bows.values())
-    ledge = (
-        f"between root face and bevel face {out:.2g} mm stand out of both: a ledge, a nose or a burr along the edge?"
-    )
+    ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a nose, a burr there?"
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),

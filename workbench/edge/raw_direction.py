@@ -140,7 +140,8 @@ def _sense(cloud: Cloud, votes: Float, z_away: bool | None) -> float:
         raise InputError(
             cloud.source,
             "nothing beside the end face tells whether z counts away from the sensor: expected a surface of the plate "
-            "or something behind it in view, or the parameter z_away",
+            "or something behind it in view, or the parameter z_away; or is this an edge that is prepared already "
+            "(edge.segment)?",
         )
     return 1.0 if above > below else -1.0
 

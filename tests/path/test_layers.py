@@ -14,7 +14,7 @@ from tests.path.conftest import Raw
 from workbench.artefacts import Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.path import layers
+from workbench.path import check, feed, layers
 from workbench.units import DEG, Float
 
 CURVES = {
@@ -173,6 +173,26 @@ def test_a_gap_without_a_clamp_is_passed_in_the_air(raw: Callable[..., Raw]) -> 
     b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
     height = ((final.position_mm - p - 1.5 * m) * b).sum(axis=1)
     assert (height[(final.arc_length_mm > 25) & (final.arc_length_mm < 39)] > 9).all()
+
+
+@pytest.mark.parametrize("lost", [slice(0, 6), slice(55, None)])
+def test_an_end_that_is_not_known_is_passed_in_the_air(raw: Callable[..., Raw], lost: slice) -> None:
+    """Before the first known place the cutter ran at its final height through stock that no scan had told of."""
+    scan = raw()
+    u = scan.edge.position_u_mm.copy()
+    u[lost] = 2.0
+    edge = replace(scan.edge, position_u_mm=u)
+    path = layers(edge, scan.cloud)
+    final = path.layers[-1]
+    p, _, n, m = section_at(scan, final.arc_length_mm)
+    b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
+    height = ((final.position_mm - p - 1.5 * m) * b).sum(axis=1)
+    there = scan.edge.arc_length_mm[lost]
+    middle = np.abs(final.arc_length_mm - there[len(there) // 2]) < 1.0
+    assert (height[middle] > 1.0).all()
+    assert not final.cutting[(final.arc_length_mm >= there[0]) & (final.arc_length_mm <= there[-1])].any()
+    assert check(feed(path, scan.cloud, edge), edge, scan.cloud).passed
+    assert "not measured" in path.refused[0]
 
 
 def test_a_station_that_was_not_seen_costs_no_more_than_its_neighbours(raw: Callable[..., Raw]) -> None:

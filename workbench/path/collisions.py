@@ -53,11 +53,13 @@ def collisions(
 
 
 def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
-    """Standard uncertainty of the finished bevel's place, along its normal: the worst along the edge."""
+    """Standard uncertainty of the finished bevel's place, along its normal: the worst of where it is cut."""
     if not isinstance(edge, RawEdge):
         return 0.0
+    final = toolpath.layers[-1]
+    cut = np.interp(edge.arc_length_mm, final.arc_length_mm, final.cutting.astype(float)) > 0.0
     b = bevel_of(toolpath.root_mm, toolpath.bevel_deg).normal
-    u = np.hypot(edge.position_u_mm[:, 0] * b[0], edge.position_u_mm[:, 1] * b[1])
+    u = np.hypot(edge.position_u_mm[cut, 0] * b[0], edge.position_u_mm[cut, 1] * b[1])
     return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
 
 

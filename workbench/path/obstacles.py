@@ -112,8 +112,9 @@ def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm:
         here, in_way = slice(first, last + 1), np.flatnonzero(blocked[first : last + 1]) + first
         gap = np.flatnonzero(~seen[here]) + first
         low, high = np.inf, -np.inf
-        if gap.size:  # between the last place that was seen and the next one
-            low, high = float(s[gap[0] - 1]) + ramp_mm, float(s[min(gap[-1] + 1, s.size - 1)]) - ramp_mm
+        if gap.size:  # between the last place that was seen and the next one, or an end of the path
+            low = float(s[gap[0] - 1]) + ramp_mm if gap[0] > 0 else -np.inf
+            high = float(s[gap[-1] + 1]) - ramp_mm if gap[-1] < s.size - 1 else np.inf
         height, share, ramp = clear_mm, 1.0, ramp_mm
         if in_way.size:
             low, high = min(low, float(s[in_way[0]])), max(high, float(s[in_way[-1]]))

@@ -36,7 +36,7 @@ ANYWHERE: Float = (np.arange(20.0)[None] + 0.5) / 20.0  # (1, 20) places of the 
 SOMEWHERE: Float = (np.arange(6.0)[:, None] + 0.5) / 6.0  # (6, 1) one of them, unknown
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a rounding
 PROOF, DEPTH_U_MM, LEAST_MEANS = 3.0, 0.0005, 8
-LEAST_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.8, 30
+LEAST_RADIUS_MM, HIDDEN_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.5, 0.8, 30
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 STEP_MM = 0.15  # between columns of one surface
@@ -249,7 +249,7 @@ def is_free_end(tracked: TrackedFaces) -> Bool:
     return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
 
 
-def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float = MOST_RADIUS_MM) -> Rounding:
+def rounding_of(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float = HIDDEN_RADIUS_MM) -> Rounding:
     """The rounding of a face's free end, by the pass that shows it best, in the frames `here` (N,).
 
     most_mm: greatest radius that is declared for one that the view does not show.

@@ -15,7 +15,7 @@ import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import near_slope, wrapped
-from workbench.edge.form import MOST_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
@@ -88,7 +88,7 @@ class RawMeasured:
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
 
 
-def measure_raw_edge(cloud: Cloud, found: RawFaces, most_radius_mm: float = MOST_RADIUS_MM) -> RawMeasured:
+def measure_raw_edge(cloud: Cloud, found: RawFaces, most_radius_mm: float = HIDDEN_RADIUS_MM) -> RawMeasured:
     """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
 
     most_radius_mm: greatest radius of its edges where the view does not show a rounding.

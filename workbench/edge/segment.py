@@ -13,7 +13,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge
 from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel, require_columns
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.form import MOST_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
@@ -49,7 +49,7 @@ def segment(
     ] = 0.0,
     most_radius_mm: Annotated[
         float, Field(ge=0.01, le=0.8, description="greatest radius of the lower edge, where the view shows none")
-    ] = MOST_RADIUS_MM,
+    ] = HIDDEN_RADIUS_MM,
     limits: Annotated[
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the faces by name (docs/checks.md)"),

@@ -13,7 +13,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import require_end_face
 from workbench.checks.faces import plates_check
-from workbench.edge.form import MOST_RADIUS_MM, misfit_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
@@ -54,7 +54,7 @@ def segment_raw(
     ] = 0.0,
     most_radius_mm: Annotated[
         float, Field(ge=0.01, le=0.8, description="greatest radius of the plate's edges, where the view shows none")
-    ] = MOST_RADIUS_MM,
+    ] = HIDDEN_RADIUS_MM,
     limits: Annotated[
         dict[str, float | tuple[float, float]],
         Field(description="limits of the checks of the edge by name (docs/checks.md)"),

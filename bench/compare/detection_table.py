@@ -12,9 +12,7 @@ import numpy as np
 
 from workbench.cloud import denoise
 from workbench.compare import register, surface
-from workbench.compare.course import course_of
-from workbench.compare.deviation import moved
-from workbench.compare.distances import Scales, deviations, places_of
+from workbench.compare.deviation import Scales, course_of, deviations, moved, places_of
 from workbench.compare.surface_values import Deviations, Surface
 from workbench.scan import fuse
 from workbench.synthetic import parse_recipe, simulate_recording

@@ -109,7 +109,7 @@ def _loads(path: Path) -> object:
 
 def _deflections(path: Path) -> object:
     from workbench.path import read
-    from workbench.twin.deflections import read_deflections
+    from workbench.twin.mill import read_deflections
 
     return read_deflections(path, read(toolpath=CORPUS / "toolpath" / "short.json").layers)
 

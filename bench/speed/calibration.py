@@ -29,7 +29,7 @@ from workbench.plugins.calibration.observations import Observations, from_arrays
 from workbench.plugins.calibration.solve import solve
 from workbench.scan import read
 from workbench.synthetic import random_sphere_recipe, write_simulation
-from workbench.synthetic.sphere_motion import design_hand_eye
+from workbench.synthetic.sphere import design_hand_eye
 from workbench.units import Float
 
 SETS = 10  # of nine postures, drawn anew

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from workbench.batch.progress import Progress, duration
 from workbench.batch.record import Record
+from workbench.batch.run import Progress, duration
 from workbench.cli import main
 
 Write = Callable[..., str]

@@ -7,8 +7,7 @@ import pytest
 
 from tests.compare.bodies import AT, LENGTH, box, scanned
 from workbench.compare import deviation, register
-from workbench.compare.course import course_of
-from workbench.compare.distances import Scales, deviations, places_of
+from workbench.compare.deviation import Scales, course_of, deviations, places_of
 from workbench.compare.statistics import changed, changed_regions
 from workbench.compare.surface_values import Deviations, Registration, Surface
 from workbench.errors import InputError

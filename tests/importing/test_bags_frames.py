@@ -6,9 +6,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from tests.importing.bag_files import TRANSFORM, Ros
 from workbench.errors import InputError
+from workbench.importing.bags import hand_eye_from_frames
 from workbench.importing.bags_frames import FrameTree, chained
 from workbench.importing.bags_mapping import BagPart
-from workbench.importing.bags_tf import hand_eye_from_frames
 from workbench.units import Float
 
 ROS = Ros("mcap")

@@ -61,6 +61,6 @@ def test_the_page_names_every_key_and_convention() -> None:
 def part_of(field: object) -> type[Mapping] | None:
     from typing import get_args
 
-    from workbench.importing.problems import is_part
+    from workbench.importing.mapping import is_part
 
     return next((hint for hint in get_args(field.annotation) if is_part(hint)), None)  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.importing.makers import write_gocator, write_gopxl
-from workbench.look.read import seen
+from workbench.look.command import seen
 from workbench.look.single import measured
 
 ROOT = Path(__file__).parents[2]

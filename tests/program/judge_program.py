@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from workbench.program.rapid_parser import parse_rapid
+from workbench.program.rapid_reader import parse_rapid
 
 
 def pose(document: Any) -> np.ndarray:

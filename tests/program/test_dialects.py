@@ -18,9 +18,9 @@ from workbench.errors import InputError
 from workbench.program import write
 from workbench.program.fanuc import Fanuc
 from workbench.program.krl import Krl
-from workbench.program.parameters import program_job
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
+from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics
 
 from .conftest import passed, rejected

@@ -19,9 +19,9 @@ from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
 from workbench.pipeline.results import result_files
 from workbench.program import csv, write
-from workbench.program.parameters import program_job
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_parser import parse_rapid
+from workbench.program.rapid_reader import parse_rapid
+from workbench.program.write import program_job
 from workbench.robot import Cell
 from workbench.robot.shapes import Shape as Shape_
 

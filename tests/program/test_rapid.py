@@ -15,10 +15,10 @@ from workbench.dialect import program_files
 from workbench.errors import InputError, PipelineError
 from workbench.path import simplify
 from workbench.program import write
-from workbench.program.parameters import program_job
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import RapidProgram
+from workbench.program.rapid_reader import parse_rapid
+from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics
 
 from .conftest import passed, rejected

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from workbench.artefacts import Moves
 from workbench.dialect import program_files
 from workbench.errors import InputError
-from workbench.program.parameters import program_job
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import JointTarget
+from workbench.program.rapid_reader import parse_rapid
+from workbench.program.write import program_job
 from workbench.robot import Cell
 
 from .conftest import passed

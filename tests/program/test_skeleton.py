@@ -14,8 +14,8 @@ from workbench.artefacts import Judgement, Moves, PathGate, ProgramMoves
 from workbench.dialect import program_files
 from workbench.errors import InputError
 from workbench.program import write
-from workbench.program.parameters import program_job
 from workbench.program.rapid import Rapid
+from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.judge import judge
 from workbench.robot.process import disorders

@@ -13,9 +13,18 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Chapter, M
 from workbench.report import closed_loop, html, inspection, plan
 from workbench.report.pack import packed
 from workbench.report.sample import Points
-from workbench.report.scene_points import evenly, telling
-from workbench.report.scenes import inspection_scene, loop_scene
-from workbench.report.shadings import UNKNOWN, along, always, by_deviation, deviation_mm, laid_out_faces
+from workbench.report.scenes import (
+    UNKNOWN,
+    along,
+    always,
+    by_deviation,
+    deviation_mm,
+    evenly,
+    inspection_scene,
+    laid_out_faces,
+    loop_scene,
+    telling,
+)
 from workbench.units import DEG
 
 NOISE_MM = 0.012  # of the parts in conftest

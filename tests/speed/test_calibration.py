@@ -16,7 +16,7 @@ from workbench.plugins.calibration.model import Noise, linearise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
 from workbench.synthetic import random_sphere_recipe
-from workbench.synthetic.sphere_motion import design_hand_eye
+from workbench.synthetic.sphere import design_hand_eye
 
 
 def test_both_sides_find_the_pose():

@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.synthetic.truth import milled_truth
 from workbench.synthetic.workpiece import Workpiece
 from workbench.twin import mill
-from workbench.twin.deflections import read_deflections
+from workbench.twin.mill import read_deflections
 from workbench.units import DEG
 
 HEADER = "layer,point,dx_mm,dy_mm,dz_mm\n"

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+import time
 import unicodedata
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, TextIO
 
 from workbench.batch.part import RECORDING, Job
 from workbench.batch.processes import Workers, here
-from workbench.batch.progress import Progress
-from workbench.batch.record import Record
+from workbench.batch.record import OUTCOMES, Record
 from workbench.batch.store import is_remote, joined, listed, local_path, refuse_credentials, write_file
 from workbench.errors import InputError, OutputError, PipelineError, nearest
 from workbench.geometry.blocks import cores
@@ -245,3 +246,66 @@ def _reserved(out: str) -> Iterator[None]:
         except OSError as error:
             raise OutputError(out, f"cannot be written: {error.strerror}") from None
         yield
+
+
+# How far a batch is, on standard error: one line, rewritten on a terminal, else told now and then.
+
+EVERY_S = 10.0  # between lines where none can be rewritten
+
+
+class Progress:
+    """Counts records as they come."""
+
+    def __init__(self, total: int, stream: TextIO | None) -> None:
+        self.total, self.stream = total, stream
+        self.live = stream is not None and stream.isatty()
+        self.counts: Counter[str] = Counter()
+        self.skipped = 0
+        self.started_s = self.told_s = time.monotonic()
+
+    def watched(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The same records, told as they pass."""
+        try:
+            for record in records:
+                self.counts[record.outcome] += 1
+                self.skipped += record.skipped
+                self._tell(last=self.counts.total() == self.total)
+                yield record
+        finally:
+            if self.live:
+                self._write("\n")
+
+    def line(self, elapsed_s: float) -> str:
+        """Parts done, what became of them, and the time left at the rate of those that were run."""
+        done = self.counts.total()
+        words = [f"{self.counts[one]} {one}" for one in reversed(OUTCOMES) if self.counts[one]]
+        if self.skipped:
+            words.append(f"{self.skipped} of them from an earlier run")
+        ran = done - self.skipped
+        if done < self.total and ran:
+            words.append(f"{duration((self.total - done) * elapsed_s / ran)} left")
+        elif done == self.total:
+            words.append(f"took {duration(elapsed_s)}")
+        return f"[{done}/{self.total}] {', '.join(words)}"
+
+    def _tell(self, last: bool) -> None:
+        now_s = time.monotonic()
+        if self.live:
+            self._write(f"\r\033[K{self.line(now_s - self.started_s)}")
+        elif last or now_s - self.told_s >= EVERY_S:
+            self.told_s = now_s
+            self._write(f"{self.line(now_s - self.started_s)}\n")
+
+    def _write(self, text: str) -> None:
+        if self.stream:
+            with suppress(OSError):  # a batch does not fail because nobody can watch it
+                self.stream.write(text)
+                self.stream.flush()
+
+
+def duration(seconds: float) -> str:
+    """A time in words, in the units that fit it."""
+    if seconds < 60:
+        return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.1f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
 from workbench.errors import InputError
-from workbench.importing.mapping import LinearAxisPart, Mapping
+from workbench.importing.files import claims
+from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
+from workbench.importing.mapping_tables import TIME_S
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.passes import chosen_poses, joined, poses_by_pass
-from workbench.importing.stamps import stamped
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
-from workbench.importing.times import timed
-from workbench.importing.travel import on_linear_axis
+from workbench.importing.table import read_table
 from workbench.scan.checks import checked
 from workbench.scan.hand_eye import read_hand_eye
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Int
 
 
 def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, tuple[str, ...]]:
@@ -180,3 +181,196 @@ def around(one: TimedPass, inside: Bool) -> PoseStream:
     begin = max(0, int(np.searchsorted(pose_time_s, time_s.min(), side="right")) - 1)
     end = int(np.searchsorted(pose_time_s, time_s.max(), side="left")) + 1
     return chosen_poses(one.poses, slice(begin, max(end, begin + 1)))
+
+
+# Times in a file of their own: for the frames, or for the poses, of another source.
+
+NAME = "table of times (by the mapping)"
+
+
+def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
+    """Whether the mapping names the file."""
+    return claims(mapping.stamps, path)
+
+
+def read(path: Path, mapping: Mapping) -> Imported:
+    """The times, in s."""
+    part = mapping.stamps
+    assert part is not None
+    table = read_table(path, part, {"time": part.column})
+    note = f"times of the {part.of}: column {table.names['time']}, in {part.time_unit}"
+    return Imported(stamps_s=table.present("time") * TIME_S[part.time_unit], notes=(note,))
+
+
+def stamped(sources: Sequence[Imported], mapping: Mapping) -> list[Imported]:
+    """The sources, times of their own file put where they belong.
+
+    Raises:
+        InputError: no source, or several, of that many rows without times.
+    """
+    given = [one for one in sources if one.stamps_s is not None]
+    if not given:
+        return list(sources)
+    assert mapping.stamps is not None
+    what = mapping.stamps.of
+    for one in given:
+        assert one.stamps_s is not None
+        count = len(one.stamps_s)
+        fits = [k for k, other in enumerate(sources) if _rows(other, what) == count]
+        if len(fits) != 1:
+            rows = ", ".join(str(_rows(other, what)) for other in sources if getattr(other, what) is not None) or "none"
+            raise InputError("stamps", f"{count} times: expected {what} of as many rows without times, found {rows}")
+        held = getattr(sources[fits[0]], what)
+        filled = replace(sources[fits[0]], **{what: replace(held, time_s=one.stamps_s)})
+        sources = [filled if k == fits[0] else other for k, other in enumerate(sources)]
+    return [one for one in sources if one.stamps_s is None]
+
+
+def _rows(source: Imported, what: str) -> int:
+    """Frames or poses of a source that have no times; -1 where it has none of them."""
+    held = getattr(source, what)
+    if held is None or held.time_s is not None:
+        return -1
+    return len(held.z_mm if what == "profiles" else held.position_mm)
+
+
+# When each frame of a pass was taken, on the robot's clock, and the poses around it.
+
+FAR_FUTURE_S = 1e10  # what is beyond was not counted in the unit that is declared
+
+
+def timed(frames: ProfileFrames, poses: PoseStream, mapping: Mapping) -> TimedPass:
+    """The times of a pass's frames by the mapping's way; by the file's own times where both sides have some.
+
+    Raises:
+        InputError: the way needs something that the files lack; pose times that do not rise.
+    """
+    part = mapping.times or _usual(frames, poses)
+    _check_rising(poses)
+    return {"file": _by_file, "rate": _by_rate, "travel": by_travel, "pose_each": _by_pose}[part.source](
+        frames, poses, part
+    )
+
+
+def _usual(frames: ProfileFrames, poses: PoseStream) -> TimesPart:
+    if frames.time_s is None or poses.time_s is None:
+        lacking = frames.source if frames.time_s is None else poses.source
+        has_travel = frames.travel_mm is not None
+        ways = "rate, pose_each" + (", travel" if has_travel else "")
+        raise InputError(lacking, f"has no times: expected 'times' in the mapping, with source one of {ways}")
+    return TimesPart(source="file")
+
+
+def _by_file(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+    if frames.time_s is None:
+        raise InputError(frames.source, "has no times: expected another 'times.source' than 'file' in the mapping")
+    _pose_times(poses)
+    offset = f", {part.clock_offset_s:g} s taken off" if part.clock_offset_s else ", taken as the robot's clock"
+    return TimedPass(frames.time_s - part.clock_offset_s, poses, f"the file's{offset}")
+
+
+def _by_rate(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+    assert part.rate_hz is not None
+    assert part.start_s is not None
+    pose_time_s = _pose_times(poses)
+    start_s = float(pose_time_s[0]) if part.start_s == "first_pose" else part.start_s
+    note = f"{part.rate_hz:g} frames a second from {'the first pose' if part.start_s == 'first_pose' else start_s} on"
+    return TimedPass(np.asarray(start_s + np.arange(len(frames.z_mm)) / part.rate_hz), poses, note)
+
+
+def _by_pose(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+    count = len(frames.z_mm)
+    if len(poses.position_mm) != count:
+        raise InputError(poses.source, f"expected a pose for each of {count} frames, found {len(poses.position_mm)}")
+    note = "the poses' own, one pose a frame"
+    if poses.time_s is None:
+        time_s = np.arange(float(count))
+        note = "none: frames counted, one pose a frame"
+        return TimedPass(time_s, replace(poses, time_s=time_s), note, has_clock=False)
+    return TimedPass(poses.time_s, poses, note)
+
+
+def _pose_times(poses: PoseStream) -> Float:
+    if poses.time_s is None:
+        raise InputError(poses.source, "has no times: expected poses with times, or 'times' from travel or pose_each")
+    return poses.time_s
+
+
+def _check_rising(poses: PoseStream) -> None:
+    if poses.time_s is None:
+        return
+    if np.abs(poses.time_s).max() > FAR_FUTURE_S:
+        what = f"expected times in {poses.time_unit}, found {np.abs(poses.time_s).max():.4g} s: is the unit wrong?"
+        raise InputError(poses.source, what)
+    stuck = np.flatnonzero(np.diff(poses.time_s) <= 0)
+    if len(stuck):
+        raise InputError(
+            f"{poses.source}: pose {stuck[0] + 2}",
+            f"expected times that rise, found {poses.time_s[stuck[0] + 1]:.9g} s again",
+        )
+
+
+# Frames placed by the way that has been gone: an encoder's reading, or the y of a surface.
+
+CHORD_MM = 1.0  # the way is summed over chords of this length: over shorter ones the poses' noise would lengthen it
+
+
+def by_travel(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+    """Travel is the flange's way since its first pose, plus the reading there.
+
+    Raises:
+        InputError: no travel and no pitch, or travel that runs both ways.
+    """
+    assert part.start_mm is not None
+    travel_mm = _travel(frames, part.pitch_mm) - part.start_mm
+    poses = chosen_poses(poses, strides(poses.position_mm, CHORD_MM))
+    way_mm = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(poses.position_mm, axis=0), axis=1)))
+    note, has_clock = "from travel along the flange's way", poses.time_s is not None
+    if poses.time_s is None:
+        poses, note = replace(poses, time_s=way_mm), f"{note}; no clock: a mm of it counts as a second"
+    assert poses.time_s is not None
+    time_s = np.interp(travel_mm, way_mm, poses.time_s)
+    over_mm = np.maximum(travel_mm - way_mm[-1], 0.0) + np.minimum(travel_mm, 0.0)
+    outside = np.abs(over_mm) > 1e-9 * (1.0 + way_mm[-1])
+    time_s += np.where(outside, np.sign(over_mm) + over_mm, 0.0)  # any time beyond the poses' times, rising
+    return TimedPass(time_s, poses, note, has_clock)
+
+
+def strides(position_mm: Float, least_mm: float) -> Int:
+    """Indices of positions (K, 3) at least `least_mm` apart, one after another; the first and the last always."""
+    kept = [0]
+    for i in range(1, len(position_mm)):
+        if np.linalg.norm(position_mm[i] - position_mm[kept[-1]]) >= least_mm:
+            kept.append(i)
+    if kept[-1] != len(position_mm) - 1 and (position_mm[-1] != position_mm[kept[-1]]).any():
+        kept.append(len(position_mm) - 1)
+    return np.array(kept)
+
+
+def on_linear_axis(frames: ProfileFrames, axis: LinearAxisPart, part: TimesPart | None) -> TimedPass:
+    """A pass of a profiler on a straight axis: a pose a frame, no turn; the base is where the first frame was."""
+    travel_mm = _travel(frames, part.pitch_mm if part else None)
+    way_mm = travel_mm - travel_mm[0]
+    position_mm = way_mm[:, None] * np.array(axis.direction) / np.linalg.norm(axis.direction)
+    time_s = np.abs(way_mm) / (axis.speed_mm_s or 1.0)
+    quaternion_wxyz = np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1))
+    poses = PoseStream(f"{frames.source}: linear axis", position_mm, quaternion_wxyz, time_s)
+    direction = ", ".join(f"{v:g}" for v in axis.direction)
+    speed = f"at {axis.speed_mm_s:g} mm/s" if axis.speed_mm_s else "no clock: a mm of it counts as a second"
+    note = f"from travel along ({direction}) of the profiler's frame, no turn; {speed}"
+    return TimedPass(time_s, poses, note, has_clock=axis.speed_mm_s is not None)
+
+
+def _travel(frames: ProfileFrames, pitch_mm: float | None) -> Float:
+    """Way along the scan of each frame, running one way."""
+    if frames.travel_mm is None:
+        if pitch_mm is None:
+            raise InputError(frames.source, "has no travel: expected 'times.pitch_mm' in the mapping")
+        return np.asarray(np.arange(len(frames.z_mm)) * pitch_mm)
+    if pitch_mm is not None:
+        raise InputError(frames.source, "has travel of its own: expected no 'times.pitch_mm' in the mapping")
+    step_mm = np.diff(frames.travel_mm)
+    wrong = np.flatnonzero(step_mm * np.sign(step_mm[:1].sum()) <= 0)
+    if len(wrong):
+        raise InputError(f"{frames.source}: frame {wrong[0] + 2}", "expected travel that runs one way")
+    return frames.travel_mm

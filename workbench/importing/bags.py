@@ -6,17 +6,36 @@ bag leaves open is asked for by its name in the mapping (`workbench.importing.ba
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from workbench.errors import InputError
-from workbench.importing.bags_frames import frame_name
-from workbench.importing.bags_mapping import BagPart
-from workbench.importing.bags_poses import pose_source, read_poses
+from workbench.geometry.poses import quaternion_from_rotation
+from workbench.importing.bags_frames import FrameTree, chained, frame_name, pose_row, product
+from workbench.importing.bags_mapping import LENGTH_MM, BagPart
 from workbench.importing.bags_profiles import profile_topics, read_profiles
-from workbench.importing.bags_reader import Bag, opened
-from workbench.importing.bags_tf import hand_eye_from_frames, read_frames
+from workbench.importing.bags_reader import (
+    JOINTS,
+    ODOMETRY,
+    POSE,
+    TF,
+    TF_OF_ROS1,
+    TRANSFORM,
+    Bag,
+    Message,
+    chosen_topic,
+    listed,
+    opened,
+)
+from workbench.importing.bags_times import header_s, in_order, stamp_s
+from workbench.importing.joint_states import JointModel
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported
+from workbench.importing.neutral import Imported, PoseStream
+from workbench.importing.poses import of_flange_in_base
+from workbench.scan.checks import normalised
+from workbench.units import Float
 
 NAME = "bag (MCAP, rosbag2, rosbag1)"
 SUFFIXES = (".mcap", ".bag", ".db3")
@@ -66,3 +85,170 @@ def _read(bag: Bag, part: BagPart, mapping: Mapping) -> Imported:
     elif tree is not None and frame_name(found.frame_id) in tree.names and mapping.hand_eye is None:
         notes.append(f"hand-eye: not taken from /tf; profiler_frame '{found.frame_id}' in the mapping would take it")
     return Imported(found.profiles, poses, tuple(notes), hand_eye)
+
+
+# Flange poses out of a bag: PoseStamped, TransformStamped, Odometry, JointState, or the chain of frames in /tf.
+
+STAMPED = (POSE, TRANSFORM, ODOMETRY)
+
+
+def pose_source(bag: Bag, part: BagPart) -> str | None:
+    """The topic of the poses, or 'tf': the mapping's, or the only one that there is; None where the bag has none.
+
+    Raises:
+        InputError: an unknown topic, or several candidates.
+    """
+    moving = [topic for topic in bag.topics(TF, TF_OF_ROS1) if not is_static(topic)]
+    if part.poses is not None:
+        if part.poses == "tf" or part.poses in moving:
+            return "tf"
+        return chosen_topic(bag, part.poses, (*STAMPED, JOINTS), "poses")
+    topics = bag.topics(*STAMPED, JOINTS)
+    if len(topics) + bool(moving) > 1:
+        candidates = [listed(bag, topics), f"'tf' ({listed(bag, moving)})"][: 1 + bool(moving)]
+        raise InputError(str(bag.path), f"expected $.bag.poses in the mapping to choose from {', '.join(candidates)}")
+    return topics[0] if topics else "tf" if moving else None
+
+
+def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None, base_dir: Path) -> tuple[PoseStream, str]:
+    """The flange in the base, from the source that `pose_source` names, and a note on it.
+
+    Args:
+        tree: the bag's frames, for 'tf'.
+        base_dir: where the mapping's relative paths start.
+
+    Raises:
+        InputError: a message that cannot be used, an unknown frame, a missing joint.
+    """
+    if tree is not None and source == "tf":
+        time_s, poses = poses_from_frames(tree, part)
+        stream = _stream(bag, time_s, poses, part)
+        note = f"poses: {len(time_s)} of /tf, '{part.flange_frame}' in '{part.base_frame}'{_dense(time_s)}"
+    else:
+        read = _joints if bag.types[source] == JOINTS else _stamped
+        stream, note = read(bag, source, part, base_dir)
+    position_mm, quaternion = of_flange_in_base(stream.position_mm, stream.quaternion_wxyz, part)
+    told = [f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None]
+    return replace(stream, position_mm=position_mm, quaternion_wxyz=quaternion), "; ".join([note, *told])
+
+
+def _stamped(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
+    """Poses that stand in the messages; all of the same two frames, and of the mapping's where it names them."""
+    where, rows, frames = f"{bag.path}: {source}", [], (part.flange_frame, part.base_frame)
+    for message in bag.messages([source]):
+        frames = _same_frames(message, frames)
+        rows.append([stamp_s(message, part.time), *_pose(message, LENGTH_MM[part.pose_length_unit])])
+    values = np.array(rows)
+    time_s, values, repeats = in_order(values[:, 0], values[:, 1:], where)
+    quaternion = normalised(values[:, 3:], f"{where}: orientation")
+    stream = PoseStream(str(bag.path), values[:, :3], quaternion, time_s, length_unit=part.pose_length_unit)
+    flange = f"'{frames[0]}'" if frames[0] else "the flange"
+    note = f"poses: {listed(bag, [source])}, {flange} in '{frames[1]}', in {part.pose_length_unit}"
+    return stream, note + _dense(time_s, repeats)
+
+
+def _same_frames(message: Message, before: tuple[str | None, str | None]) -> tuple[str | None, str | None]:
+    """Child (a PoseStamped names none) and parent of a message, which must be those of before."""
+    child = getattr(message.value, "child_frame_id", None)
+    here = (before[0] if child is None else frame_name(child), frame_name(message.value.header.frame_id))
+    for expected, found in zip(before, here, strict=True):
+        if expected is not None and frame_name(expected) != found:
+            raise InputError(message.where, f"expected frame '{expected}', found '{found}'")
+    return here
+
+
+def _pose(message: Message, scale_mm: float) -> list[float]:
+    """Position in mm and quaternion."""
+    value = message.value
+    if hasattr(value, "transform"):
+        return pose_row(value.transform.translation, value.transform.rotation, scale_mm, message.where)
+    pose = getattr(value.pose, "pose", value.pose)  # Odometry has it beside a covariance
+    return pose_row(pose.position, pose.orientation, scale_mm, message.where)
+
+
+def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
+    """Poses through the robot's URDF."""
+    where = f"{bag.path}: {source}"
+    if part.urdf is None or part.base_frame is None or part.flange_frame is None:
+        raise InputError(where, "expected $.bag.urdf, base_frame and flange_frame in the mapping, for joint states")
+    model = JointModel.read(base_dir / part.urdf, part.base_frame, part.flange_frame)
+    times, rows = [], []
+    for message in bag.messages([source]):
+        row = model.joints(message.value, message.where)
+        if row is not None:
+            times.append(stamp_s(message, part.time))
+            rows.append(row)
+    if not rows:
+        raise InputError(where, f"expected joints {', '.join(model.names)}, found none of them in any message")
+    time_s, joints, repeats = in_order(np.array(times), np.array(rows), where)
+    others = bag.counts[source] - len(rows)
+    note = (
+        f"poses: {listed(bag, [source])}, joints {', '.join(model.names)}, '{part.flange_frame}' in "
+        f"'{part.base_frame}' by {part.urdf}{f'; {others} messages of other joints' if others else ''}"
+    )
+    return _stream(bag, time_s, model.base_from_flange(joints), part), note + _dense(time_s, repeats)
+
+
+def _dense(time_s: Float, repeats: int = 0) -> str:
+    """How densely the poses follow each other, and what was dropped."""
+    steps_s = np.diff(time_s)
+    dense = f"; every {np.median(steps_s):.3g} s, at most {steps_s.max():.3g} s apart" if len(steps_s) else ""
+    return dense + (f"; {repeats} repeats dropped" if repeats else "")
+
+
+def _stream(bag: Bag, time_s: Float, poses: Float, part: BagPart) -> PoseStream:
+    quaternion = quaternion_from_rotation(poses[:, :3, :3])
+    return PoseStream(str(bag.path), poses[:, :3, 3].copy(), quaternion, time_s, length_unit=part.pose_length_unit)
+
+
+# Poses and the hand-eye pose out of a bag's /tf and /tf_static, by the names of their frames.
+
+
+def read_frames(bag: Bag, part: BagPart) -> FrameTree:
+    """All frames of /tf and /tf_static."""
+    tree = FrameTree(f"{bag.path}: /tf")
+    for message in bag.messages(bag.topics(TF, TF_OF_ROS1)):
+        fixed = is_static(message.topic)
+        for transform in message.value.transforms:
+            by_header = part.time == "header" and not fixed
+            time_s = header_s(transform.header, message.where) if by_header else message.time_ns / 1e9
+            tree.add(transform, time_s, fixed, LENGTH_MM[part.pose_length_unit], message.where)
+    return tree
+
+
+def is_static(topic: str) -> bool:
+    """Whether a topic of transforms holds those that never change."""
+    return topic.endswith("tf_static")
+
+
+def poses_from_frames(tree: FrameTree, part: BagPart) -> tuple[Float, Float]:
+    """Times (K,) and base_from_flange (K, 4, 4).
+
+    Raises:
+        InputError: a frame is not named in the mapping or not known; the flange does not move.
+    """
+    if part.base_frame is None or part.flange_frame is None:
+        known = ", ".join(tree.names[:20]) or "none"
+        raise InputError(tree.where, f"expected $.bag.base_frame and flange_frame in the mapping; frames: {known}")
+    time_s, poses = chained(tree.chain(frame_name(part.base_frame), frame_name(part.flange_frame)), tree.where)
+    if not len(time_s):
+        raise InputError(tree.where, f"expected '{part.flange_frame}' to move in '{part.base_frame}', found it fixed")
+    return time_s, poses
+
+
+def hand_eye_from_frames(tree: FrameTree, part: BagPart, ros_from_profiler: Float) -> Float:
+    """flange_from_profiler (4, 4): the fixed chain from `flange_frame` to `profiler_frame`, with the profiler's axes.
+
+    Raises:
+        InputError: the flange is not named, a frame is unknown, or one moves against the other.
+    """
+    if part.flange_frame is None or part.profiler_frame is None:
+        raise InputError(tree.where, "expected $.bag.flange_frame beside profiler_frame in the mapping")
+    chain = tree.chain(frame_name(part.flange_frame), frame_name(part.profiler_frame))
+    if not all(motion.holds_still for motion in chain):
+        raise InputError(
+            tree.where, f"expected '{part.profiler_frame}' fixed to '{part.flange_frame}', found it moving"
+        )
+    pose: Float = product([replace(motion, is_static=True) for motion in chain], np.zeros(1))[0].copy()
+    pose[:3, :3] = pose[:3, :3] @ ros_from_profiler
+    return pose

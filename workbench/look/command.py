@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from workbench.edge.groove_rows import COLUMNS
+from workbench.artefacts import Recording
+from workbench.cloud import readers
+from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, fitting_units, in_process
+from workbench.edge.groove_rows import COLUMNS, corners_of_rows
 from workbench.errors import InputError, OutputError, one_line
-from workbench.look.read import seen
+from workbench.export.corners import read_corners, recognised
+from workbench.importing import kistler, tracker
+from workbench.importing.draft import drafted
+from workbench.importing.kinds import read_source
+from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.roles import columns_of
+from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
+from workbench.importing.text import decoded, first_bytes, head_text
+from workbench.look.foreign import frames_alone, numbers_alone, poses_alone
+from workbench.look.recorded import recording_seen, unchecked
+from workbench.look.sample import chosen_of, shades_of
 from workbench.look.seen import Seen
-from workbench.look.tell import told
+from workbench.look.tell import box, failed, told
+from workbench.scan.read import read as read_recording
+from workbench.storage import regular_file
 
 
 def look(
@@ -82,3 +101,182 @@ def _written(target: Path, content: bytes) -> None:
     except OSError as error:
         part.unlink(missing_ok=True)
         raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
+
+
+# Any file to what is seen in it: recordings, clouds, other people's profiles and poses.
+
+RECORDINGS = (".h5", ".hdf5")
+TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
+
+
+def seen(file: Path, mapping: Path | None = None) -> Seen:
+    """What the file holds.
+
+    Raises:
+        InputError: it is no recording, no cloud and nothing that `workbench import` reads, or too damaged.
+    """
+    chosen = no_mapping() if mapping is None else read_mapping(mapping)
+    suffix = file.suffix.lower()
+    if file.is_dir():
+        return _foreign(file, chosen)
+    regular_file(file)
+    if suffix in RECORDINGS:
+        return _recording(file)
+    if suffix in readers.READERS and suffix not in TEXTS:
+        try:
+            return _foreign(file, chosen)
+        except InputError:
+            return _cloud(file)
+    if (other := _other(file)) is not None:
+        return other
+    ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
+    if mapping is None:
+        ways += [_drafted, *([_cloud_of_text, _numbers] if suffix in TEXTS else [])]
+    refused: list[InputError] = []
+    for way in ways:
+        try:
+            return way(file)
+        except InputError as error:
+            refused.append(error)
+    raise refused[0]  # what the file is not says more than what a table of points would need
+
+
+def _other(file: Path) -> Seen | None:
+    """What is neither profiles nor poses nor points: corners of a groove, forces, readings of a tracker."""
+    head = head_text(first_bytes(file))
+    nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
+    if tracker.recognises(head):
+        positions = tracker.read_positions(file)
+        means = np.array([one.reading.mean(axis=0) for one in positions])
+        told = (*tracker.told(positions), f"means of the positions: {box(means)}")
+        return Seen(
+            str(file), tracker.NAME, "the tracker's frame", told, means, shades_of(means), hints=(tracker.INTO_A_TABLE,)
+        )
+    if kistler.recognises(head):
+        lines = tuple(kistler.told(kistler.read_forces(file)))
+        return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
+    if not recognised(head):
+        return None
+    seven = read_corners(decoded(file.read_bytes()), str(file))
+    at = seven.corners_mm
+    sizes = [
+        f"{name}: {value.min():.3f} to {value.max():.3f} mm, median {np.median(value):.3f}"
+        for name, value in (
+            ("width between the upper edges", np.abs(at[:, 6, 0] - at[:, 0, 0])),
+            ("gap between the roots", np.abs(at[:, 5, 0] - at[:, 1, 0])),
+            ("depth at the left root", at[:, 0, 2] - at[:, 1, 2]),
+            ("depth at the right root", at[:, 6, 2] - at[:, 5, 2]),
+            ("misalignment", at[:, 6, 2] - at[:, 0, 2]),
+        )
+    ]
+    count = (
+        f"rows: {len(at)}, {int(np.isfinite(seven.torch_mm[:, 0]).sum())} with the torch's place; metres in the file"
+    )
+    points = at.reshape(-1, 3)
+    return Seen(
+        str(file),
+        "seven corners of a groove",
+        "the tracker's frame",
+        (count, *sizes),
+        points,
+        shades_of(points),
+        hints=(hint, "to write such a table: stage export.corners behind edge.segment_groove"),
+    )
+
+
+def _recording(file: Path) -> Seen:
+    """A recording; where `scan.read` would refuse it, as much of it as can be shown, and why."""
+    try:
+        recording: Recording = read_recording(recording=file)
+    except InputError as error:
+        return unchecked(file, error)
+    return recording_seen(recording)
+
+
+def _cloud(file: Path) -> Seen:
+    """A cloud without a grid, whatever its size."""
+    unit = OF_FORMAT.get(file.suffix.lower(), "mm")
+    points = in_process(file) * MM[unit]
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        raise InputError(str(file), "expected points, found none")
+    checks, kind = [], f"cloud without a grid ({file.suffix[1:].upper()})"
+    units: Sequence[str] = ()
+    try:
+        check_size(points, unit, str(file))
+    except InputError as error:
+        checks.append(failed("size_mm", float(np.ptp(points, axis=0).max()), "what a part may measure", error.expected))
+        units = fitting_units(points / MM[unit])
+    lines = [f"points: {len(points)}, coordinates in {unit}", f"extent: {box(points)}"]
+    some = chosen_of(points)
+    return Seen(
+        str(file),
+        kind,
+        "the frame of the file",
+        tuple(lines),
+        some,
+        shades_of(some),
+        checks=tuple(checks),
+        suggestions=tuple(f"its coordinates are in {one}" for one in units),
+        hints=tuple(
+            f"as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE{more} (docs/clouds.md)"
+            for more in [f" --input unit={one}" for one in units] or [""]
+        ),
+    )
+
+
+def _cloud_of_text(file: Path) -> Seen:
+    """A cloud whose points stand in a table; a few rows, or rows of joints, are something else."""
+    form = _form(file)
+    found = _cloud(file)
+    if form is not None and len(form.rows) < LEAST_POINTS:
+        raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {len(form.rows)} rows")
+    if form is not None and "joint angles in rad" in columns_of(form).roles:
+        raise InputError(str(file), "expected a cloud, found joint angles")
+    return found
+
+
+def _numbers(file: Path) -> Seen:
+    """A table of numbers of another kind."""
+    form = _form(file)
+    if form is None:
+        raise InputError(str(file), "expected a table of numbers")
+    return numbers_alone(form, str(file))
+
+
+def _form(file: Path) -> Form | None:
+    """How the file is written, if it is a table of numbers."""
+    with open(file, "rb") as stream:
+        content = stream.read(SAMPLE_BYTES)
+    return sniffed(content, file.stat().st_size <= SAMPLE_BYTES)
+
+
+def _drafted(file: Path) -> Seen:
+    """A table as a drafted mapping reads it; what is uncertain is told."""
+    tree, _ = drafted([file])
+    mapping = Mapping.model_validate_json(json.dumps(tree))
+    found = _foreign(file, mapping)
+    if tree.get("profiles", {}).get("frames") == "rows":
+        found = _with_corners(file, mapping, found)
+    doubts = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
+    return replace(found, hints=(*doubts, *found.hints))
+
+
+def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
+    """Rows of ranges whose unit, pitch and poses are unknown show corners all the same, in columns."""
+    frames = read_source(file, mapping).profiles
+    rows = None if frames is None else corners_of_rows(frames.z_mm.astype(float))
+    if rows is None:
+        return found
+    middle = np.nanmedian(rows.column, axis=0)
+    places = ", ".join(f"{name} {column:.1f}" for name, column in zip(COLUMNS, middle, strict=True))
+    told = f"groove: corners in {rows.found.sum()} of {len(rows.found)} rows, in the median at columns {places}"
+    return replace(found, lines=(*found.lines, told), corners=rows)
+
+
+def _foreign(file: Path, mapping: Mapping) -> Seen:
+    """Profiles or poses of other people's files, in their own frame."""
+    found = read_source(file, mapping)
+    if found.profiles is not None:
+        return frames_alone(found, str(file))
+    return poses_alone(found, str(file))

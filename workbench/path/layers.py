@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Cutter, Layer, RawEdge, Toolpath
+from workbench.artefacts import ChainU, Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
-from workbench.path.chain import chain_u
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
@@ -25,8 +25,9 @@ from workbench.path.refusals import (
     refuse_small_root,
 )
 from workbench.path.section import Bevel, bevel_of, layer_heights, raised
+from workbench.result_files.links import tool_u, turntable_u
 from workbench.stage import InputFile, stage
-from workbench.units import Bool, Float
+from workbench.units import DEG, Bool, Float
 
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
 
@@ -188,3 +189,24 @@ def _refused(plan: Plan, final: Layer) -> tuple[str, ...]:
 def _reason(plan: Plan, a: float, b: float) -> str:
     near = [x.reason for x in plan.lifts if x.to_mm + x.ramp_mm >= a and x.from_mm - x.ramp_mm <= b]
     return ", ".join(dict.fromkeys(near)) or "no stock above the finished bevel"
+
+
+# The links of the chain that a plan rests on beside edge and hand-eye pose: tool, turntable, robot.
+
+UNKNOWN_AXIS_DEG = 0.05  # u of a tool's axis that was not measured: a spindle's mounting, as in report.sensitivity
+
+
+def chain_u(tool: Path | None, turntable: Path | None, robot_mm: float) -> ChainU | None:
+    """What the files of `calibrate.tcp` and `calibrate.turntable` state, and the robot's accuracy; None: nothing."""
+    parts = {}
+    if tool is not None:
+        parts["tool"] = tool_u(tool, UNKNOWN_AXIS_DEG)
+    if turntable is not None:
+        parts["turntable"] = turntable_u(turntable)
+    if robot_mm > 0.0:
+        parts["robot"] = robot_mm, 0.0
+    if not parts:
+        return None
+    return ChainU(
+        math.hypot(*(mm for mm, _ in parts.values())), math.hypot(*(deg for _, deg in parts.values())) * DEG, (*parts,)
+    )

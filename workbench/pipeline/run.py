@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
+import os
 import platform
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from threading import Event
 from typing import Any, TypeVar
 
 from workbench import __version__
@@ -19,13 +23,12 @@ from workbench.artefacts import Gate, PathGate, Provenance
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
 from workbench.pipeline.cache import Made, StageCache
-from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.registry import FILES
 from workbench.pipeline.results import RUN_FILE, result_files, written
-from workbench.pipeline.wiring import Plan, Step, makes_pages, plan
+from workbench.pipeline.wiring import InputRecord, Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
 
 A = TypeVar("A")
@@ -260,3 +263,65 @@ def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
         },
     )
     return files
+
+
+# The SHA-256 of a run's inputs, taken in a thread while the stages work: hashing can take longer than reading.
+
+BLOCK_BYTES = 2**20
+
+
+Fingerprint = tuple[int, int, int]
+
+
+class Digests:
+    """The digests of a run's input files, each to come."""
+
+    def __init__(self, started: dict[InputRecord, tuple[Fingerprint, Future[str]]]) -> None:
+        self._started = started
+
+    def all(self) -> list[tuple[str, str, str]]:
+        """Name, path as given and SHA-256 of every file, once; waits until all are known.
+
+        Raises InputError for a file that is not what it was when the run started.
+        """
+        found = []
+        for record, (before, digest) in self._started.items():
+            found.append((record.name, record.given, digest.result()))
+            if _fingerprint(record) != before:
+                raise InputError(record.given, "changed while the pipeline ran")
+        return list(dict.fromkeys(found))
+
+
+@contextmanager
+def digesting(records: Iterable[InputRecord]) -> Iterator[Digests]:
+    """Start hashing files; whoever leaves early, with an error, need not wait for the rest."""
+    stop = Event()
+    pool = ThreadPoolExecutor(max_workers=1)
+    try:
+        yield Digests({record: (_fingerprint(record), pool.submit(_sha256, record, stop)) for record in records})
+    finally:
+        stop.set()
+        pool.shutdown(cancel_futures=True)
+
+
+def _sha256(record: InputRecord, stop: Event) -> str:
+    digest, buffer = hashlib.sha256(), bytearray(BLOCK_BYTES)
+    with _readable(record), record.path.open("rb", buffering=0) as file:
+        while not stop.is_set() and (count := file.readinto(buffer)):
+            digest.update(memoryview(buffer)[:count])
+    return digest.hexdigest()
+
+
+def _fingerprint(record: InputRecord) -> Fingerprint:
+    """What changes when the file is written to or replaced."""
+    with _readable(record):
+        status = os.stat(record.path)
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+@contextmanager
+def _readable(record: InputRecord) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError(record.given, f"cannot be read any more: {error.strerror}") from None

@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from workbench.artefacts import Cloud, Groove, GrooveInspection, GrooveSection, u_name
 from workbench.artefacts.grooves import TERMS
 from workbench.errors import one_line
+from workbench.report.along import gaps
 from workbench.report.certificate import STATEMENTS, decision_rule, small
-from workbench.report.groove_drawing import groove_charts, groove_drawing, unit_of
+from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
+from workbench.report.dimensions import TEXT_SIZE
+from workbench.report.figures import hatch_hidden, mark_sections, svg
+from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_rows
 from workbench.report.template import data_address, render
 from workbench.report.values import COVERAGE, alike, decimals, measured
+from workbench.units import DEG, Float
 
 NOT_JUDGED = "No specification was stated: the groove was measured, conformity was not assessed."
 
@@ -117,3 +124,170 @@ def section_tables(inspection: GrooveInspection) -> Iterator[dict[str, Any]]:
             ],
             "judged": bool(inspection.requirements) and ending == "_mm",
         }
+
+
+# A section of a weld groove as an engineering drawing, its dimensions with the letters of ISO 9692-1.
+
+NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the groove: plate drawn
+MOST_POINTS = 12_000
+
+
+def unit_of(size: str) -> str:
+    """' mm' or '°'."""
+    return "°" if size.endswith("_deg") else " mm"
+
+
+def with_u(section: GrooveSection, size: str) -> str:
+    """Value ± U with its unit; '–' where it was not measured."""
+    value, u = section.values.get(size), section.values.get(u_name(size))
+    text = measured(value, u, decimals([u]))
+    if value is None or unit_of(size) == " mm":
+        return text if value is None else f"{text} mm"
+    return f"({text})°"
+
+
+def groove_drawing(cloud: Cloud, groove: Groove, section: GrooveSection) -> bytes:
+    """SVG of a section: returns near it, corners, dimensions."""
+    corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
+    uv = _points(cloud, groove, section)
+    places = np.array(list(corner.values()))
+    left, right = places[:, 0].min() - BESIDE_MM, places[:, 0].max() + BESIDE_MM
+    uv = uv[(uv[:, 0] > left) & (uv[:, 0] < right)]
+    low, high = float(places[:, 1].min()), float(places[:, 1].max())
+    size = max(high - low, 0.3 * (right - left))
+    figure = Figure(figsize=(10, 5.0))
+    axes = figure.add_axes((0.06, 0.12, 0.92, 0.86))
+    axes.set(xlim=(left - 0.5 * size, right + 0.5 * size), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
+    axes.plot(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
+    _outline(axes, corner, straight="root_radius_mm" not in section.values, ends=(left, right))
+    _dimensions(axes, section, corner, size)
+    axes.set_xlabel("right, along the upper surfaces, mm")
+    axes.set_ylabel("up, mm")
+    return svg(figure)
+
+
+def _points(cloud: Cloud, groove: Groove, section: GrooveSection) -> Float:
+    """(n, 2) kept returns of the frames near a section, in its axes."""
+    away = np.abs(groove.frame_arc_length_mm - section.arc_length_mm)
+    frames = np.flatnonzero(away <= max(NEAR_MM, float(np.nanmin(away))))
+    row, column = np.nonzero(cloud.keep[frames])
+    every = max(1, len(row) // MOST_POINTS)
+    off = cloud.placed(frames[row][::every], column[::every]) - section.origin_mm
+    return np.column_stack([off @ section.normal, off @ section.across])
+
+
+def _outline(axes: Axes, corner: dict[str, Float], straight: bool, ends: tuple[float, float]) -> None:
+    """Upper surfaces, faces between the corners that were seen, the corners."""
+    for side, end in zip(("left", "right"), ends, strict=True):
+        names = [f"{side}_{which}" for which in ("upper", "root", "lower")]
+        seen = [corner[name] for name in names if name in corner]
+        if f"{side}_upper" not in corner:
+            continue
+        upper = seen[0]
+        axes.plot([end, upper[0]], [upper[1], upper[1]], color=INK, linewidth=0.7)
+        chain = np.array(seen if straight else seen[1:])
+        if len(chain):
+            axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
+        axes.plot([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
+
+
+def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
+    """What was measured in this section, each with its letter and U."""
+
+    def words(name: str) -> str:
+        letter = TERMS[name][1]
+        return f"{letter} = {with_u(section, name)}" if letter != "–" else f"{TERMS[name][0]} {with_u(section, name)}"
+
+    def shown(name: str, *corners: str) -> bool:
+        return section.values.get(name) is not None and all(one in corner for one in corners)
+
+    high = max(float(place[1]) for place in corner.values())
+    low = min(float(place[1]) for place in corner.values())
+    if shown("width_mm", "left_upper", "right_upper"):
+        _across(axes, corner["left_upper"], corner["right_upper"], high + 0.2 * size, words("width_mm"))
+    if shown("gap_mm", "left_root", "right_root"):
+        a, b = (corner.get(f"{side}_lower", corner[f"{side}_root"]) for side in ("left", "right"))
+        _across(axes, a, b, low - 0.2 * size, words("gap_mm"))
+    aside = {
+        side: corner[f"{side}_upper"][0] + sign * 0.75 * BESIDE_MM
+        for side, sign in (("left", -1), ("right", 1))
+        if f"{side}_upper" in corner
+    }
+    if shown("depth_mm", "right_upper", "right_root"):
+        _up(axes, corner["right_root"], corner["right_upper"], aside["right"], words("depth_mm"), 1.0)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        if shown(f"root_face_{side}_mm", f"{side}_root", f"{side}_lower", f"{side}_upper"):
+            _up(axes, corner[f"{side}_lower"], corner[f"{side}_root"], aside[side], words(f"root_face_{side}_mm"), sign)
+        if shown(f"bevel_{side}_deg", f"{side}_root", f"{side}_upper"):
+            angle = section.values[f"bevel_{side}_deg"] or 0.0
+            _angle(axes, corner[f"{side}_root"], corner[f"{side}_upper"], angle, words(f"bevel_{side}_deg"), sign)
+    middle = 0.5 * sum(float(place[0]) for name, place in corner.items() if name.endswith("_upper"))
+    for row, name in enumerate(("included_deg", "root_radius_mm", "misalignment_mm")):
+        if shown(name):
+            axes.annotate(
+                words(name),
+                (middle, high + 0.36 * size),
+                (0, -11 * row + 8),
+                ha="center",
+                va="center",
+                fontsize=TEXT_SIZE,
+            )
+
+
+def _across(axes: Axes, a: Float, b: Float, at: float, text: str) -> None:
+    """A distance along the upper surfaces; the text beside it where it is short."""
+    for place in (a, b):
+        axes.plot([place[0], place[0]], [place[1], at], color=GREY, linewidth=0.5)
+    axes.arrow((float(a[0]), at), (float(b[0]), at), both=True)
+    axes.annotate(text, (float(max(a[0], b[0])), at), (5, 0), va="center", fontsize=TEXT_SIZE)
+
+
+def _up(axes: Axes, low: Float, high: Float, at: float, text: str, sign: float) -> None:
+    """A height, dimensioned beside the groove on its side."""
+    for place in (low, high):
+        axes.plot([place[0], at], [place[1], place[1]], color=GREY, linewidth=0.5)
+    axes.arrow((at, float(low[1])), (at, float(high[1])), both=True)
+    middle = 0.5 * float(low[1] + high[1])
+    axes.annotate(
+        text, (at, middle), (4 * sign, 0), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE
+    )
+
+
+def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sign: float) -> None:
+    """The arc from the normal of the upper surface to the bevel, with the value in the plate."""
+    radius = 0.6 * float(np.hypot(*(upper - root)))
+    turned = np.linspace(0.0, degrees * DEG, 31)
+    axes.plot(
+        [root[0], root[0]], [root[1], root[1] + 1.15 * radius], color=GREY, linewidth=0.5, dashes=(9, 2.5, 2, 2.5)
+    )
+    axes.plot(root[0] + sign * radius * np.sin(turned), root[1] + radius * np.cos(turned), color=GREY, linewidth=0.6)
+    end = (float(root[0] + sign * radius * np.sin(turned[-1])), float(root[1] + radius * np.cos(turned[-1])))
+    axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
+
+
+def groove_charts(groove: Groove, sections: tuple[GrooveSection, ...], limits: dict[str, tuple[float, float]]) -> bytes:
+    """SVG of every size along the groove with ± U, and its limits where it has some."""
+    names = [name for name in TERMS if name in groove.sizes]
+    height = 1.35 * len(names) + 0.7
+    figure = Figure(figsize=(10, height))
+    rows = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    figure.subplots_adjust(0.09, 0.45 / height, 0.985, 1.0 - 0.2 / height, hspace=0.18)
+    s = groove.arc_length_mm
+    for axes, name in zip(rows, names, strict=True):
+        one = groove.sizes[name]
+        wide = COVERAGE * one.u
+        axes.set_xlim(float(s[0]), float(s[-1]))
+        if name in limits:
+            low, high = limits[name]
+            axes.axhspan(low, high, color=TOLERANCE, zorder=0.1)
+            for at in (low, high):
+                axes.axhline(at, color=LIMIT, linewidth=1.0)
+        axes.fill_between(s, one.value - wide, one.value + wide, color=MEASURED, alpha=0.25)
+        axes.plot(s, one.value, color=MEASURED, linewidth=1.0)
+        hatch_hidden(axes, gaps(s, np.isfinite(one.value) & groove.seen))
+        title, letter = TERMS[name]
+        axes.set_ylabel(f"{letter if letter != '–' else title.split()[-1]},{unit_of(name)}")
+        axes.y_label_at = -0.075
+    mark_sections(rows[0], [one.arc_length_mm for one in sections], [str(one.index) for one in sections])
+    rows[-1].set_xlabel("arc length along the groove, mm")
+    return svg(figure)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 
 from workbench.artefacts import (
+    BEVEL_FACE,
+    ROOT_FACE,
+    UNLABELLED,
     Cloud,
     Edge,
     EdgeProfile,
@@ -16,22 +21,23 @@ from workbench.artefacts import (
     RawEdge,
     Scene,
     Section,
+    Shading,
     Strokes,
     Toolpath,
 )
 from workbench.report.colour_scales import feed_colours, layer_colours
-from workbench.report.colours import INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, rgb
+from workbench.report.colours import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
+from workbench.report.deviations import outside_mm, round_limit
 from workbench.report.inspection_text import faces_seen
 from workbench.report.loop import Compared
 from workbench.report.plan_tables import layer_rows
 from workbench.report.planned import Run, frames_in_base, middle_of_cut_mm, planned_bevel
 from workbench.report.procedure import TOOL_AXIS_MM, runs, station_frame
-from workbench.report.sample import Points
-from workbench.report.scene_points import telling
+from workbench.report.sample import Points, at_places, frame_arc_length_mm, overview
 from workbench.report.section_views import faces_extent, of_interest, plane_corners
-from workbench.report.shadings import Along, along, always, by_deviation, by_face, laid_out_faces
+from workbench.report.unrolled_edge import developed
 from workbench.report.values import decimals, measured
-from workbench.units import DEG, AnyArray, Float
+from workbench.units import DEG, AnyArray, Float, Int
 
 
 def inspection_scene(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> Scene:
@@ -196,3 +202,157 @@ def tool_axes(toolpath: Toolpath) -> Strokes:
     lines = tuple(np.array([p, end]) for p, three in zip(place, ends, strict=True) for end in three)
     colours = tuple(np.tile(rgb(TOOL_AXES[k % 3]), (2, 1)) for k in range(len(lines)))
     return Strokes("tool axes x, y, z of the final layer", lines, colours, shown=False)
+
+
+# Which points of a cloud a scene holds: many about the ends of faces, where corners are, the rest evenly in space.
+
+CORNER_SHARE = 0.4  # of the points that lie near ends of faces, at most
+CORNER_COLUMNS = np.arange(-3, 4)  # about each end of a face
+CANDIDATES = 4  # points looked at for one that is taken
+TRIES = 6  # voxel sizes tried
+
+
+def telling(cloud: Cloud, edge: Edge, budget: int) -> Points:
+    """At most `budget` kept points, in an order of which any first part shows the whole."""
+    corners = near_ends(cloud, edge, int(CORNER_SHARE * budget))
+    rest = overview(cloud, edge, CANDIDATES * budget)
+    rest = evenly(rest.where(~np.isin(_place(rest, cloud), _place(corners, cloud))), budget - len(corners.label))
+    order = np.random.default_rng(0)  # the same every time
+    rank = [order.permutation(len(each.label)) / max(1, len(each.label)) for each in (corners, rest)]
+    both = (np.concatenate([getattr(corners, f.name), getattr(rest, f.name)]) for f in fields(Points))
+    return Points(*both).where(np.argsort(np.concatenate(rank), kind="stable"))
+
+
+def _place(points: Points, cloud: Cloud) -> Int:
+    """(n,) where in the grid each point is, as one number."""
+    place: Int = points.frame * cloud.x_mm.shape[1] + points.column
+    return place
+
+
+def near_ends(cloud: Cloud, edge: Edge, budget: int) -> Points:
+    """At most `budget` kept points of the columns about the first and the last one of each face in a frame."""
+    frames, columns = cloud.x_mm.shape
+    faces = [label for label in edge.faces or np.unique(edge.labels[:: max(1, frames // 300)]) if label != UNLABELLED]
+    a_frame = 2 * len(faces) * len(CORNER_COLUMNS)
+    some = np.arange(0, frames, max(1, math.ceil(frames * a_frame / max(1, budget))))
+    found = [_ends(cloud, edge, some, int(face)) for face in faces]
+    place = np.unique(np.concatenate([np.zeros(0, np.int64), *found]))
+    frame, column = place // columns, place % columns
+    there = cloud.keep[frame, column] & np.isfinite(cloud.x_mm[frame, column]) & np.isfinite(cloud.z_mm[frame, column])
+    return at_places(cloud, edge, frame[there], column[there])
+
+
+def _ends(cloud: Cloud, edge: Edge, frames: Int, face: int) -> Int:
+    """Places frame x M + column about both ends of a face in each of `frames`."""
+    here = (edge.labels[frames] == face) & cloud.keep[frames]
+    seen = here.any(axis=1)
+    frames, here, columns = frames[seen], here[seen], here.shape[1]
+    ends = np.stack([here.argmax(axis=1), columns - 1 - here[:, ::-1].argmax(axis=1)], axis=1)
+    column = np.clip(ends[:, :, None] + CORNER_COLUMNS, 0, columns - 1)
+    return np.asarray((frames[:, None, None] * columns + column).ravel(), dtype=np.int64)
+
+
+def evenly(points: Points, budget: int) -> Points:
+    """At most `budget` of the points: one in each cell of a cubic grid in space, as fine as that allows."""
+    if len(points.label) <= budget:
+        return points
+    offset = points.position_mm - points.position_mm.min(axis=0)
+    first, cell_mm = np.arange(0), math.sqrt(float(np.prod(np.sort(offset.max(axis=0))[1:])) / max(1, budget))
+    for _ in range(TRIES):  # on surfaces the number of cells goes with one over the square of their size
+        found = _first_in_cells(offset, cell_mm)
+        if len(first) < len(found) <= budget:
+            first = found
+        if 0.9 * budget <= len(found) <= budget:
+            break
+        cell_mm *= math.sqrt(len(found) / (0.95 * budget))
+    return points.where(first)
+
+
+def _first_in_cells(offset_mm: Float, cell_mm: float) -> AnyArray:
+    cell = (offset_mm / cell_mm).astype(np.int64)
+    count = cell.max(axis=0) + 1
+    return np.unique((cell[:, 0] * count[1] + cell[:, 1]) * count[2] + cell[:, 2], return_index=True)[1]
+
+
+# How the points of a scene are coloured: by face, and by how far they lie outside the faces that they belong to.
+
+BELOW, NONE, ABOVE = "#1f5fa8", "#e4e1d6", "#b3261e"  # too little material, as it should be, too much
+UNKNOWN = 255  # the palette's last row: no deviation known here
+STEPS = 127  # colours on each side of zero
+GAP_MM = 3.0  # values along the edge are interpolated between places that are so close
+Along = Callable[[Float], Float]  # a value by arc length, NaN where it is not known
+
+
+def by_face(points: Points, names: list[tuple[str, str]]) -> Shading:
+    """Each face in its colour; `names` and colours of the faces that are there."""
+    return Shading("face", points.label.astype(np.uint8), face_shades(), tuple(names))
+
+
+def by_deviation(name: str, points: Points, laid: Float, root_mm: Along, bevel_deg: Along) -> Shading:
+    """How far root and bevel face lie outside faces of that root face and bevel angle, which go with the arc length."""
+    off = deviation_mm(points, laid, root_mm, bevel_deg)
+    known = np.isfinite(off)
+    limit = round_limit(np.abs(off[known])) if known.any() else 0.05
+    index = np.full(len(off), UNKNOWN, np.uint8)
+    index[known] = np.round((np.clip(off[known] / limit, -1.0, 1.0) + 1.0) * STEPS)
+    palette = np.vstack([_diverging(), [rgb(GREY)]])
+    return Shading(name, index, palette.astype(np.uint8), _legend(limit, palette))
+
+
+def laid_out_faces(points: Points, cloud: Cloud, edge: Edge) -> Float:
+    """(n, 3) arc length, u and v of the points of root and bevel face; NaN for all others."""
+    face = np.isin(points.label, (ROOT_FACE, BEVEL_FACE))
+    laid = np.full((len(face), 3), np.nan)
+    laid[face] = developed(points.position_mm[face], frame_arc_length_mm(cloud, edge)[points.frame[face]], edge)
+    return laid
+
+
+def deviation_mm(points: Points, laid: Float, root_mm: Along, bevel_deg: Along) -> Float:
+    """(n,) distance outwards from the faces; NaN off root and bevel face, and where root or angle are not known.
+
+    laid: from `laid_out_faces`.
+    """
+    off = np.full(len(points.label), np.nan)
+    face = np.flatnonzero(np.isfinite(laid[:, 0]))
+    s, uv = laid[face, 0], laid[face, 1:]
+    off[face] = outside_mm(uv, points.label[face] == BEVEL_FACE, root_mm(s), bevel_deg(s) * DEG)
+    return off
+
+
+def along(arc_length_mm: Float, value: Float) -> Along:
+    """Values (k,) interpolated between places near to each other; NaN in gaps and beyond the ends."""
+    known = np.isfinite(arc_length_mm) & np.isfinite(value)
+    order = np.argsort(arc_length_mm[known])
+    s, values = arc_length_mm[known][order], value[known][order]
+    gaps = np.flatnonzero(np.diff(s) > GAP_MM) + 1
+    s_all, all_values = np.insert(s, gaps, s[gaps] - 1e-6), np.insert(values, gaps, np.nan)
+
+    def at(where_mm: Float) -> Float:
+        if not len(s):
+            return np.full(len(where_mm), np.nan)
+        near = np.clip(where_mm, s[0] - 1.0, s[-1] + 1.0) == where_mm  # the ends are not cut off to a hair
+        found: Float = np.interp(where_mm, s_all, all_values)
+        return np.where(near, found, np.nan)
+
+    return at
+
+
+def always(value: float) -> Along:
+    """One value all along the edge."""
+    return lambda where_mm: np.full(len(where_mm), value)
+
+
+def _diverging() -> Float:
+    """(2 STEPS + 1, 3) red, green, blue from below over none to above."""
+    ends = np.array([rgb(BELOW), rgb(NONE), rgb(ABOVE)], float)
+    at = np.linspace(0.0, 2.0, 2 * STEPS + 1)
+    return np.stack([np.interp(at, np.arange(3.0), ends[:, k]) for k in range(3)], axis=1)
+
+
+def _legend(limit_mm: float, palette: Float) -> tuple[tuple[str, str], ...]:
+    texts = (f"−{limit_mm:g} mm or less", f"−{limit_mm / 2:g}", "0", f"+{limit_mm / 2:g}", f"+{limit_mm:g} mm or more")
+    rows = np.linspace(0, 2 * STEPS, len(texts)).round().astype(int)
+    shown = [
+        (text, "#{:02x}{:02x}{:02x}".format(*palette[row].astype(int))) for text, row in zip(texts, rows, strict=True)
+    ]
+    return (*shown, ("not assessed", GREY))

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.geometry.poses import inverse
 from workbench.synthetic.motion import generator, move, recorded_hand_eye
-from workbench.synthetic.prism import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, course_at, enter, plate_at, sees
 from workbench.synthetic.prism_recipe import SQUARE, PrismGroove, PrismRecipe
 from workbench.synthetic.raycast import Sensor
+from workbench.synthetic.recipe import Course
 from workbench.synthetic.returns import disturb, intensities
 from workbench.synthetic.scan import column_offsets, sensor_of
 from workbench.synthetic.surface import build_surface, pose
 from workbench.synthetic.swept.groove import GrooveSizes
 from workbench.synthetic.swept.truth import GrooveTruth
-from workbench.units import DEG, Float
+from workbench.units import DEG, Bool, Float
 
 BLOCK_FRAMES = 32
 STATION_MM = 0.25
@@ -158,3 +161,173 @@ def _sizes(groove: PrismGroove, x: Float) -> GrooveSizes:
         root_radius_mm=np.full(len(x), groove.radius_mm) if groove.type in ("U", "J") else none,
         corners=corners,
     )
+
+
+# Rays against a straight weld groove: exact crossings with the lines and arcs of the section where they meet it.
+#
+# In the section a = -y counts from the left plate to the right one, b = z. Where the section changes along the
+# groove, the section at a ray's own x is found by iteration; it converges by the slope of the change, to below 1e-9
+# mm.
+
+_ROUNDS = 4  # of the iteration for x
+_SLACK = 1e-9  # of a line's length, so that no ray slips through a corner
+NOTHING, LEFT, RIGHT, LEFT_TOP, RIGHT_TOP, OTHER = range(6)  # what a ray meets: bevels and faces, surfaces, the rest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plate:
+    """A plate's section at k places, drawn as the left one; a plate without a bevel has all on one line."""
+
+    far: Float  # (k, 2, 2) ends of the lower and of the upper surface
+    foot: Float  # (k, 2) where the lower surface ends
+    lower: Float  # (k, 2) lower edge of the root face
+    root: Float  # (k, 2) upper edge of the root face
+    bend: Float  # (k, 2) where the bevel's straight flank begins
+    upper: Float  # (k, 2)
+    centre: Float  # (k, 2) of the fillet; NaN: none
+    bevel: Float  # (k,) rad, NaN: none
+
+
+def course_at(course: Course, x: Float, length: float) -> Float:
+    """A value along the groove at x."""
+    wave = np.sin(2 * math.pi * x / course.wavelength_mm + course.phase_deg * DEG)
+    return np.asarray(course.start + (course.end - course.start) * x / length + course.amplitude * wave)
+
+
+def plate_at(groove: PrismGroove, side: str, x: Float) -> Plate:
+    """The section of the `left` or `right` plate at x (k,)."""
+
+    def at(course: Course) -> Float:
+        return course_at(course, x, groove.length_mm)
+
+    def point(a: Float, b: Float) -> Float:
+        return np.stack([a + 0 * x, b + 0 * x], axis=-1)
+
+    top, edge, none = at(groove.thickness_mm), -at(groove.gap_mm) / 2, np.full((*x.shape, 2), np.nan)
+    far = np.stack([point(edge - groove.plate_width_mm, 0 * x), point(edge - groove.plate_width_mm, top)], axis=-2)
+    if side in SQUARE.get(groove.type, ()):
+        low, high = point(edge, 0 * x), point(edge, top)
+        return Plate(far, low, low, high, high, high, none, none[..., 0])
+    below = groove.under_mm if groove.type in ("X", "K") else 0.0
+    face = 0 * x if groove.type in ("V", "HV") else at(groove.root_face_mm)
+    bevel = at(groove.bevel_left_deg if side == "left" else groove.bevel_right_deg) * DEG
+    foot = point(edge - below * math.tan(groove.under_deg * DEG), 0 * x)
+    lower, root = point(edge, below + 0 * x), point(edge, below + face)
+    bend, centre = root, none
+    if groove.type in ("U", "J"):
+        centre = root + np.array([0.0, groove.radius_mm])
+        bend = centre - groove.radius_mm * np.stack([np.cos(bevel), np.sin(bevel)], axis=-1)
+    rise = top - bend[..., 1]
+    upper = point(bend[..., 0] - rise * np.tan(bevel), top)
+    return Plate(far, foot, lower, root, bend, upper, centre, bevel)
+
+
+def enter(groove: PrismGroove, origin: Float, way: Float, after: float) -> tuple[Float, Float, Float]:
+    """Where rays origin + t way (k, 3) first meet the groove at t > after: t (inf: nowhere), cosine, what (k,)."""
+    o, w = origin[:, [1, 2]] * (-1, 1), way[:, [1, 2]] * (-1, 1)
+    level = groove.thickness_mm.start / 2
+    reach = np.maximum((level - o[:, 1]) / np.where(w[:, 1] == 0, -1.0, w[:, 1]), 0.0)
+    cosine, what = np.zeros(len(o)), np.zeros(len(o))
+    found = np.full(len(o), np.inf)
+    for _ in range(_ROUNDS):
+        x = np.clip(origin[:, 0] + np.where(np.isfinite(reach), reach, 0.0) * way[:, 0], 0.0, groove.length_mm)
+        found, cosine, what = _section_hit(groove, x, o, w, after)
+        reach = np.where(np.isfinite(found), found, reach)
+    at = origin[:, 0] + np.where(np.isfinite(found), found, 0.0) * way[:, 0]
+    found[(at < 0) | (at > groove.length_mm)] = np.inf
+    cosine = cosine * np.linalg.norm(w, axis=1) / np.linalg.norm(way, axis=1)
+    if groove.background_mm is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            back = (-groove.background_mm - o[:, 1]) / w[:, 1]
+        nearer = (back > after) & (back < found)
+        found = np.where(nearer, back, found)
+        cosine = np.where(nearer, np.abs(w[:, 1]) / np.linalg.norm(way, axis=1), cosine)
+        what = np.where(nearer, OTHER, what)
+    for mound in groove.mounds:
+        found, cosine, what = _mound_hit(
+            mound.at_mm, mound.z_mm, np.array(mound.half_mm), origin, way, after, (found, cosine, what)
+        )
+    return found, cosine, np.where(np.isfinite(found), what, NOTHING)
+
+
+def _section_hit(groove: PrismGroove, x: Float, o: Float, w: Float, after: float) -> tuple[Float, Float, Float]:
+    """First crossings of lines o + t w (k, 2) with the section at x (k,)."""
+    best, cosine, what = np.full(len(x), np.inf), np.zeros(len(x)), np.zeros(len(x))
+    for side, flank, surface in (("left", LEFT, LEFT_TOP), ("right", RIGHT, RIGHT_TOP)):
+        plate, mirror = plate_at(groove, side, x), np.array([1.0, 1.0] if side == "left" else [-1.0, 1.0])
+        raised = np.zeros((len(x), 2))
+        if side == "right":
+            raised[:, 1] = course_at(groove.misalignment_mm, x, groove.length_mm)
+        start, go = (o - raised) * mirror, w * mirror
+        lines = [
+            (plate.far[:, 0], plate.foot, OTHER),
+            (plate.foot, plate.lower, OTHER),
+            (plate.lower, plate.root, flank),
+            (plate.bend, plate.upper, flank),
+            (plate.upper, plate.far[:, 1], surface),
+        ]
+        for first, last, name in lines:
+            t, c = _line_hit(start, go, first, last, after)
+            nearer = t < best
+            best, cosine, what = np.where(nearer, t, best), np.where(nearer, c, cosine), np.where(nearer, name, what)
+        if np.isfinite(plate.centre).any():
+            t, c = _arc_hit(start, go, plate, groove.radius_mm, after)
+            nearer = t < best
+            best, cosine, what = np.where(nearer, t, best), np.where(nearer, c, cosine), np.where(nearer, flank, what)
+    return best, cosine, what
+
+
+def _line_hit(o: Float, w: Float, first: Float, last: Float, after: float) -> tuple[Float, Float]:
+    along, off = last - first, first - o
+    length = np.linalg.norm(along, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        det = w[:, 0] * along[:, 1] - w[:, 1] * along[:, 0]
+        t = (off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0]) / det
+        share = (off[:, 0] * w[:, 1] - off[:, 1] * w[:, 0]) / det
+        cosine = np.abs(det) / (length * np.linalg.norm(w, axis=1))
+    hit = (length > 0) & (t > after) & (share >= -_SLACK) & (share <= 1 + _SLACK)
+    return np.where(hit, t, np.inf), np.where(hit, cosine, 0.0)
+
+
+def _arc_hit(o: Float, w: Float, plate: Plate, radius: float, after: float) -> tuple[Float, Float]:
+    """With the fillet: the quarter from straight below its centre to the bevel's flank; the plate lies outside."""
+    off = o - plate.centre
+    a, half, c = (w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - radius**2
+    root = np.sqrt(np.maximum(half**2 - a * c, 0.0))
+    best, cosine = np.full(len(o), np.inf), np.zeros(len(o))
+    for sign in (-1.0, 1.0):
+        t = (-half + sign * root) / a
+        at = off + t[:, None] * w
+        turn = np.arctan2(-at[:, 0], -at[:, 1])
+        hit = (half**2 > a * c) & (t > after) & (turn >= -_SLACK) & (turn <= math.pi / 2 - plate.bevel + _SLACK)
+        nearer = hit & (t < best)
+        best = np.where(nearer, t, best)
+        cosine = np.where(nearer, np.abs((at * w).sum(axis=1)) / (radius * np.sqrt(a)), cosine)
+    return best, cosine
+
+
+def _mound_hit(
+    at_mm: float,
+    z_mm: float,
+    half_mm: Float,
+    origin: Float,
+    way: Float,
+    after: float,
+    before: tuple[Float, Float, Float],
+) -> tuple[Float, Float, Float]:
+    found, cosine, what = before
+    off, w = (origin - (at_mm, 0.0, z_mm)) / half_mm, way / half_mm
+    a, half, c = (w * w).sum(axis=1), (off * w).sum(axis=1), (off * off).sum(axis=1) - 1.0
+    inside = half**2 > a * c
+    t = (-half - np.sqrt(np.maximum(half**2 - a * c, 0.0))) / a
+    nearer = inside & (t > after) & (t < found)
+    normal = (off + t[:, None] * w) / half_mm
+    slope = np.abs((normal * way).sum(axis=1)) / (np.linalg.norm(normal, axis=1) * np.linalg.norm(way, axis=1))
+    return np.where(nearer, t, found), np.where(nearer, slope, cosine), np.where(nearer, OTHER, what)
+
+
+def sees(groove: PrismGroove, point: Float, target: Float) -> Bool:
+    """Whether nothing stands between surface points (k, 3) and `target` (k, 3)."""
+    way = target - point
+    away = 1e-4 / np.linalg.norm(way, axis=1, keepdims=True)
+    return np.asarray(enter(groove, point + away * way, way, 0.0)[0] > 1.0)

@@ -15,7 +15,7 @@ from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.planning import Limits, Optics
 from workbench.plugins.calibration.solve import Answer, solve
 from workbench.synthetic import SphereRecipe
-from workbench.synthetic.sphere_motion import in_profiler
+from workbench.synthetic.sphere import in_profiler
 from workbench.synthetic.surface import pose as placed
 from workbench.units import DEG, Float
 

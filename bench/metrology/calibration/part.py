@@ -19,7 +19,7 @@ from workbench.plugins.calibration.model import Estimate, Noise, information, li
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.solve import Answer, solve
 from workbench.synthetic import SphereRecipe, random_sphere_recipe, simulate_sphere
-from workbench.synthetic.sphere_motion import design_hand_eye, sphere_motion
+from workbench.synthetic.sphere import design_hand_eye, sphere_motion
 from workbench.units import Float
 
 SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")

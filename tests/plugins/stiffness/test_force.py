@@ -9,8 +9,7 @@ from workbench.api import Cutter, Engagement, Layer, LayerEngagement, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.coefficients import PUBLISHED, CuttingCoefficients
-from workbench.plugins.stiffness.cutting import milling_force
+from workbench.plugins.stiffness.force import PUBLISHED, CuttingCoefficients, milling_force
 
 C = PUBLISHED["al7075_t6"]
 CUTTER = Cutter()

@@ -13,8 +13,16 @@ from workbench.errors import InputError
 from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
-from workbench.plugins.stiffness.arm import Arm, arm_of, displacements, fast_arm, joint_angles, traverse
-from workbench.plugins.stiffness.general_arm import MOST_POSES, GeneralArm
+from workbench.plugins.stiffness.arm import (
+    MOST_POSES,
+    Arm,
+    GeneralArm,
+    arm_of,
+    displacements,
+    fast_arm,
+    joint_angles,
+    traverse,
+)
 from workbench.plugins.stiffness.traversal import BRANCHES
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, forward_kinematics, read_cell

@@ -15,10 +15,10 @@ from workbench.plugins.stiffness import compensate, force, posture, predict
 from workbench.plugins.stiffness.elastic import balance
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
-from workbench.program.rapid_parser import parse_rapid
 from workbench.program.rapid_program import RapidProgram, RobTarget
+from workbench.program.rapid_reader import parse_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
-from workbench.twin.deflections import read_deflections
+from workbench.twin.mill import read_deflections
 from workbench.units import Float
 
 from .test_posture import PATH, thinned

@@ -12,6 +12,7 @@ from pydantic import Field
 from workbench.api import (
     DEG,
     AngleConvention,
+    Bool,
     Cell,
     Chain,
     Chapter,
@@ -21,17 +22,17 @@ from workbench.api import (
     InputFile,
     LoadingSetup,
     abb_angles,
+    forward_kinematics,
+    pieces,
     stage,
     within_limits,
 )
-from workbench.plugins.stiffness.chapter import stiffness_chapter
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature, equations
 from workbench.plugins.stiffness.estimate import Estimate, robust, solve
 from workbench.plugins.stiffness.load_mistakes import PLAUSIBLE_NM_PER_RAD, explain, mean_stiffness
 from workbench.plugins.stiffness.loads import read_loads
 from workbench.plugins.stiffness.observability import reason, unobserved
 from workbench.plugins.stiffness.read import stiffness_document
-from workbench.plugins.stiffness.rigid import check_rigid
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MANY = 0.1  # share of loads or points: where more contradict the rest, it is no gross error here and there
@@ -253,3 +254,130 @@ def check_size(found: Estimate, tests: LoadingTests) -> None:
             f"expected joint stiffness of some 1e5 to 1e7 Nm/rad, found a mean of {mean:.2g}: "
             f"are units mixed by a factor of 1,000 ({cause})?",
         )
+
+
+# The identified stiffness as a chapter of the report.
+
+
+def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], residual: Float, used: list[bool]) -> Chapter:
+    """Stiffness with its uncertainty, and how each load fits."""
+    share = 2 * found.u_nm_per_rad / found.nm_per_rad
+    worst = int(np.argmax(share))
+    summary = (
+        f"Joint stiffness from {found.loads} loads at {found.postures} postures; the least certain is joint "
+        f"{worst + 1}, U = {100 * share[worst]:.1f} % of its value (k = 2)"
+    )
+    rows = [
+        (f"{j}", f"{k / 1e6:.4f} ± {2 * u / 1e6:.4f}", f"{100 * (2 * u / k):.1f} %")
+        for j, (k, u) in enumerate(zip(found.nm_per_rad, found.u_nm_per_rad, strict=True), 1)
+    ]
+    text = (
+        pieces.table_html(("Joint", "Stiffness ± U, 10⁶ N·m/rad", "U / value"), rows)
+        + pieces.note(f"U: expanded uncertainty, U = 2 u. Condition number {found.condition_number:.1f}.")
+        + pieces.list_html(found.warnings)
+        + pieces.figure_html(
+            _picture(labels, residual, used),
+            "Residual of each load over its noise",
+            "Residual of each load over its standard uncertainty; ×: left out.",
+        )
+    )
+    return Chapter("Joint stiffness", text, summary=summary)
+
+
+def _picture(labels: tuple[str, ...], residual: Float, used: list[bool]) -> bytes:
+    """Residual of each load over its noise, by posture; loads left out as crosses."""
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys(labels))
+    with pieces.styled():
+        figure = Figure(figsize=(10, 2.8), layout="constrained")
+        axes = figure.subplots()
+        at, kept = np.arange(1, len(labels) + 1), np.array(used)
+        for name in names:
+            here = np.array([label == name for label in labels])
+            (drawn,) = axes.plot(at[here & kept], residual[here & kept], "o", ms=3, label=f"posture {name}")
+            axes.plot(at[here & ~kept], residual[here & ~kept], "x", color=drawn.get_color())
+        axes.axhline(1.0, color=pieces.GREY, lw=0.8)
+        axes.set(xlabel="load", ylabel="residual / noise")
+        axes.set_ylim(bottom=0)
+        if len(names) <= 8:
+            axes.legend(ncols=8, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        return pieces.svg(figure)
+
+
+# Tracked points move as one rigid body: a point that does not is a gross error of the tracker.
+
+GROSS = 1e-4  # chance that a sound set of loads loses a point
+
+
+def check_rigid(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> tuple[LoadingTests, tuple[str, ...]]:
+    """The tests without points that contradict the others, and a line on each.
+
+    A load's points are fitted with a small rigid motion (six unknowns). Where the misfit is no chance, the point
+    without which the others agree is put aside; where three points disagree and none can be told, all of them are.
+    """
+    if tests.targets_mm is None:
+        return tests, ()
+    at = _levers(chain, setup, tests)
+    seen = np.isfinite(tests.targets_mm[..., 0])
+    moved, notes = tests.targets_mm.copy(), []
+    spread = _spread(moved, at, seen, setup.target_noise_mm)
+    for i in range(len(moved)):
+        for k in _gross(moved[i], at[i], seen[i], setup.target_noise_mm * spread, len(moved)):
+            moved[i, k] = np.nan
+            notes.append(f"line {tests.lines[i]}: point p{k + 1} does not move with the others: left out")
+    if np.isnan(moved).all():
+        raise InputError(tests.source, "expected tracked points that move as one rigid body, found none")
+    return dataclasses.replace(tests, targets_mm=moved), tuple(notes)
+
+
+def _levers(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Float:
+    """(L, k, 3) from the points' middle to each point, in base axes."""
+    assert tests.targets_mm is not None
+    count = tests.targets_mm.shape[1]
+    if count > len(setup.targets_mm):
+        raise InputError(
+            tests.source,
+            f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
+            f"$.loading.targets_mm places no p{count}",
+        )
+    rotation = forward_kinematics(chain, tests.joints)[:, None, :3, :3]
+    arms = setup.targets_mm[:count] - setup.targets_mm[:count].mean(axis=0)
+    return np.asarray((rotation @ arms[:, :, None])[..., 0])
+
+
+def _misfit(moved: Float, at: Float, use: Bool) -> float:
+    """Sum of squares (mm^2) that no small rigid motion explains."""
+    x, y, z = at[use].T
+    o = np.zeros_like(x)
+    turn = np.stack([np.stack([o, z, -y], -1), np.stack([-z, o, x], -1), np.stack([y, -x, o], -1)], 1)
+    a = np.concatenate([np.broadcast_to(np.eye(3), turn.shape), turn], axis=2).reshape(-1, 6)
+    b = moved[use].reshape(-1)
+    return float(np.sum((b - a @ np.linalg.lstsq(a, b, rcond=None)[0]) ** 2))
+
+
+def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
+    """How many times the stated noise most loads show, at least 1."""
+    ratios = [
+        _misfit(m, a, s) / noise_mm**2 / scipy.special.chdtri(3 * s.sum() - 6, 0.5)
+        for m, a, s in zip(moved, at, seen, strict=True)
+        if s.sum() >= 3
+    ]
+    return max(1.0, float(np.sqrt(np.median(ratios)))) if ratios else 1.0
+
+
+def _gross(moved: Float, at: Float, seen: Bool, noise_mm: float, loads: int) -> list[int]:
+    """Points of one load to leave out."""
+    use = seen.copy()
+    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * scipy.special.chdtri(
+        3 * use.sum() - 6, GROSS / loads
+    ):
+        if use.sum() == 3:
+            return [int(k) for k in np.flatnonzero(seen)]
+        without = []
+        for k in np.flatnonzero(use):
+            rest = use.copy()
+            rest[k] = False
+            without.append((_misfit(moved, at, rest), int(k)))
+        use[min(without)[1]] = False
+    return [int(k) for k in np.flatnonzero(seen & ~use)]

@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import InputError
-from workbench.synthetic.swept.groove import RIGHT, is_square
-from workbench.synthetic.swept.groove_mesh import groove_mesh
-from workbench.synthetic.swept.mesh import Mesh, Relief, gaussian_relief
+from workbench.synthetic.swept.groove import RIGHT, groove_chains, groove_sizes, is_square
+from workbench.synthetic.swept.mesh import (
+    OTHER,
+    Hits,
+    Mesh,
+    Piece,
+    Relief,
+    chain_sheet,
+    gaussian_relief,
+    mesh_of,
+    sheet,
+    stations,
+    swept,
+)
 from workbench.synthetic.swept.motion import Motion, moves, recorded_hand_eye
 from workbench.synthetic.swept.plate_mesh import plate_mesh, relief_of
-from workbench.synthetic.swept.recipe import AnyRecipe, GroovePart, GrooveRecipe, SweptPart, SweptRecipe, Texture
-from workbench.synthetic.swept.returns import fixed_pattern, returned
+from workbench.synthetic.swept.recipe import (
+    AnyRecipe,
+    Ghost,
+    GroovePart,
+    GrooveRecipe,
+    Reflection,
+    SweptPart,
+    SweptRecipe,
+    SweptScanner,
+    Texture,
+)
 from workbench.synthetic.swept.section import BEVEL, ROOT, UNDER, UPPER
 from workbench.synthetic.swept.sensor import Profiles, Spoil, View, column_places, see
 from workbench.synthetic.swept.spine import Curve, curve_of
-from workbench.synthetic.swept.spoiled import ghosts_of, reflections_of
 from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
-from workbench.units import AnyArray, Float, Float32
+from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK_FRAMES = 128
 Progress = Callable[[int, int], None]
@@ -150,3 +170,177 @@ def _recording(recipe: AnyRecipe, motions: list[Motion], x: Float32, z: Float32,
         intensity=light if recipe.scanner.intensity else None,
         part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
     )
+
+
+# Ranges that are wrong for what the part is: second returns of a face, and one flank seen in the other.
+
+MOST_BETWEEN_MM = 40.0  # flanks further apart show nothing of each other
+
+
+def ghosts_of(ghosts: Sequence[Ghost]) -> Spoil:
+    """What ghosts add to the ranges."""
+
+    def added(hits: Hits, point: Float, way: Float, rng: np.random.Generator) -> Float:
+        off = np.zeros(len(hits.s))
+        for ghost in ghosts:
+            on = (hits.face == (ROOT if ghost.face == "root" else BEVEL)) & (hits.s >= ghost.from_mm)
+            on &= (hits.s <= ghost.to_mm) & (hits.share >= ghost.across[0]) & (hits.share <= ghost.across[1])
+            if ghost.probability < 1:
+                on &= rng.random(len(on)) < ghost.probability
+            off[on] += ghost.offset_mm
+        return off
+
+    return added
+
+
+def reflections_of(reflection: Reflection, mesh: Mesh, rng: np.random.Generator) -> Spoil:
+    """What reflections add: where a patch of a flank mirrors the laser onto the other plate, a share of that way."""
+    patches = gaussian_relief(1.0, reflection.patch_mm, (512, 256), rng)
+    least = float(np.quantile(patches.field, 1 - reflection.share))
+    sides = {"left": (0,), "right": (RIGHT,), "both": (0, RIGHT)}[reflection.flank]
+
+    def added(hits: Hits, point: Float, way: Float, rng: np.random.Generator) -> Float:
+        off = np.zeros(len(hits.s))
+        if reflection.share == 0:
+            return off
+        for side in sides:
+            on = np.flatnonzero(np.isin(hits.face, (ROOT + side, BEVEL + side)))
+            on = on[patches.at(hits.s[on] + 37.0 * side, hits.across_mm[on]) > least]
+            normal, into = hits.normal[on], way[on] / np.linalg.norm(way[on], axis=1, keepdims=True)
+            out = into - 2 * np.einsum("ij,ij->i", into, normal)[:, None] * normal
+            back = mesh.cast(point[on] + 0.02 * normal, out)
+            seen = (back.reach < MOST_BETWEEN_MM) & (back.face // RIGHT == (RIGHT - side) // RIGHT)
+            off[on[seen]] = reflection.depth_share * back.reach[seen]
+        return off
+
+    return added
+
+
+# A groove as triangles: both plates, tack welds, spatter and what lies behind the gap.
+
+BACKGROUND = 32  # a face: what is seen through the gap
+
+
+def groove_mesh(part: GroovePart, curve: Curve, rng: np.random.Generator) -> Mesh:
+    """The mesh of a groove."""
+    frames = stations(curve)
+    pieces = [chain_sheet(frames, chain) for chain in groove_chains(part, frames.s, curve.length)]
+    pieces += _tacks(part, curve) + _spatter(part, curve, rng)
+    if part.background_mm is not None:
+        a, b = 1.5 * part.reach_mm, -part.background_mm
+        points = np.repeat(np.array([[[a, b], [-a, b]]]), len(frames.s), axis=0)
+        place = np.zeros((len(frames.s), 2, 3))
+        pieces.append(sheet(swept(frames, points), place, np.array([BACKGROUND], dtype=np.uint8)))
+    return mesh_of(pieces)
+
+
+def _tacks(part: GroovePart, curve: Curve) -> list[Piece]:
+    """Ellipsoids about the root."""
+    s = np.array([tack.at_mm for tack in part.tacks], dtype=float)
+    corners = groove_sizes(part, s, curve.length).corners
+    level = "lower" if part.groove == "I" else "root"  # a square plate's root face goes up to its upper surface
+    height = np.minimum(corners[f"left_{level}"][:, 1], corners[f"right_{level}"][:, 1])
+    root = np.stack([np.zeros(len(s)), height], axis=1)
+    return [
+        _ellipsoid(curve, t.at_mm, place, (t.width_mm / 2, t.height_mm, t.length_mm / 2))
+        for t, place in zip(part.tacks, root, strict=True)
+    ]
+
+
+def _spatter(part: GroovePart, curve: Curve, rng: np.random.Generator) -> list[Piece]:
+    """Drops, their middles on the surface."""
+    count = rng.poisson(part.spatter.per_100_mm * curve.length / 100)
+    s, across = rng.uniform(0, curve.length, count), rng.uniform(-1, 1, count) * part.spatter.reach_mm
+    radius = rng.uniform(*part.spatter.radius_mm, count)
+    pieces = []
+    for i in range(count):
+        at = np.array([s[i]])
+        corners = groove_sizes(part, at, curve.length).corners
+        side = "left" if across[i] < 0 else "right"
+        root, upper = corners[f"{side}_root"][0], corners[f"{side}_upper"][0]
+        outer, inner = sorted([abs(root[0]), abs(upper[0])])[::-1]
+        if abs(across[i]) < inner:  # it fell through the gap
+            continue
+        share = np.clip((abs(across[i]) - inner) / max(outer - inner, 1e-9), 0, 1)
+        height = root[1] + share * (upper[1] - root[1])
+        place = np.array([across[i], height])
+        pieces.append(_ellipsoid(curve, s[i], place, (radius[i],) * 3, steps=9))
+    return pieces
+
+
+def _ellipsoid(curve: Curve, s: float, place: Float, half: tuple[float, float, float], steps: int = 25) -> Piece:
+    """An ellipsoid about the place (a, b) of the section at s, half axes along a, b and the edge."""
+    frames = curve.frames(np.array([s]))
+    turn, tilt = np.linspace(0, 2 * np.pi, 2 * steps - 1), np.linspace(-np.pi / 2, np.pi / 2, steps)
+    u, v = np.meshgrid(turn, tilt, indexing="ij")
+    a = place[0] + half[0] * np.cos(u) * np.cos(v)
+    b = place[1] + half[1] * np.sin(u) * np.cos(v)
+    t = half[2] * np.sin(v)
+    vertices = frames.position[0] + a[..., None] * frames.n[0] + b[..., None] * frames.m[0] + t[..., None] * frames.t[0]
+    return sheet(vertices[:, ::-1], np.zeros((*a.shape, 3)), np.full(steps - 1, OTHER, dtype=np.uint8))
+
+
+# From exact profiles to what the profiler hands over: noise, brightness, losses, outliers, quantisation.
+
+FULL = 20000.0  # brightness of a full pixel that looks square at a face
+DARK = 0.3  # speckle dims a pixel's signal, and raises its noise, no further
+
+
+def returned(profiles: Profiles, recipe: AnyRecipe, pattern: Float, rng: np.random.Generator) -> tuple[Float, AnyArray]:
+    """Ranges (n, M), NaN where there is no return, and brightness (n, M) uint16."""
+    scanner, noise, losses = recipe.scanner, recipe.scanner.noise, recipe.losses
+    cosine = np.clip(profiles.cosine, 1e-3, 1)
+    speckle = np.ones(cosine.shape)
+    if noise.speckle > 0:  # M looks: contrast 1 / sqrt(M)
+        speckle = rng.gamma(noise.speckle**-2, noise.speckle**2, cosine.shape)
+    grown = np.minimum(cosine**-noise.grazing_power, noise.grazing_cap)
+    fill = np.maximum(profiles.fill, 1.0 / 8)
+    sd = noise.sd_mm * grown / np.sqrt(np.maximum(speckle, DARK) * fill)
+    unit = _correlated(rng.standard_normal(cosine.shape), noise.column_correlation)
+    unit = np.sqrt(1 - noise.pattern_share) * unit + np.sqrt(noise.pattern_share) * pattern
+    ranges = profiles.range_mm + sd * unit
+    wrong = rng.random(ranges.shape) < losses.outlier_share
+    ranges[wrong] += rng.uniform(-losses.outlier_reach_mm, losses.outlier_reach_mm, int(wrong.sum()))
+    ranges[lost(profiles, recipe, rng)] = np.nan
+    if scanner.quantum_mm > 0:
+        ranges = np.round(ranges / scanner.quantum_mm) * scanner.quantum_mm
+    light = np.clip(FULL * cosine * speckle * profiles.fill, 1, 65535)
+    return ranges, np.where(np.isnan(ranges), 0, light).astype(np.uint16)
+
+
+def fixed_pattern(scanner: SweptScanner, rng: np.random.Generator) -> Float:
+    """The part of the noise (M,) that is the same in every frame, of unit variance."""
+    return np.asarray(_correlated(rng.standard_normal((1, scanner.columns)), scanner.noise.column_correlation)[0])
+
+
+def _correlated(white: Float, keep: float) -> Float:
+    """First-order autoregressive along the columns, of unit variance from the first column on."""
+    if keep == 0:
+        return white
+    fresh = np.sqrt(1 - keep**2)
+    return np.asarray(scipy.signal.lfilter([fresh], [1, -keep], white, axis=1, zi=(1 - fresh) * white[:, :1])[0])
+
+
+def lost(profiles: Profiles, recipe: AnyRecipe, rng: np.random.Generator) -> Bool:
+    """Returns that are lost one by one, in blocks, or as the last columns of the root face."""
+    losses, shape = recipe.losses, profiles.range_mm.shape
+    gone = rng.random(shape) < losses.single_share
+    if losses.block_share > 0:
+        (wide_low, wide_high), (long_low, long_high) = losses.block_columns, losses.block_frames
+        size = (wide_low + wide_high) / 2 * (long_low + long_high) / 2
+        for _ in range(rng.poisson(-np.log1p(-losses.block_share) * gone.size / size)):
+            rows, columns = rng.integers(long_low, long_high + 1), rng.integers(wide_low, wide_high + 1)
+            i, j = rng.integers(1 - rows, shape[0]), rng.integers(1 - columns, shape[1])
+            gone[max(i, 0) : i + rows, max(j, 0) : j + columns] = True
+    if losses.edge_columns:
+        gone |= _last_on_root(profiles, losses.edge_columns, losses.edge_from_mm, losses.edge_to_mm)
+    return gone
+
+
+def _last_on_root(profiles: Profiles, columns: int, start: float, stop: float) -> Bool:
+    """The `columns` returns of the root face that are nearest to its lower edge, and all below it beside them."""
+    on = (profiles.face == ROOT) & np.isfinite(profiles.range_mm)
+    share = np.where(on, profiles.share, np.inf)
+    rank = np.argsort(np.argsort(share, axis=1), axis=1)
+    here = (profiles.s >= start) & (profiles.s <= stop)
+    return np.asarray(on & (rank < columns) & here)

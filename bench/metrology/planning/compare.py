@@ -32,7 +32,8 @@ def compare_edge(result: PlanResult, edge: RawEdge, truth: Truth) -> None:
     result.normal_u_mm, result.across_u_mm = numbers(u[:, 0]), numbers(u[:, 1])
     normal = edge.normal[stations]
     turn = np.arctan2(np.sum(normal * true.across, axis=1), np.sum(normal * true.normal, axis=1))
-    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), round(float(np.median(edge.normal_u)) / DEG, 6)
+    turn_u = np.broadcast_to(np.asarray(edge.normal_u), edge.seen.shape)[stations]
+    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), numbers(turn_u / DEG)
 
 
 def compare_path(result: PlanResult, toolpath: Toolpath, truth: Truth) -> None:

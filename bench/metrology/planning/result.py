@@ -31,6 +31,6 @@ class PlanResult:
     across_error_mm: Numbers = field(default_factory=list)  # along m
     across_u_mm: Numbers = field(default_factory=list)
     turn_error_deg: Numbers = field(default_factory=list)  # of n about t
-    turn_u_deg: float | None = None
+    turn_u_deg: Numbers = field(default_factory=list)
     plane_deg: float | None = None  # turn of the plane through the true face, rough as it is, about t
     seconds: dict[str, float] = field(default_factory=dict)

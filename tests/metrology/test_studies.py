@@ -49,8 +49,8 @@ def test_results_rest_on_the_source_that_they_name():
 
 def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
     """One part whose lower edge may be rounded where the view does not show it: refused and told; status 1."""
-    chosen = ["--studies", "planning", "--conditions", "raw_straight", "--parts", "1", "--seed", "1200001"]
+    chosen = ["--studies", "planning", "--conditions", "raw_two_pass", "--parts", "1", "--seed", "8300003"]
     assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "raw_straight, seed 1200001: refused: synthetic: the edge is known to" in printed
-    assert (tmp_path / "planning" / "raw_straight.jsonl").exists()
+    assert "raw_two_pass, seed 8300003: refused: synthetic: the edge is known to" in printed
+    assert (tmp_path / "planning" / "raw_two_pass.jsonl").exists()

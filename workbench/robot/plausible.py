@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.robot.cell_file import CellPart, Pose, ShapePart, matrix_of
+from workbench.robot.cell_file import CellPart, Pose, ShapePart, TurntablePart, matrix_of
 from workbench.units import Float
 
 LEAST_MM = 5.0  # no tool, turntable or frame of a cell lies nearer to its origin; what is in metres does, to 5 m
@@ -38,15 +38,28 @@ def check_plausible(part: CellPart, where: str) -> None:
 
 def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     yield from _tool(part)
-    table = part.turntable
-    if table is not None:
-        yield from _near(table.base_from_turntable, "turntable.base_from_turntable", "robot's base")
-        low, high = table.limits_deg
-        parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
-        if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
-            yield "turntable.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+    if part.turntable is not None:
+        yield from _turntable(part.turntable)
     if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
+    yield from _bodies(part)
+    yield from _margins(part)
+    if part.process is not None:
+        home = part.process.home.joints_deg
+        if 0 < max(map(abs, home)) < FOLDED_DEG:
+            found = ", ".join(f"{value:g}" for value in home)
+            yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
+
+
+def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
+    yield from _near(table.base_from_turntable, "turntable.base_from_turntable", "robot's base")
+    low, high = table.limits_deg
+    parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
+    if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
+        yield "turntable.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+
+
+def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
     for place, shape in _shapes(part):
         size = _extents_mm(shape)
         if min(size) < THINNEST_MM and max(size) < LONGEST_MM:
@@ -59,17 +72,15 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
         room = min(h - low for low, h in zip(part.envelope.lowest_mm, part.envelope.highest_mm, strict=True))
         if room < LEAST_ROOM_MM:
             yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
+
+
+def _margins(part: CellPart) -> Iterator[tuple[str, str]]:
     if 0 < part.margin_mm < LEAST_MARGIN_MM:
         yield "margin_mm", f"expected 0 or at least {LEAST_MARGIN_MM:g} mm, found {part.margin_mm:g}: {METRES}"
     for name in ("limit_deg", "wrist_deg"):
         margin = getattr(part.margins, name)
         if 0 < margin < LEAST_DEG:
             yield f"margins.{name}", f"expected 0 or at least {LEAST_DEG:g} deg, found {margin:g}: is it in radians?"
-    if part.process is not None:
-        home = part.process.home.joints_deg
-        if 0 < max(map(abs, home)) < FOLDED_DEG:
-            found = ", ".join(f"{value:g}" for value in home)
-            yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
     for name in ("tool_u_mm", "base_u_mm", "turntable_u_mm"):
         u = 0.0 if part.uncertainty is None else getattr(part.uncertainty, name)
         if 0 < u < LEAST_U_MM:

@@ -95,10 +95,11 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
 
 
 def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
-    """Whether the results say that it could not be seen: a sensor's scale, or a flange that hardly turns."""
-    still = any(check.name == "flange_turn_deg" and "nor a hand-eye" in check.finding for check in checks)
-    named = kind.unseen in ("sensor", "travel") or (kind.unseen == "flange" and still)
-    return NAMED if named else "confidently wrong"
+    """Whether the results say that it could not be seen: a sensor's scale, a flange that hardly turns, a still part."""
+    told = " ".join(check.finding for check in checks if check.limit is None)
+    named = {"flange": "nor a hand-eye" in told, "window": "end of the window would not show" in told}
+    seen = kind.unseen not in ("sensor", "travel") and not named.get(kind.unseen, False)
+    return "confidently wrong" if seen else NAMED
 
 
 def _refused(message: str, kind: Kind) -> str:

@@ -22,13 +22,13 @@ class Kind(NamedTuple):
     """A corruption; `words`: any of them in a refusal is the right suspicion.
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
-    it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows); empty: it
-    must be seen.
+    it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
+    (its end on a part that lies still in it); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -445,8 +445,8 @@ KINDS: dict[str, Kind] = {
     "profile x and z mirrored": Kind(_mirrored(x=True, z=True), AXES, "flange"),
     "view ends in the part, left": Kind(_cropped(1, 0.5, absent=True), ("view", "column", "seen", "bevel")),
     "view ends in the part, right": Kind(_cropped(-1, 0.5, absent=True), ("view", "column", "seen", "bevel")),
-    "window ends in the part, left": Kind(_cropped(1, 0.5), ("view", "column", "seen", "bevel")),
-    "window ends in the part, right": Kind(_cropped(-1, 0.5), ("view", "column", "seen", "bevel")),
+    "window ends in the part, left": Kind(_cropped(1, 0.5), ("view", "column", "seen", "bevel"), "window"),
+    "window ends in the part, right": Kind(_cropped(-1, 0.5), ("view", "column", "seen", "bevel"), "window"),
     "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded")),
     "quaternions rounded to 0.001": Kind(_quaternion(_as_read(1e-3)), (*ORIENTATION, "rounded", "norm")),
     "quaternions rounded to 0.01": Kind(_quaternion(_as_read(1e-2)), (*ORIENTATION, "rounded", "norm")),

@@ -28,7 +28,7 @@ from workbench.checks.table import limits_table
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.plugins.calibration.circles import circles
-from workbench.synthetic import sphere_conditions
+from workbench.synthetic import random_recipe, simulate_recording, sphere_conditions
 from workbench.synthetic.sphere import simulate_sphere
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
@@ -386,5 +386,25 @@ def test_the_end_of_a_part_that_lies_still_is_no_window() -> None:
     """All frames alike but for noise: every one of them ends in the same column, and that is the part's end."""
     r = good("straight")
     noise = np.random.default_rng(3).normal(0, 0.005, r.z_mm.shape)
-    still = spoilt(r, x_mm=np.repeat(r.x_mm[:1], len(r.x_mm), 0), z_mm=(r.z_mm[:1] + noise).astype("f4"))
+    z = np.where(np.arange(r.z_mm.shape[1]) < 0.6 * r.z_mm.shape[1], r.z_mm[:1] + noise, np.nan)
+    still = spoilt(r, x_mm=np.repeat(r.x_mm[:1], len(r.x_mm), 0), z_mm=z.astype("f4"))
     assert as_delivered(still) is still
+    told = {one.name: one for one in judge_recording(still)}["fixed_end_share"]
+    assert told.passed
+    assert told.value == pytest.approx(1.0, abs=0.05)
+    assert "an end of the window would not show" in told.finding
+
+
+def test_a_part_that_takes_its_ends_with_it_tells_where_they_are() -> None:
+    told = {one.name: one for one in judge_recording(good("straight"))}["fixed_end_share"]
+    assert "where the part does" in told.finding
+
+
+def test_mirrored_axes_along_an_arc_are_told_by_the_reading_that_steadies_the_laser_plane() -> None:
+    """The plane's angle to the edge varies by 7.5 deg, which a wavy edge may; un-mirrored it varies by 0.3."""
+    r, _ = simulate_recording(random_recipe("raw_arc", 7_700_001))
+    mirrored = r.robot_position_mm * [1.0, -1.0, 1.0]
+    found = {one.name: one for one in judge_recording(spoilt(r, robot_position_mm=mirrored))}["obliquity_varies_deg"]
+    assert not found.passed
+    assert "the robot's axes are x, -y, z" in found.finding
+    assert found.value < LIMITS["obliquity_varies_deg"].bound  # by the common limit alone it would have passed

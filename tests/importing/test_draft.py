@@ -16,6 +16,7 @@ from workbench.artefacts import Recording
 from workbench.checks.judge import judge_recording, refuse_failed
 from workbench.cli import main
 from workbench.errors import InputError
+from workbench.scan.read import read
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 NAMES = {  # convention -> names of the columns as its controller's users write them
@@ -164,3 +165,36 @@ def test_real_tables_of_other_things_are_refused(tmp_path: Path, capsys: pytest.
     for name in ("gocator_gage_rr_minitab_ready.csv", "rabkkk_3smr_joints.csv", "akig_ur5_joints.txt"):
         assert main(["import", "--draft", str(real(name)), "--out", str(tmp_path / "m.json")]) == 2
         assert "expected columns x and z of points" in capsys.readouterr().err
+
+
+def test_arrays_of_names_that_tell_nothing_are_told_by_their_values(tmp_path: Path, capsys: Any) -> None:
+    from scipy.io import savemat
+
+    rng = np.random.default_rng(5)
+    frames, poses = 60, 25
+    x = np.tile(np.linspace(-0.02, 0.02, 320), (frames, 1))
+    z = 0.2 + np.where(x > 0, 0.5 * x, 0.0) + rng.normal(0.0, 1e-5, x.shape)
+    quaternion = np.tile([0.96, 0.28, 0.0, 0.0], (poses, 1))
+    place = np.stack([np.linspace(1.0, 1.1, poses), np.full(poses, 0.3), np.full(poses, 0.5)], axis=1)
+    source = tmp_path / "cell.mat"
+    clock = np.linspace(0.0, 5.9, frames)
+    arrays = {"lateral_a": x, "hoehe": z, "stempel": clock, "flansch": place, "orient": quaternion}
+    savemat(source, {**arrays, "ts": np.linspace(-0.1, 6.0, poses), "rest": np.ones((7, 2))})
+    tree, told = drafted(tmp_path, capsys, source)
+    roles = {"x": "lateral_a", "z": "hoehe", "time": "stempel", "position": "flansch", "quaternion_wxyz": "orient"}
+    assert tree["arrays"] == {"files": "cell.mat", "length_unit": "m", "time_unit": "s", "pose_time": "ts"} | roles
+    assert "rest (7, 2)" in told
+    assert "w last" in told
+    out = tmp_path / "cell.h5"
+    assert main(["import", str(source), "--mapping", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    recording = read(out)
+    assert np.ptp(recording.x_mm) == pytest.approx(40.0, rel=1e-6)
+    assert recording.robot_position_mm[0, 0] == pytest.approx(1000.0, abs=5.0)
+
+
+def test_arrays_that_hold_no_profile_are_refused_by_what_they_hold(tmp_path: Path, capsys: Any) -> None:
+    source = tmp_path / "numbers.npz"
+    np.savez(source, a=np.ones((5, 5)), b=np.arange(4.0))
+    assert main(["import", "--draft", str(source), "--out", str(tmp_path / "map.json")]) == 2
+    assert "a (5, 5), b (4,)" in capsys.readouterr().err
+    assert not (tmp_path / "map.json").exists()

@@ -296,6 +296,9 @@ def test_edges_that_cannot_be_planned_for(raw: Callable[..., Raw]) -> None:
     unknown = np.full_like(edge.position_mm, np.nan)
     with pytest.raises(InputError, match="upper edge was seen nowhere"):
         layers(replace(edge, upper_position_mm=unknown), scan.cloud)
+    once = np.where(np.arange(len(seen))[:, None] == len(seen) // 2, edge.upper_position_mm, np.nan)
+    with pytest.raises(InputError, match="upper edge was seen at 1 of"):
+        layers(replace(edge, upper_position_mm=once), scan.cloud)
 
 
 def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:

@@ -17,7 +17,7 @@ from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, alike_passes, find_repeats
 from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import as_delivered
+from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share
 from workbench.errors import InputError
 from workbench.geometry.grids import extent
 from workbench.geometry.poses import interpolate_poses
@@ -43,6 +43,8 @@ EXPLAINED = 0.15  # share of the twist that a better reading may leave
 UNORDERED, UNORDERED_MM = 0.5, 0.08  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.5  # by which the obliquity may vary more under a better reading
+VARIED_DEG = 3.0  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
+STEADIER = 0.25  # share of that which a better reading may leave
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 TOLD = 3  # suspicions that a refusal names
@@ -335,6 +337,18 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
     told += "a median filter, or a held value? switch the sensor's filters off"
     yield check("equal_share", traces.equal_share, told, given=given)
+    yield _fixed_end(recording)
+
+
+def _fixed_end(recording: Recording) -> Check:
+    """Whether an end of all that returned may be the window's; told, not judged."""
+    share = fixed_end_share(recording)
+    told = "returns end where the part does, or at the ends of the view"
+    if share > PINNED:
+        told = f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
+        told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
+    reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
+    return Check("fixed_end_share", share, None, True, reason, told)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
@@ -346,11 +360,13 @@ def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:
 def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bound]) -> Iterator[Check]:
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
     now = consistency(found, _poses(recording, found, hand_eye, AS_READ))
+    steadier = _steadier(recording, found, hand_eye, now)
     oblique = check("obliquity_deg", now.obliquity_deg, given=given)
-    varies = check("obliquity_varies_deg", now.varies_deg, given=given)
+    varied = VARIED_DEG if steadier else most("obliquity_varies_deg")
+    varies = check("obliquity_varies_deg", now.varies_deg, given=given, default=varied)
     twist = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
-    suspected: list[str] = []
+    suspected = steadier
     told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order, or recorded "
     told += "poses that are noisy or rounded?"
     allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
@@ -359,7 +375,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
         only = oblique.passed and varies.passed and twist.passed and unsteady.passed
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
-        suspected = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
+        explained = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
+        suspected = [*steadier, *(name for name in explained if name not in steadier)]
     hint = f"; suspicion: {_listed(suspected)}" if suspected else ""
     hint += "; or other orientations, axes or a hand-eye pose that are wrong" if suspected else UNKNOWN
     told = f"the laser plane would stand {now.obliquity_deg:.0f} deg off square to the edge"
@@ -440,6 +457,24 @@ def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool
         better = there.varies_deg < now.varies_deg + VARIES_DEG
         better &= there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     return better and there.twist_deg < left
+
+
+def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:
+    """Readings under which the laser plane keeps its angle to the edge, where as read that angle varies.
+
+    An edge that waves does so under any reading; along an arc, axes that are mirrored or swapped turn the plane one
+    way and the edge the other.
+    """
+    if not now.varies_deg > VARIED_DEG:
+        return []
+    readings = _consistent(recording, found, hand_eye, most("obliquity_deg"))
+    return [
+        one.name
+        for one, there in readings
+        if one is not AS_READ
+        and there.varies_deg < STEADIER * now.varies_deg
+        and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
+    ]
 
 
 def _turning(names: Sequence[str]) -> bool:

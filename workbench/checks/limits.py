@@ -111,8 +111,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "obliquity_varies_deg": Limit(
         8.0,
-        "how much that angle varies within a pass, to each side of its middle",
-        "scans of rings, saddles and swaying robots vary by 1 to 3; wrong orientations along a curved edge by 10 to 40",
+        "how much that angle varies within a pass, to each side of its middle; 3 where another reading leaves little",
+        "scans of rings, saddles and swaying robots vary by 1 to 3, of wavy edges by up to 6 under any reading; wrong "
+        "orientations or axes along a curved edge by 5 to 40",
     ),
     "twist_deg": Limit(
         35.0,

@@ -12,7 +12,8 @@ from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
-MOVED_MM = 0.4  # robust standard deviation, by which the end of what is seen would move: sizes of faces change by less
+MOVED_MM, MOVED_COLUMNS = 0.08, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
+# parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change
 
 
 def as_delivered(recording: Recording) -> Recording:
@@ -32,10 +33,30 @@ def as_delivered(recording: Recording) -> Recording:
     )
 
 
+def fixed_end_share(recording: Recording) -> float:
+    """Greatest share of the frames whose returns end in one and the same column beside others that never return.
+
+    Of a recording `as_delivered`: nothing has told whether the part or the window ends there.
+    """
+    seen = _sample(recording)
+    first, last = _ends(seen)
+    if not len(first):
+        return 0.0
+    low, high = int(first.min()), int(last.max())
+    begins, ends = low > 0, high < seen.shape[1] - 1
+    return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
+
+
+def _sample(recording: Recording) -> Bool:
+    """What returned (n, M) in some frames of every pass."""
+    passes = recording.pass_index
+    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
+    return np.asarray(np.isfinite(recording.z_mm[frames]))
+
+
 def _measured(recording: Recording) -> slice:
     z, passes = recording.z_mm, recording.pass_index
-    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
-    seen = np.isfinite(z[frames])
+    seen = _sample(recording)
     step = _step(seen) if _step(seen) == 1 else _step(np.isfinite(z))
     first, last = _ends(seen)
     if not len(first):
@@ -69,12 +90,13 @@ def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
     middle = chain.frames[len(chain.frames) // 2]
     if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
         return False
+    pitch = float(np.median(np.abs(np.diff(recording.x_mm[middle][np.isfinite(recording.z_mm[middle])]))))
     stretch = chain.track[2]
     for number in np.unique(stretch[at]):
         mine = at[stretch[at] == number]
         end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
         gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
-        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > MOVED_MM:
+        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > max(MOVED_MM, MOVED_COLUMNS * pitch):
             return True
     return False
 

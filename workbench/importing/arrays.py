@@ -36,6 +36,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
 MOST_BYTES = 2**32
 BYTES_A_SECOND = 10_000_000  # a compressed file is read several times as fast
 DEEPEST = 4  # structures within structures
+ONE_WAY, LEAST_COLUMNS = 0.98, 8  # of lateral coordinates: share of their steps in one sense; fewer are no profile
 TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
 
 
@@ -56,20 +57,16 @@ def read(path: Path, mapping: Mapping) -> Imported:
         if mapping.arrays is not None and (mapping.arrays.files is None or claims(mapping.arrays, path))
         else None
     )
-    named = {
-        name: value
-        for name, value in _load(path).items()
-        if isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
-    }
+    named = _numbers(path)
     part = part or ArraysPart()
-    if list(named) == [""]:
-        named = _alone(named[""], str(path))
     found = {role: _named(named, role, getattr(part, role), str(path)) for role in ALIASES}
     values = {role: np.squeeze(named[name]) for role, name in found.items() if name is not None}
     if not {"z", "position", "base_from_flange"} & set(values):
         shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
         raise InputError(
-            str(path), f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping)"
+            str(path),
+            f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping; "
+            "workbench import --draft tells what it can)",
         )
     unit, second = LENGTH_MM[part.length_unit], TIME_S[part.time_unit]
     used = ", ".join(f"{role} = {name}" for role, name in found.items() if name)
@@ -79,6 +76,92 @@ def read(path: Path, mapping: Mapping) -> Imported:
         poses=_poses(values, unit, second, str(path)) if {"position", "base_from_flange"} & set(values) else None,
         notes=(note,),
     )
+
+
+def drafted(path: Path) -> tuple[dict[str, str], dict[str, AnyArray], list[str]]:
+    """Names of the arrays of profiles and poses, as `arrays` of a mapping has them, their values, and what is doubtful.
+
+    What no name tells is told by shape and values: x and z of one shape, x rising along the columns; times that rise;
+    rows of four numbers and length one; rigid motions; rows of three.
+
+    Raises:
+        InputError: not such a file.
+    """
+    named = _numbers(path)
+    found = {role: name for role in ALIASES if (name := _named(named, role, None, str(path))) is not None}
+    kinds = {name: _kind(value) for name, value in named.items() if name not in found.values()}
+    for role, name in _told_by_values(named, kinds, found):
+        found[role] = name
+    told = [name for name in kinds if name in found.values()]
+    doubts = [
+        f"arrays.{role}: {name!r}, by its shape {np.squeeze(named[name]).shape} and its numbers"
+        for role, name in found.items()
+        if name in told
+    ]
+    if found.get("quaternion_wxyz") in told:
+        doubts.append("arrays.quaternion_wxyz: w first is taken; nothing in the numbers tells it from w last")
+    left = [f"{name} {np.squeeze(named[name]).shape}" for name in kinds if name not in told and named[name].size > 1]
+    if left and found:
+        doubts.append(f"arrays: not understood and left out: {', '.join(left[:8])}")
+    return found, {role: np.squeeze(named[name]) for role, name in found.items()}, doubts
+
+
+def _told_by_values(named: dict[str, Any], kinds: dict[str, str], found: dict[str, str]) -> Iterator[tuple[str, str]]:
+    """Roles that no name has told, and the array that each is."""
+    grids = [name for name, kind in kinds.items() if kind in ("x", "grid")]
+    flat = [name for name, kind in kinds.items() if kind == "grid"]
+    z = found.get("z") or (flat[0] if len(flat) == 1 else None)
+    if z is not None:
+        shape = np.squeeze(named[z]).shape
+        yield "z", z
+        across = [name for name in grids if kinds[name] == "x" and np.squeeze(named[name]).shape == shape]
+        rising = [name for name, kind in kinds.items() if kind == "rising"]
+        across = across or [name for name in rising if shape[1:] == np.squeeze(named[name]).shape != shape[:1]]
+        if "x" not in found and len(across) == 1:
+            yield "x", across[0]
+        times = [name for name in rising if np.squeeze(named[name]).shape == shape[:1] and name not in across]
+        if not {"time", "travel"} & set(found) and len(times) == 1:
+            yield "time", times[0]
+    for role, kind in (("quaternion_wxyz", "quaternion"), ("base_from_flange", "motion")):
+        of_kind = [name for name, other in kinds.items() if other == kind]
+        if role not in found and len(of_kind) == 1:
+            yield role, of_kind[0]
+            count = len(named[of_kind[0]])
+            places = [name for name, other in kinds.items() if other == "place" and len(named[name]) == count]
+            if kind == "quaternion" and "position" not in found and len(places) == 1:
+                yield "position", places[0]
+            times = [n for n, other in kinds.items() if other == "rising" and np.squeeze(named[n]).shape == (count,)]
+            if "pose_time" not in found and len(times) == 1 and (z is None or count != len(named[z])):
+                yield "pose_time", times[0]
+
+
+def _kind(value: AnyArray) -> str:
+    """What an array may be by itself: x, grid, rising, quaternion, motion, place, or nothing known."""
+    value = np.squeeze(value).astype(np.float64)
+    if value.ndim == 1 and len(value) > 1:
+        return "rising" if (np.diff(value) > 0).all() else ""
+    if value.ndim == 3 and value.shape[1:] == (4, 4):
+        return "motion" if all(is_rigid(one, TOLERANCE) for one in value) else ""
+    if value.ndim != 2 or len(value) < 2:
+        return ""
+    if value.shape[1] == 4 and np.allclose(np.linalg.norm(value, axis=1), 1.0, atol=1e-3):
+        return "quaternion"
+    if value.shape[1] == 3:
+        return "place"
+    steps = np.diff(value, axis=1)
+    steps = steps[np.isfinite(steps)]
+    one_way = max((steps > 0).mean(), (steps < 0).mean()) if steps.size else 0.0
+    return ("x" if one_way > ONE_WAY else "grid") if value.shape[1] >= LEAST_COLUMNS else ""
+
+
+def _numbers(path: Path) -> dict[str, Any]:
+    """The arrays of numbers by name; a single one without name is what its shape tells."""
+    named = {
+        name: value
+        for name, value in _load(path).items()
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
+    }
+    return _alone(named[""], str(path)) if list(named) == [""] else named
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
-from workbench.importing import images, organised
+from workbench.importing import arrays, images, organised
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
@@ -68,6 +68,11 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
                 tree["height_map"] = {"files": glob.escape(source.name), **part}
                 doubts += more
                 continue
+            if source.is_file() and arrays.recognises(source, first_bytes(source), no_mapping()):
+                part, more = _arrays(source, error)
+                tree["arrays"] = {"files": glob.escape(source.name), **part}
+                doubts += more
+                continue
             form, columns = _table(source, error)
             by_part["poses" if columns.kind == "poses" else "profiles"].append((source, form, columns))
             continue
@@ -83,6 +88,26 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     more, lacking = _settle(tree, sources, lines)
     tree |= {name: texts for name, texts in (("uncertain", [*doubts, *more]), ("lacking", lacking)) if texts}
     return tree, lines
+
+
+def _arrays(source: Path, error: InputError) -> tuple[Tree, list[str]]:
+    """The part `arrays`; the reader's own refusal where it tells no profiles and no poses."""
+    names, values, doubts = arrays.drafted(source)
+    if {"x", "z"} <= set(names):
+        unit, more = _length("arrays", "", float(np.ptp(values["x"][np.isfinite(values["x"])])), WIDTH_MM)
+    elif {"position", "quaternion_wxyz"} <= set(names):
+        unit, more = _length("arrays", "", float(np.linalg.norm(values["position"], axis=1).max()), USUAL_REACH_MM)
+    elif "base_from_flange" in names:
+        places = values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
+        unit, more = _length("arrays", "", float(np.linalg.norm(places, axis=1).max()), USUAL_REACH_MM)
+    else:
+        raise error
+    part: Tree = {"length_unit": unit, **names}
+    times = {"time": FRAME_S, "pose_time": POSE_S}
+    if told := next((role for role in times if role in names), None):
+        part["time_unit"], seconds = _time("arrays", "", np.diff(values[told].astype(float)), times[told])
+        more += seconds
+    return part, doubts + more
 
 
 def _table(source: Path, error: InputError) -> tuple[Form, Columns]:

@@ -126,8 +126,8 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
 
 
 def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
-    """What the recording behind the path could not show of its own poses: it may move the whole path."""
-    told = [check.finding for check in toolpath.evidence if check.name == "flange_turn_deg"]
+    """What the recording behind the path could not show: it may move the whole path."""
+    told = [check.finding for check in toolpath.evidence if check.name in ("flange_turn_deg", "fixed_end_share")]
     return tuple(finding for finding in told if "would not show" in finding or "in no value" in finding)
 
 

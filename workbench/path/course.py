@@ -15,6 +15,7 @@ from workbench.path.poses import poses_of
 from workbench.units import Bool, Float
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
+LEAST_STATIONS = 4  # of the upper edge: a line that bends once, and one to judge it by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +74,7 @@ def edge_course(edge: RawEdge, s: Float, smoothing_mm: float) -> Course:
     The upper edge is smoothed along the edge over `smoothing_mm` on each side (its roughness would shake the path).
 
     Raises:
-        InputError: its upper edge was seen nowhere.
+        InputError: its upper edge was seen at fewer stations than tell a course.
     """
     course = lower_course(edge, s)
     stations, at = edge.arc_length_mm, np.clip(s, 0.0, edge.arc_length_mm[-1])
@@ -129,8 +130,9 @@ def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
     off = edge.upper_position_mm - edge.position_mm
     pairs = [(v * axis).sum(axis=1) for v in (off, edge.upper_inward) for axis in (edge.normal, edge.across)]
     good = edge.seen & np.isfinite(pairs).all(axis=0)
-    if not good.any():
-        raise InputError("edge", "the stock's upper edge was seen nowhere: its thickness is not known")
+    if good.sum() < LEAST_STATIONS:
+        told = f"seen at {good.sum()} of {good.size} stations" if good.any() else "seen nowhere"
+        raise InputError("edge", f"the stock's upper edge was {told}: its thickness is not known")
     s = edge.arc_length_mm
     smooth = [_smoothed(s[good], pair[good], s, smoothing_mm) for pair in pairs]
     return np.stack(smooth[:2], axis=1), unit(np.stack(smooth[2:], axis=1))

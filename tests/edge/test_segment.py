@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
+from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
+from workbench.scan import fuse
+from workbench.synthetic import random_recipe, simulate_recording
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]
@@ -143,3 +146,12 @@ def test_no_edge_in_view(drawn: Scans) -> None:
     blank = replace(cloud, keep=np.zeros_like(cloud.keep), source="scan-7.h5")
     with pytest.raises(InputError, match=r"scan-7\.h5: no edge in view: expected a root face next to a bevel face"):
         segment(blank)
+
+
+def test_passes_that_make_no_one_edge_are_refused_in_a_sentence() -> None:
+    """One orientation for passes that were made in others: by these poses the places along the edge lie km apart."""
+    recording, _ = simulate_recording(random_recipe("two_pass", 7_900_003))
+    held = np.tile(recording.robot_quaternion_wxyz[:1], (len(recording.robot_quaternion_wxyz), 1))
+    cloud = denoise(fuse(replace(recording, robot_quaternion_wxyz=held)))
+    with pytest.raises(InputError, match="do not determine one smooth edge"):
+        segment(cloud)

@@ -24,6 +24,7 @@ from workbench.geometry.sections import SectionLines, crossing, on_line, section
 from workbench.geometry.silhouette import EndCourse, Ends, find_end
 from workbench.units import Bool, Float
 
+UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root size: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3

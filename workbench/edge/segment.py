@@ -15,8 +15,9 @@ from workbench.checks.faces import require_bevel, require_columns
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.measure import Measured, measure_edge
+from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.sizes import corrected_angles, sizes
+from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope
 from workbench.geometry.faces import FaceLines
@@ -96,8 +97,11 @@ def segment(
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
-    measured = measure_edge(cloud, tracked)
-    edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
+    try:
+        measured = measure_edge(cloud, tracked)
+        edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
+    except np.linalg.LinAlgError:
+        raise InputError(cloud.source, UNDETERMINED) from None
     return replace(edge, checks=(*edge.checks, *checks))
 
 

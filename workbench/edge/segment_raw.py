@@ -15,6 +15,7 @@ from workbench.checks.end_face import require_end_face
 from workbench.checks.faces import plates_check
 from workbench.edge.form import HIDDEN_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
+from workbench.edge.measure import UNDETERMINED
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
@@ -101,8 +102,7 @@ def segment_raw(
     try:
         measured = measure_raw_edge(cloud, found, most_radius_mm)
     except np.linalg.LinAlgError:
-        told = "its passes do not determine one smooth edge: do they overlap?"
-        raise InputError(cloud.source, told) from None
+        raise InputError(cloud.source, UNDETERMINED) from None
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))
 

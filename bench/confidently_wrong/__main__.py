@@ -96,8 +96,12 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
 
 def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
     """Whether the results say that it could not be seen: a sensor's scale, a flange that hardly turns, a still part."""
-    told = " ".join(check.finding for check in checks if check.limit is None)
-    named = {"flange": "nor a hand-eye" in told, "window": "end of the window would not show" in told}
+    told = " ".join(check.finding for check in checks if check.passed)
+    named = {
+        "flange": "nor a hand-eye" in told,
+        "window": "end of the window would not show" in told,
+        "order": "frames out of order; nothing tells which" in told,
+    }
     seen = kind.unseen not in ("sensor", "travel") and not named.get(kind.unseen, False)
     return "confidently wrong" if seen else NAMED
 

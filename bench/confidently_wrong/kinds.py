@@ -23,12 +23,12 @@ class Kind(NamedTuple):
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
     it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
-    (its end on a part that lies still in it); empty: it must be seen.
+    (its end on a part that lies still in it), order (of frames that are alike); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel", "window"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window", "order"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -419,7 +419,7 @@ KINDS: dict[str, Kind] = {
     "every frame twice": Kind(_frames(lambda n: np.arange(n) // 2 * 2), ("repeating", "frozen")),
     "every 20th frame 20 times": Kind(_frames(lambda n: np.arange(n) // 20 * 20), ("repeating", "frozen")),
     "last frames ten late": Kind(_frames(lambda n: np.maximum(np.arange(n) - 10, 0)), ("repeating", "frozen")),
-    "frames shuffled": Kind(_frames(_shuffled), ("order",)),
+    "frames shuffled": Kind(_frames(_shuffled), ("order",), "order"),
     "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES), "travel"),
     "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
     "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),

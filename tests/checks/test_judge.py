@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.spatial.transform import Rotation
 
 from tests.checks.conftest import good, pooled
@@ -398,6 +398,19 @@ def test_the_end_of_a_part_that_lies_still_is_no_window() -> None:
 def test_a_part_that_takes_its_ends_with_it_tells_where_they_are() -> None:
     told = {one.name: one for one in judge_recording(good("straight"))}["fixed_end_share"]
     assert "where the part does" in told.finding
+
+
+@pytest.mark.parametrize("columns", [5, 9])
+def test_a_median_over_returns_and_losses_is_told_by_the_ends_of_faces(columns: int) -> None:
+    """It rounds nothing off but the last columns, which passed for a rounded edge: 0.2 mm of root face at u 0.02."""
+    recording, _ = simulate_recording(random_recipe("arc", 7_900_016))
+    assert {one.name: one for one in judge_recording(recording)}["held_end_share"].value == 0.0
+    seen = np.isfinite(recording.z_mm)
+    held = median_filter(np.where(seen, recording.z_mm, 1e3), (1, columns))
+    spoilt_one = spoilt(recording, z_mm=np.where(seen, held, np.nan).astype("f4"))
+    found = {one.name: one for one in judge_recording(spoilt_one)}["held_end_share"]
+    assert not found.passed
+    assert "median filter" in found.finding
 
 
 def test_mirrored_axes_along_an_arc_are_told_by_the_reading_that_steadies_the_laser_plane() -> None:

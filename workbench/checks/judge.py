@@ -337,6 +337,10 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
     told += "a median filter, or a held value? switch the sensor's filters off"
     yield check("equal_share", traces.equal_share, told, given=given)
+    told = (
+        f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns hold one value: a median filter? "
+    )
+    yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
     yield _fixed_end(recording)
 
 
@@ -370,6 +374,11 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order, or recorded "
     told += "poses that are noisy or rounded?"
     allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
+    if now.in_view > UNORDERED and now.wiggle_mm < allowed:
+        told = (
+            f"the section's place in the view scatters by {now.wiggle_mm:.2f} mm between neighbouring frames as over "
+        )
+        told += "the whole pass: vibration, noise, or frames out of order; nothing tells which"
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):

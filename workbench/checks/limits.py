@@ -94,6 +94,12 @@ LIMITS: dict[str, Limit] = {
         "share of neighbouring columns with one and the same range on flat faces, beyond chance",
         "noise gives none; a median filter or a held value does, and both move edges",
     ),
+    "held_end_share": Limit(
+        0.3,
+        "share of the ends of faces, beside lost returns, whose last two ranges are one and the same, beyond chance",
+        "a median over returns and losses makes nearly all of one side so, and looks like a rounded edge; good "
+        "recordings have up to 0.06",
+    ),
     "range_step_mm": Limit(
         0.02,
         "step to which ranges are rounded, where the noise does not blur it",

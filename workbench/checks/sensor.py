@@ -32,6 +32,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
+FACE, LOST, LEAST_ENDS = 8, 3, 20  # columns of a face that ends beside so many lost returns; and such ends
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -46,6 +47,7 @@ class SensorTraces:
     fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
     fading_frames: float  # likewise from frame to frame
     equal_share: float  # of neighbouring columns on flat pieces, those of one and the same range, beyond chance
+    held_end_share: float  # of faces' ends beside lost returns, those whose last two ranges are alike, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
     pitch_mm: float  # median distance of neighbouring columns
@@ -59,7 +61,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    fading_frames = fading(_unbent(series), digit)
+    fading_frames, held = fading(_unbent(series), digit), _held_ends(z)
     mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
@@ -74,6 +76,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         np.nan,
         fading_frames,
         0.0,
+        held,
         step_z,
         step_x,
         pitch,
@@ -102,8 +105,26 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if mean and not _blind(whole, mean):
         mean = 0.0
     return SensorTraces(
-        noise, correlation, mean, mean_frames, fading(whole, digit), fading_frames, equal, step_z, step_x, pitch
+        noise, correlation, mean, mean_frames, fading(whole, digit), fading_frames, equal, held, step_z, step_x, pitch
     )
+
+
+def _held_ends(z: Float) -> float:
+    """Share of the ends of whole faces in rows of ranges (n, M) whose last two are alike, beyond that of neighbours.
+
+    A median of an even surface and what did not return takes the same value in the last columns of a face; noise and
+    slope make them differ. 0: too few faces end beside lost returns.
+    """
+    alike = []
+    for way in (z, z[:, ::-1]):
+        seen = np.lib.stride_tricks.sliding_window_view(np.isfinite(way), FACE + LOST, axis=1)
+        row, first = np.nonzero(seen[:, :, :FACE].all(axis=2) & ~seen[:, :, FACE:].any(axis=2))
+        alike.append(way[row, first + FACE - 1] == way[row, first + FACE - 2])
+    ends = np.concatenate(alike)
+    if len(ends) < LEAST_ENDS:
+        return 0.0
+    both = np.isfinite(z[:, 1:]) & np.isfinite(z[:, :-1])
+    return max(float(ends.mean() - (z[:, 1:] == z[:, :-1])[both].mean()), 0.0)
 
 
 def _bends(z: Float) -> float:

@@ -125,10 +125,14 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
+SHOWING = ("flange_turn_deg", "fixed_end_share", "wiggle_mm")
+UNSHOWN = ("would not show", "in no value", "nothing tells which")  # what these say where a recording is blind
+
+
 def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:
     """What the recording behind the path could not show: it may move the whole path."""
-    told = [check.finding for check in toolpath.evidence if check.name in ("flange_turn_deg", "fixed_end_share")]
-    return tuple(finding for finding in told if "would not show" in finding or "in no value" in finding)
+    told = [check.finding for check in toolpath.evidence if check.name in SHOWING]
+    return tuple(finding for finding in told if any(words in finding for words in UNSHOWN))
 
 
 def _first(faults: Iterator[str]) -> Iterator[str]:

@@ -16,8 +16,10 @@ from workbench.edge.form import (
     _alike,
     _bow,
     _excess,
+    _groups,
     _known_depths,
     _nothing_known,
+    _odd_columns,
     _quarter_circle,
     scattered,
 )
@@ -89,12 +91,13 @@ def test_a_rounding_is_told_by_its_depths(inclination_deg: float) -> None:
     inclination = math.radians(inclination_deg)
     for radius in (0.2, 0.4):
         found = depths(radius, inclination, math.radians(84.0), 0.0, rng)
-        is_proven, told, beyond, u, _ = _quarter_circle(
+        is_proven, told, beyond, u, fall = _quarter_circle(
             _known_depths(found, edges), edges, inclination, INCIDENCES, ANYWHERE
         )
         turn = math.radians(84.0) - inclination
         true = radius * (1.0 - math.sin(turn) + (1.0 - math.cos(turn)) * math.tan(inclination))
         assert is_proven
+        assert _odd_columns(_known_depths(found, edges), fall) == 0
         assert 0.5 * radius < told < 2.0 * radius
         assert abs(beyond - true) < 3.0 * u
 
@@ -137,6 +140,25 @@ def test_a_rounding_between_two_columns_of_a_part_that_lies_still_is_in_u() -> N
         u[name] = math.hypot(missing, spread)
     assert u["still"] > 1.2 * u["moving"]
     assert u["still"] < radius
+
+
+@pytest.mark.parametrize(("columns", "by_mm"), [(1, -0.02), (2, -0.06), (3, 0.1)])
+def test_last_columns_that_no_rounding_explains_may_be_no_part_of_the_face(columns: int, by_mm: float) -> None:
+    """A filter holds the last values: above the line, where no rounding lies, or as a step under it."""
+    edges = np.arange(31.0) * 0.05 / math.cos(1.0)
+    held = np.random.default_rng(6).normal(0.0, 0.01, (400, 30))
+    held[:, :columns] += by_mm
+    known = _known_depths(held, edges)
+    fall = _quarter_circle(known, edges, 1.0, INCIDENCES, ANYWHERE)[-1]
+    assert columns <= _odd_columns(known, fall) <= columns + 1  # beside it a widest rounding would lie deep
+
+
+@pytest.mark.parametrize(("columns", "count"), [(7.4, 7), (10.0, 10), (34.0, 20)])
+def test_columns_that_are_pooled_lie_on_the_face(columns: float, count: int) -> None:
+    limits = _groups(columns)
+    assert limits[-1] <= columns + 1e-9
+    assert len(limits) - 1 == count
+    assert (np.diff(limits) >= 1.0).all()
 
 
 def test_a_face_of_few_columns_may_be_rounded() -> None:

@@ -96,8 +96,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "held_end_share": Limit(
         0.3,
-        "share of the ends of faces, beside lost returns, whose last two ranges are one and the same, beyond chance",
-        "a median over returns and losses makes nearly all of one side so, and looks like a rounded edge; good "
+        "share of the ends of faces, beside lost returns, whose last three ranges lie on a line to the digit",
+        "a median over returns and losses, or a filter that fills them, makes nearly all of one side so; good "
         "recordings have up to 0.06",
     ),
     "range_step_mm": Limit(

@@ -47,7 +47,7 @@ class SensorTraces:
     fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
     fading_frames: float  # likewise from frame to frame
     equal_share: float  # of neighbouring columns on flat pieces, those of one and the same range, beyond chance
-    held_end_share: float  # of faces' ends beside lost returns, those whose last two ranges are alike, beyond chance
+    held_end_share: float  # of faces' ends beside lost returns, those that lie on a line to the digit, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
     pitch_mm: float  # median distance of neighbouring columns
@@ -61,7 +61,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    fading_frames, held = fading(_unbent(series), digit), _held_ends(z)
+    fading_frames, held = fading(_unbent(series), digit), _held_ends(z, digit)
     mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
@@ -109,22 +109,28 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     )
 
 
-def _held_ends(z: Float) -> float:
-    """Share of the ends of whole faces in rows of ranges (n, M) whose last two are alike, beyond that of neighbours.
+def _held_ends(z: Float, digit_mm: float) -> float:
+    """Share of the ends of whole faces in rows of ranges (n, M) that no noise has made, beyond that of their inside.
 
-    A median of an even surface and what did not return takes the same value in the last columns of a face; noise and
-    slope make them differ. 0: too few faces end beside lost returns.
+    A median of an even surface and what did not return takes the same value in the last columns of a face; a filter
+    that fills gaps holds or continues the last one. Then the last three lie on a line, to `digit_mm`. 0: too few faces
+    end beside lost returns.
     """
     alike = []
     for way in (z, z[:, ::-1]):
         seen = np.lib.stride_tricks.sliding_window_view(np.isfinite(way), FACE + LOST, axis=1)
         row, first = np.nonzero(seen[:, :, :FACE].all(axis=2) & ~seen[:, :, FACE:].any(axis=2))
-        alike.append(way[row, first + FACE - 1] == way[row, first + FACE - 2])
+        alike.append(_on_line(way[row[:, None], first[:, None] + np.arange(FACE - 3, FACE)], digit_mm)[:, 0])
     ends = np.concatenate(alike)
     if len(ends) < LEAST_ENDS:
         return 0.0
-    both = np.isfinite(z[:, 1:]) & np.isfinite(z[:, :-1])
-    return max(float(ends.mean() - (z[:, 1:] == z[:, :-1])[both].mean()), 0.0)
+    inside = _on_line(z, digit_mm)[np.isfinite(z[:, :-2] + z[:, 1:-1] + z[:, 2:])]
+    return max(float(ends.mean() - inside.mean()), 0.0)
+
+
+def _on_line(z: Float, digit_mm: float) -> Bool:
+    """Whether three neighbours of rows of ranges (n, M) lie on a line, to two digits of rounding (n, M - 2)."""
+    return np.asarray(np.abs(np.diff(z, n=2, axis=1)) < 2.0 * digit_mm)
 
 
 def _bends(z: Float) -> float:

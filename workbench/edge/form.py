@@ -30,7 +30,7 @@ SCATTER_TURN, SCATTER_OFFSET = 2.1, 1.2
 GRAZING = 3.0  # times the noise of the other face: more is no noise of grazing rays
 # A rounded end: the last returns of the root face, each alone, then pooled, how sure their depth must be, and what is
 # taken for possible.
-LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 6
+LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 5
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 ANYWHERE: Float = (np.arange(20.0)[None] + 0.5) / 20.0  # (1, 20) places of the end within a column, all of them in turn
 SOMEWHERE: Float = (np.arange(6.0)[:, None] + 0.5) / 6.0  # (6, 1) one of them, unknown
@@ -41,6 +41,7 @@ INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of inciden
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 STEP_MM = 0.15  # between columns of one surface
 SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
+MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which the last columns' are off anyway
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -294,20 +295,39 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     phases: Float = ANYWHERE if moved > STILL else SOMEWHERE
     inclination = math.atan(slope)
     is_proven, radius, missing, missing_u, fall = _quarter_circle(known, edges * step, inclination, INCIDENCES, phases)
-    if not is_proven:  # one that would not show is in u
+    odd = _odd_columns(known, fall) * step
+    if odd > 0.0 or not is_proven:  # one that would not show is in u; so is an end that is neither sharp nor round
+        shown = missing if is_proven else 0.0
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
         _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, phases, most_mm)
-        return Rounding(u_mm=math.hypot(missing, missing_u))
+        return Rounding(u_mm=math.hypot(missing, missing_u, shown, odd))
     further = float(beyond.mean()) * step  # returns beyond those on the line
     on = fall > PROOF * np.sqrt(np.diag(known.noise))
     rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
     return Rounding(radius, further + missing, missing_u, rounded)
 
 
+def _odd_columns(known: Depths, fall: Float) -> int:
+    """How many of the last columns may be no part of the face: 0, if a rounding that falls by `fall` (g,) explains all.
+
+    Sharp or round, an end leaves no more than noise. What a sensor's filter makes of it may lie above the line, where
+    no rounding lies, and yet be likelier by the widest of roundings than by none.
+    """
+    left = known.mean - fall
+    covariance = known.noise + known.free + np.diag((SHAPE * fall) ** 2 + ODD_MM**2)
+    lower = np.linalg.cholesky(covariance[::-1, ::-1])  # each group by what the face before it tells
+    if np.abs(np.linalg.solve(lower, left[::-1])).max() < MISFIT:
+        return 0
+    off = np.abs(left) > PROOF * np.sqrt(np.diag(known.noise))
+    return int(np.argmin(off)) if not off.all() else off.size
+
+
 def _groups(columns: float) -> Float:
     """Limits (g + 1,), in columns before the last return, of what is pooled: LAST columns each alone, then tenths."""
+    if columns < LAST:  # beyond them lies the next face
+        return np.arange(max(math.floor(columns), 1) + 1.0)
     wide = max(1.0, (columns - LAST) / 10.0)
-    return np.concatenate([np.arange(LAST), np.arange(LAST, max(columns, LAST) + 1e-9, wide)])
+    return np.concatenate([np.arange(LAST), np.arange(LAST, columns + 1e-9, wide)])
 
 
 @kernel

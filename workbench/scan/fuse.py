@@ -107,16 +107,23 @@ def pass_after_pass(recording: Recording) -> Recording:
 
 
 def flange_poses(recording: Recording) -> Float:
-    """base_from_flange (N, 4, 4) at each frame's time, interpolated within its pass; a single pose holds."""
+    """base_from_flange (N, 4, 4) at each frame's time, interpolated within its pass; a single pose holds.
+
+    Raises:
+        InputError: a frame's time lies outside its pass's poses, which no reader lets through.
+    """
     base_from_flange = np.empty((len(recording.time_s), 4, 4))
     for number in np.unique(recording.pass_index):
         frames = recording.pass_index == number
         poses = recording.robot_pass == number
+        time, known = recording.time_s[frames], recording.robot_time_s[poses]
+        if len(known) > 1 and not (known[0] <= time.min() and time.max() <= known[-1]):
+            told = f"expected its frames within its poses' times {known[0]:.6g} to {known[-1]:.6g} s, "
+            raise InputError(
+                f"{recording.source}: pass {number}", told + f"found {time.min():.6g} to {time.max():.6g} s"
+            )
         base_from_flange[frames] = interpolate_poses(
-            recording.time_s[frames],
-            recording.robot_time_s[poses],
-            recording.robot_position_mm[poses],
-            recording.robot_quaternion_wxyz[poses],
+            time, known, recording.robot_position_mm[poses], recording.robot_quaternion_wxyz[poses]
         )
     return base_from_flange
 

@@ -34,7 +34,7 @@ class Section:
     """The edge across its length; u: away from the plate, v: up, w: along, mm; the root face stands at u = 0."""
 
     root_mm: float  # at w = 0; of a raw edge its end face
-    drift: float  # of the root size, mm a mm of w
+    drift: float  # of the root face, mm a mm of w
     bevel: float  # rad from the root face; of a raw edge the rest of the quarter: its upper surface
     thickness_mm: float
     radius_mm: float  # of the lower edge
@@ -210,7 +210,7 @@ Errors = dict[str, tuple[Float, Float]]  # by quantity: errors and standard unce
 
 
 def inspected(part: Part) -> Errors:
-    """Root sizes and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg."""
+    """Root faces and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg."""
     root = max(0.5, round(2 * part.section.root_mm) / 2)
     bevel = 5.0 * round(part.section.bevel / DEG / 5.0)
     edge = segment(denoise(fuse(part.recording)), root_nominal_mm=root, bevel_nominal_deg=bevel)

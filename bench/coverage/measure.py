@@ -42,7 +42,7 @@ class Result:
     checks_failed: list[str] = field(default_factory=list)
     error: dict[str, Any] = field(default_factory=dict)  # quantity -> (k,) value less truth
     u: dict[str, Any] = field(default_factory=dict)  # quantity -> (k,)
-    unseen_mm: float = 0.0  # of the root size's u: a rounding that the view does not show
+    unseen_mm: float = 0.0  # of the root face's u: a rounding that the view does not show
     wanted: Any = None  # (k,) the truth is seen there
     covered: float = math.nan  # raw edge: share of the seen edge that was measured
 

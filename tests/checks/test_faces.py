@@ -214,7 +214,7 @@ def test_end_faces_of_raw_plates_pass(condition: str) -> None:
 
 
 def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
-    """0.1 mm: it takes 0.14 mm off the root size; each frame has a few points on it, within their noise."""
+    """0.1 mm: it takes 0.14 mm off the root face; each frame has a few points on it, within their noise."""
     of = Chain(1.5, 0.0, np.radians(35.0), 6.5, 0.0, None, ledge(0.1, 35.0, 5.0))
     with pytest.raises(InputError, match=r"stands out of them.*corner_stands_out_mm"):
         segment(denoise(fuse(simulate(0, False, of).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)

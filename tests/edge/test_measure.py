@@ -57,7 +57,7 @@ def test_frames_bracket_the_root_size(scanned: Scans, elevation_deg: float, obli
 
 @pytest.mark.parametrize("oblique_deg", [15.0, -15.0])
 def test_drift_of_the_faces_does_not_bend_what_oblique_frames_see(scanned: Scans, oblique_deg: float) -> None:
-    """Root size and angle drift against each other: an oblique frame's bevel would turn by 0.1 deg."""
+    """Root face and angle drift against each other: an oblique frame's bevel would turn by 0.1 deg."""
     scan = scanned(
         part={"length_mm": 60.0, "root_mm": {"start": 1.2, "end": 1.8}, "bevel_deg": {"start": 42.0, "end": 38.0}},
         scanner={"columns": 500, "noise": {"sd_mm": 0.002}},

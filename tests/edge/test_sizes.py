@@ -1,4 +1,4 @@
-"""The budget of root size and bevel angle against a Monte Carlo trial of the geometry (GUM Supplement 1)."""
+"""The budget of root face and bevel angle against a Monte Carlo trial of the geometry (GUM Supplement 1)."""
 
 from __future__ import annotations
 

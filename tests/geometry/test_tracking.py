@@ -56,7 +56,7 @@ class Pass:
 def scene(
     seed: int = 1, side: int = 1, rises: bool = True, upper: bool = True, lower: bool = False, start_mm: float = -12.5
 ) -> Pass:
-    """An edge that wanders by a mm or so over the pass, its faces turning and the root size changing a little."""
+    """An edge that wanders by a mm or so over the pass, its faces turning and the root face changing a little."""
     rng = np.random.default_rng(seed)
     at = np.linspace(0, 1, FRAMES)
     slopes = SLOPES + 0.03 * np.outer(np.sin(3 * at), [1, 1, -1, 1])

@@ -1,4 +1,4 @@
-"""Edges as `edge.segment` hands them on, with known root sizes, angles and uncertainties."""
+"""Edges as `edge.segment` hands them on, with known root faces, angles and uncertainties."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Course = Callable[[Float], Float]
 
 @dataclass(frozen=True)
 class EdgeMaker:
-    """A straight edge along x from x = 100, seen in frames every 0.2 mm; root sizes in mm, angles in rad."""
+    """A straight edge along x from x = 100, seen in frames every 0.2 mm; root faces in mm, angles in rad."""
 
     length_mm: float = 90.0
     root: Course = lambda s: 1.5 + 0 * s

@@ -19,7 +19,7 @@ UNLABELLED, ROOT_FACE, BEVEL_FACE, UPPER_SURFACE, LOWER_SURFACE = range(5)
 FACE_NAMES = ("unlabelled", "root face", "bevel face", "upper surface", "lower surface")
 
 
-# Sources of uncertainty of root size and bevel angle, and how each is evaluated (GUM 4.2, 4.3).
+# Sources of uncertainty of root face and bevel angle, and how each is evaluated (GUM 4.2, 4.3).
 END = "end of the root face and range noise"
 DIRECTIONS = "directions of the faces"
 TANGENT = "direction of the edge: robot position noise and hand-eye pose"
@@ -80,9 +80,9 @@ class Edge(AlongTheEdge):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MilledEdge(Edge):
-    """A milled edge: root face and bevel face, with root size and bevel angle at each station."""
+    """A milled edge: root face and bevel face, with the width of one and the angle of the other at each station."""
 
-    root: Quantity  # (n,) root size, mm
+    root: Quantity  # (n,) root face, mm
     bevel: Quantity  # (n,) bevel angle, rad
 
 

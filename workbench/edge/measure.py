@@ -1,7 +1,7 @@
 """A milled edge from its faces: one smooth state along the edge, from what every frame says in the section plane.
 
 The state (docs/method.md) is the lower edge c(s), the direction of the root face and of the bevel face about it, and
-the root size, each a `geometry.course`. Each frame contributes the lines of its faces and the place where the root face
+the root face, each a `geometry.course`. Each frame contributes the lines of its faces and the place where the root face
 ends; nothing else of it is used, so that vibration and the robot's errors cancel in sizes and angles.
 """
 
@@ -26,7 +26,7 @@ from workbench.units import Bool, Float
 
 UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
-FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root size: frames that say more have lost the faces
+FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
 
 
@@ -50,7 +50,7 @@ class Measured:
     s_low: Float  # (N,) where each frame shows it; NaN where it does not
     faces: Faces
     ends: RootEnds  # of N frames
-    end: EndCourse  # root size
+    end: EndCourse  # root face
     upper_s: Float  # (N,) where each frame shows the upper edge of the root face
     lever_mm: Float  # (N,) distance of the bevel's measured points from it
     root_turn: Float  # (N,) what obliquity adds to the direction of the root face, rad

@@ -39,7 +39,7 @@ def segment(
     cloud: Cloud,
     *,
     root_nominal_mm: Annotated[
-        float, Field(gt=0, le=50, description="expected root size, tells the faces apart")
+        float, Field(gt=0, le=50, description="expected root face, tells the faces apart")
     ] = 1.5,
     bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
     robot_noise_mm: Annotated[
@@ -64,12 +64,12 @@ def segment(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        root_nominal_mm: expected root size; only tells the faces apart.
+        root_nominal_mm: expected root face; only tells the faces apart.
         bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
             its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
         end_u_mm: of the end of the root face by what no frame shows (a burr in its plane, returns lost along the whole
-            edge): it enters the uncertainty of every root size.
+            edge): it enters the uncertainty of every root face.
         most_radius_mm: greatest radius that the lower edge can have. Where the rays graze the root face a rounding is
             not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
         limits: limits of the checks of the faces by name. One that passes only by a wider limit than the default is

@@ -30,7 +30,7 @@ from workbench.geometry.splines import Spline
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int
 
-# What a slice counts for the root size beside a scan line: neighbouring slices cut the same few lines, so that where
+# What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
@@ -50,7 +50,7 @@ def segment_cloud(
     points: PointSet,
     *,
     root_nominal_mm: Annotated[
-        float, Field(gt=0, le=50, description="expected root size, tells the faces apart")
+        float, Field(gt=0, le=50, description="expected root face, tells the faces apart")
     ] = 1.5,
     bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
     robot_noise_mm: Annotated[
@@ -75,7 +75,7 @@ def segment_cloud(
 
     Args:
         points: the cloud of one edge, in mm.
-        root_nominal_mm: expected root size; only tells the faces apart.
+        root_nominal_mm: expected root face; only tells the faces apart.
         bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of the positions that the cloud was fused with, each axis: nothing in the
             cloud shows it, yet it turns the edge's tangent.

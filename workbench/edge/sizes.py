@@ -1,4 +1,4 @@
-"""Root size and bevel angle along a milled edge, each with its uncertainty by source (docs/method.md, section 5)."""
+"""Root face and bevel angle along a milled edge, each with its uncertainty by source (docs/method.md, section 5)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from workbench.edge.measure import Measured, face_angles
 from workbench.geometry.silhouette import EndCourse
 from workbench.units import DEG, Bool, Float
 
-SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root size by this is told, from so far before to so far after it
+SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root face by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
 SWING = 3  # times REACH_MM: beyond, a spline's swing beside a change is a twentieth of it
 BESIDE = 3  # stations on each side of a change, whose mean is the level there
@@ -25,7 +25,7 @@ MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a 
 def sizes(
     measured: Measured, at: Float, tangent_u: Float, form: Form, rounding: Rounding, end_u_mm: float
 ) -> tuple[Quantity, Quantity]:
-    """Root size (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
+    """Root face (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
 
     tangent_u (m,) rad; end_u_mm: what is declared of the end of the root face beyond what frames show.
     """
@@ -41,7 +41,7 @@ def sizes(
     after = np.searchsorted(frames, s).clip(1, frames.size - 1)
     seen = np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM
     loose = np.maximum(sudden(at, root, end_u, seen=seen), end_loose_mm(measured.end, s))
-    # What obliquity makes of the root size's drift.
+    # What obliquity makes of the root face's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turns = sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
     turned = np.hypot(lever / np.sin(beta) * np.hypot(bevel_u, turns), 0.5 * root / np.abs(np.tan(beta)) * tilt_u)

@@ -1,4 +1,4 @@
-"""`inspect.sections`: root size and bevel angle in sections of a milled edge, and the verdict on them."""
+"""`inspect.sections`: root face and bevel angle in sections of a milled edge, and the verdict on them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from workbench.units import DEG, Bool, Float
 Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
 NEAR_MM = 10.0  # frames this near to a section are drawn with it
-MOST_BEVEL = 85.0 * DEG  # a root size or an angle beyond these limits is no measure of a bevel
+MOST_BEVEL = 85.0 * DEG  # a root face or an angle beyond these limits is no measure of a bevel
 
 
 @stage("inspect.sections")
 def sections(
     edge: MilledEdge,
     *,
-    root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="required root size")] = 1.5,
+    root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="required root face")] = 1.5,
     root_tolerance_mm: Annotated[Tolerance, Field(description="allowed deviations from it, lower and upper")] = (
         -0.5,
         0.5,
@@ -33,7 +33,7 @@ def sections(
     sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the edge")] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
 ) -> Inspection:
-    """Measure root size and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
+    """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
     Section i lies at (i - 1/2)/n of the measured stretch of the lower edge. Sizes and angles hold in the section plane,
     normal to the edge's tangent, with the root face's direction there. Verdicts by ISO 14253-1: pass inside the
@@ -42,7 +42,7 @@ def sections(
 
     Args:
         edge: the measured edge.
-        root_nominal_mm: required root size.
+        root_nominal_mm: required root face.
         root_tolerance_mm: allowed deviations from it, lower <= 0 <= upper.
         bevel_nominal_deg: required bevel angle.
         bevel_tolerance_deg: allowed deviations from it, lower <= 0 <= upper.
@@ -115,13 +115,13 @@ def _no_bevel(at_mm: Float) -> list[str]:
     if not at_mm.size:
         return []
     return [
-        f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root size or "
+        f"what was followed between arc length {at_mm.min():.1f} and {at_mm.max():.1f} mm gives a root face or "
         "an angle that no bevel has: not measured there"
     ]
 
 
 def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
-    """Root size and bevel angle at every station of the edge; NaN where it was not seen."""
+    """Root face and bevel angle at every station of the edge; NaN where it was not seen."""
     values = (edge.root.value, edge.root.u, edge.bevel.value / DEG, edge.bevel.u / DEG)
     root, root_u, bevel, bevel_u = (np.where(seen, v, np.nan) for v in values)
     return EdgeProfile(

@@ -82,7 +82,7 @@ def without_gross(
 
 
 def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, else_: str) -> tuple[bool, str]:
-    """Whether an uncertainty across the bevel serves a tolerance of the root size, and the sentence that says so.
+    """Whether an uncertainty across the bevel serves a tolerance of the root face, and the sentence that says so.
 
     A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel). Uncertainties add as
     squares: one that takes up to half of the tolerance leaves 87 % of it to all others.

@@ -115,7 +115,7 @@ def robot(
         offset_prior_deg: standard deviation of a joint's zero; 0: not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
         max_u_mm: a hand-eye pose that is less certain over the field of view is refused, and the direction named.
-        root_tolerance_mm: tolerance of the root size that is to be served.
+        root_tolerance_mm: tolerance of the root face that is to be served.
         bevel_deg: angle of its bevel.
 
     Raises:

@@ -95,7 +95,7 @@ def tcp(
         touch_noise_mm: of a touch, each axis.
         reference_u_mm: standard uncertainty of a reference that the table gives, each axis; one for all of them.
         max_u_mm: a point that is less certain along some direction is refused, and the direction named.
-        root_tolerance_mm: tolerance of the root size that the tool is to serve.
+        root_tolerance_mm: tolerance of the root face that the tool is to serve.
         bevel_deg: angle of its bevel.
 
     Raises:

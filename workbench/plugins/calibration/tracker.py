@@ -116,7 +116,7 @@ def tracker(
         offset_prior_deg: standard deviation of a joint's zero; 0: not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
         tilt_prior_deg: of the direction of an axis; 0: not estimated.
-        root_tolerance_mm: tolerance of the root size that the robot is to serve.
+        root_tolerance_mm: tolerance of the root face that the robot is to serve.
         bevel_deg: angle of its bevel.
 
     Raises:

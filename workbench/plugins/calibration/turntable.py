@@ -90,7 +90,7 @@ def turntable(
         angle_noise_deg: of the table's angle.
         reach_mm: how far along the axis, each way from the markers' middle, parts will be.
         max_u_mm: an axis that is less certain there is refused, and the direction named.
-        root_tolerance_mm: tolerance of the root size that the table is to serve.
+        root_tolerance_mm: tolerance of the root face that the table is to serve.
         bevel_deg: angle of its bevel.
 
     Raises:

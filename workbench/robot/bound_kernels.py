@@ -1,7 +1,7 @@
 """The compiled kernels of `workbench.robot.bounds`.
 
 Arrays are passed whole, with indices: a slice of an array costs as much as the arithmetic here. Volumes s: ends
-`at` (S, 2, 3) of a capsule's axis or pose `placed` (S, 3, 4) of a box, in the base.
+`at` (S, 2, 3) of a capsule's axis, pose `placed` (S, 3, 4) of a solid, in the base. A cylinder is both.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 from workbench.kernels import kernel
 from workbench.units import AnyArray
 
+NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule; a box is none
 SECTION = 0.6180339887498949  # golden
 FAR_MM = 1e9  # farther apart than anything
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
@@ -24,18 +25,18 @@ def _place(
     middle: AnyArray,
     motion: AnyArray,
     link: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     ends: AnyArray,
     pose: AnyArray,
 ) -> None:
-    """Every volume where its link carries it: ends of capsules, poses of boxes, the middles of both."""
+    """Every volume where its link carries it: ends of capsules, poses of solids, the middles of both."""
     for s in range(len(link)):
-        if is_box[s]:
+        _carry(at, middle, s, motion, link[s], ends)
+        if solid[s] != NONE:
             _compose(placed, s, motion, link[s], pose, s)
+        if solid[s] == BOX:
             for r in range(3):
                 middle[s, r] = placed[s, r, 3]
-        else:
-            _carry(at, middle, s, motion, link[s], ends)
 
 
 @kernel(error_model="numpy")
@@ -46,7 +47,7 @@ def bound_kernel(
     table: AnyArray,
     turned: AnyArray,
     link: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     ends: AnyArray,
     radius: AnyArray,
     pose: AnyArray,
@@ -62,8 +63,8 @@ def bound_kernel(
     at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, is_box, ends, pose)
-        found[n] = _smallest(at, placed, middle, radius, half, around, is_box, pairs, most)
+        _place(at, placed, middle, motion, link, solid, ends, pose)
+        found[n] = _smallest(at, placed, middle, radius, half, around, solid, pairs, most)
     return found
 
 
@@ -75,7 +76,7 @@ def pairs_kernel(
     table: AnyArray,
     turned: AnyArray,
     link: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     ends: AnyArray,
     radius: AnyArray,
     pose: AnyArray,
@@ -90,10 +91,10 @@ def pairs_kernel(
     at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, is_box, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose)
         middles[n] = middle
         for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], FAR_MM)
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], FAR_MM)
     return found, middles
 
 
@@ -105,7 +106,7 @@ def near_kernel(
     table: AnyArray,
     turned: AnyArray,
     link: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     ends: AnyArray,
     radius: AnyArray,
     pose: AnyArray,
@@ -122,9 +123,9 @@ def near_kernel(
     at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, is_box, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose)
         for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], start) <= least
+            found[n, i] = _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], start) <= least
     return found
 
 
@@ -136,7 +137,7 @@ def swept_kernel(
     table: AnyArray,
     turned: AnyArray,
     link: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     ends: AnyArray,
     radius: AnyArray,
     pose: AnyArray,
@@ -166,13 +167,13 @@ def swept_kernel(
             free = total < MOST_SWEPT
             if free:
                 _move(motion, turn, axes, points, joints[n], turned[n], m)
-                _place(at, placed, middle, motion, link, is_box, ends, pose)
+                _place(at, placed, middle, motion, link, solid, ends, pose)
                 _axes_there(motion, axes, points, lever)
                 for i in range(len(pairs)):
                     moved = _moved(outer[i], moves, i, lever, reach, middle, around) / (1.0 - total)
                     need = least + moved
                     if (
-                        _smallest(at, placed, middle, radius, half, around, is_box, pairs[i : i + 1], need + 1e-6)
+                        _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], need + 1e-6)
                         <= need
                     ):
                         free = False
@@ -253,7 +254,7 @@ def _smallest(
     radius: AnyArray,
     half: AnyArray,
     around: AnyArray,
-    is_box: AnyArray,
+    solid: AnyArray,
     pairs: AnyArray,
     best: float,
 ) -> float:
@@ -264,12 +265,18 @@ def _smallest(
         x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]
         if x * x + y * y + z * z >= reach * reach:
             continue
-        if is_box[a]:
+        fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
+        if solid[a] != NONE and solid[b] != BOX and fits:
             a, b = b, a
-        if not is_box[b]:
-            best = min(best, _between(at, a, b) - radius[a] - radius[b])
-        elif _beyond_a_face(at, a, placed, half, b) - radius[a] < best:
-            best = min(best, _to_box(at, a, placed, half, b) - radius[a])
+        if solid[b] != BOX:
+            apart = _between(at, a, b) - radius[a] - radius[b]
+            if solid[b] == NONE or apart >= best:
+                best = min(best, apart)
+                if best <= 0.0:
+                    break
+                continue
+        if _beyond_a_face(at, a, placed, half, b) - radius[a] < best:
+            best = min(best, _to_solid(at, a, placed, half, b, solid[b] == CYLINDER) - radius[a])
         if best <= 0.0:
             break
     return best
@@ -354,19 +361,19 @@ def _beyond_a_face(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int)
 
 
 @kernel(error_model="numpy")
-def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> float:
-    """A lower bound of a segment's distance from a box: convex along the segment, so a golden search brackets it."""
+def _to_solid(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int, is_round: bool) -> float:
+    """A lower bound of a segment's distance from a solid: convex along the segment, so a golden search brackets it."""
     low, high, left, right = 0.0, 1.0, 1.0 - SECTION, SECTION
-    f, g = _outside(at, a, left, pose, half, b), _outside(at, a, right, pose, half, b)
+    f, g = _outside(at, a, left, pose, half, b, is_round), _outside(at, a, right, pose, half, b, is_round)
     for _ in range(STEPS):
         if f < g:
             high, right, g = right, left, f
             left = high - SECTION * (high - low)
-            f = _outside(at, a, left, pose, half, b)
+            f = _outside(at, a, left, pose, half, b, is_round)
         else:
             low, left, f = left, right, g
             right = low + SECTION * (high - low)
-            g = _outside(at, a, right, pose, half, b)
+            g = _outside(at, a, right, pose, half, b, is_round)
     length = np.sqrt(
         (at[a, 1, 0] - at[a, 0, 0]) ** 2 + (at[a, 1, 1] - at[a, 0, 1]) ** 2 + (at[a, 1, 2] - at[a, 0, 2]) ** 2
     )
@@ -374,13 +381,20 @@ def _to_box(at: AnyArray, a: int, pose: AnyArray, half: AnyArray, b: int) -> flo
 
 
 @kernel(error_model="numpy")
-def _outside(at: AnyArray, a: int, t: float, pose: AnyArray, half: AnyArray, b: int) -> float:
-    """Distance from a box of the point at t, 0 to 1, on a segment; 0 inside."""
+def _outside(at: AnyArray, a: int, t: float, pose: AnyArray, half: AnyArray, b: int, is_round: bool) -> float:
+    """Distance from a box, or the cylinder in it along its z, of the point at t, 0 to 1, on a segment; 0 inside."""
     x = at[a, 0, 0] + t * (at[a, 1, 0] - at[a, 0, 0]) - pose[b, 0, 3]
     y = at[a, 0, 1] + t * (at[a, 1, 1] - at[a, 0, 1]) - pose[b, 1, 3]
     z = at[a, 0, 2] + t * (at[a, 1, 2] - at[a, 0, 2]) - pose[b, 2, 3]
-    square = 0.0
+    square, across = 0.0, 0.0
     for k in range(3):
-        beyond = max(abs(pose[b, 0, k] * x + pose[b, 1, k] * y + pose[b, 2, k] * z) - half[b, k], 0.0)
+        along = pose[b, 0, k] * x + pose[b, 1, k] * y + pose[b, 2, k] * z
+        if is_round and k < 2:
+            across += along * along
+        else:
+            beyond = max(abs(along) - half[b, k], 0.0)
+            square += beyond * beyond
+    if is_round:
+        beyond = max(np.sqrt(across) - half[b, 0], 0.0)
         square += beyond * beyond
     return np.sqrt(square)  # type: ignore[no-any-return]

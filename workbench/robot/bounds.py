@@ -1,8 +1,8 @@
 """A lower bound of the clearance for very many postures: what it calls free is free, the rest is for fcl to decide.
 
-Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres and
-boxes, wider for cylinders (a flat one that stands around: a box) and meshes. Bounding volumes that keep apart prove
-that the shapes do.
+Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres,
+boxes, and cylinders beside capsules; wider for meshes, and for one of two cylinders. Bounding volumes that keep apart
+prove that the shapes do.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import FAR_MM, bound_kernel, near_kernel, pairs_kernel
+from workbench.robot.bound_kernels import BOX, CYLINDER, FAR_MM, NONE, bound_kernel, near_kernel, pairs_kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
@@ -22,13 +22,13 @@ SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding de
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoundingVolumes:
-    """S shapes as capsules (two ends and a radius) or boxes (pose and half lengths), and the pairs to look at."""
+    """S shapes as capsules (two ends, a radius) and solids (pose and half lengths), and the pairs to look at."""
 
     link: Int  # (S,) as in `Shape`, the fixed ones 0
-    is_box: Int  # (S,) 1: a box
+    solid: Int  # (S,) 1: a box and no capsule, 2: a cylinder and the capsule around it, 0: a capsule alone
     ends_mm: Float  # (S, 2, 3) at zero, in the base (or the turntable's frame)
     radius_mm: Float  # (S,)
-    pose: Float  # (S, 4, 4) of boxes, likewise
+    pose: Float  # (S, 4, 4) of solids, likewise
     half_mm: Float  # (S, 3)
     around_mm: Float  # (S,) radius of the sphere around each
     pairs: Int  # (P, 2)
@@ -42,7 +42,7 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + inside
     return BoundingVolumes(
         link=np.array([max(shape.link, 0) for shape in cell.shapes]),
-        is_box=(radius < 0).astype(np.int64),
+        solid=np.array([_solid(shape, r) for shape, r in zip(cell.shapes, radius, strict=True)], np.int64),
         ends_mm=ends,
         radius_mm=np.maximum(radius, 0.0),
         pose=np.array([_centred(shape) for shape in cell.shapes]),
@@ -70,7 +70,7 @@ def clearance_bound_mm(
             turntable_pose(cell, 0.0),
             table,
             v.link,
-            v.is_box,
+            v.solid,
             v.ends_mm,
             v.radius_mm,
             v.pose,
@@ -93,7 +93,7 @@ def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: F
             turntable_pose(cell, 0.0),
             np.ascontiguousarray(turntable, float),
             v.link,
-            v.is_box,
+            v.solid,
             v.ends_mm,
             v.radius_mm,
             v.pose,
@@ -115,7 +115,7 @@ def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntabl
         turntable_pose(cell, 0.0),
         np.ascontiguousarray(turntable, float),
         v.link,
-        v.is_box,
+        v.solid,
         v.ends_mm,
         v.radius_mm,
         v.pose,
@@ -129,8 +129,7 @@ def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntabl
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
     """Ends of a capsule's axis and its radius (negative: a box), half lengths of the box."""
     half = _half_lengths(shape)
-    flat = shape.kind == "cylinder" and shape.size_mm[1] < 2 * shape.size_mm[0]
-    if (flat or shape.kind in ("box", "mesh")) and not 1 <= shape.link <= 6:
+    if shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6:
         return np.zeros((2, 3)), -1.0, half
     if shape.kind in ("capsule", "cylinder", "sphere"):
         radius = shape.size_mm[0]
@@ -142,6 +141,10 @@ def _volume(shape: Shape) -> tuple[Float, float, Float]:
         radius = float(np.linalg.norm(np.delete(half, longest)))
     pose = _centred(shape)
     return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius, half
+
+
+def _solid(shape: Shape, radius_mm: float) -> int:
+    return CYLINDER if shape.kind == "cylinder" else BOX if radius_mm < 0 else NONE
 
 
 def _half_lengths(shape: Shape) -> Float:

@@ -83,7 +83,7 @@ class Pairs:
                 turntable_pose(self.cell, 0.0),
                 np.ascontiguousarray(table, float),
                 v.link,
-                v.is_box,
+                v.solid,
                 v.ends_mm,
                 v.radius_mm,
                 v.pose,

@@ -100,6 +100,7 @@ def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
     named = {
         "flange": "nor a hand-eye" in told,
         "window": "end of the window would not show" in told,
+        "clock": "does not show whether the clocks agree" in told,
         "order": "frames out of order; nothing tells which" in told,
     }
     seen = kind.unseen not in ("sensor", "travel") and not named.get(kind.unseen, False)

@@ -23,12 +23,13 @@ class Kind(NamedTuple):
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
     it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
-    (its end on a part that lies still in it), order (of frames that are alike); empty: it must be seen.
+    (its end on a part that lies still in it), order (of frames that are
+    alike), clock (where the motion does not show it); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel", "window", "order"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -410,7 +411,7 @@ KINDS: dict[str, Kind] = {
     "profiles in m": Kind(_grid(lambda r, _: (r.x_mm / 1e3, r.z_mm / 1e3)), UNIT),
     "profiles in inches": Kind(_grid(lambda r, _: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
     "profiles in cm": Kind(_grid(lambda r, _: (r.x_mm / 10, r.z_mm / 10)), UNIT),
-    "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge")),
+    "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge"), "flange"),
     "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
     "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
     "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
@@ -458,6 +459,6 @@ KINDS: dict[str, Kind] = {
     "second pass 0.05 mm off": Kind(_second_pass_off(0.05), ("passes",)),
     "second pass 0.3 mm off": Kind(_second_pass_off(0.3), ("passes",)),
     "second pass 5 mm off": Kind(_second_pass_off(5.0), ("passes",)),
-    "clock 20 ms late": Kind(_clock(0.02), ("clock",)),
-    "clock 0.5 s late": Kind(_clock(0.5), ("clock",)),
+    "clock 20 ms late": Kind(_clock(0.02), ("clock",), "clock"),
+    "clock 0.5 s late": Kind(_clock(0.5), ("clock",), "clock"),
 }

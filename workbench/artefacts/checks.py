@@ -10,6 +10,7 @@ UNSEEN = (
     "A rotation of the laser plane by up to 20°, a displaced hand-eye pose, mirrored axes, an orientation that was not "
     "measured, and a scale error or the reverse sense of the robot's travel: passes in which the flange hardly turns "
     "do not reveal them.",
+    "An offset between the clocks of profiler and robot, unless the motion shows it: it moves values along the edge.",
 )  # what no recording of a straight edge shows
 
 

@@ -380,7 +380,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         )
         told += "the whole pass: vibration, noise, or frames out of order; nothing tells which"
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
-    unexplained = now.twist_deg > (SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg"))
+    sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
+    unexplained = now.twist_deg > sure + now.waved_deg
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
         only = oblique.passed and varies.passed and twist.passed and unsteady.passed
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)

@@ -35,6 +35,11 @@ class Consistency:
     in_view: float  # how much of that wiggle the profiles show without poses, over what they show over the whole pass
     way_mm: float  # of the edge, all passes
 
+    @property
+    def waved_deg(self) -> float:
+        """What an edge that waves under an oblique laser plane turns the section about itself, deg."""
+        return 2.0 * self.varies_deg * math.sin(self.obliquity_deg * DEG)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:

@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup setup-dev demo test lint metrology bench fuzz docs data lock clean
+.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz docs data lock clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -10,6 +10,7 @@ help:
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
 	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
+	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
 	@echo "make docs       the pages of the stages anew, and the site: out/docs/index.html; runs what the pages tell to run"
@@ -39,6 +40,9 @@ lint: setup-dev
 
 metrology: setup-dev
 	@$(BIN)/python -m bench.metrology --docs
+
+metrology-quick: setup-dev
+	@$(BIN)/python -m bench.metrology --studies inspection planning calibration stiffness --parts 8 --others 1
 
 bench: setup-dev
 	@$(BIN)/python -m bench.speed

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter, uniform_filter1d
+from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
@@ -23,19 +23,20 @@ class Kind(NamedTuple):
 
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
     it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
-    (its end on a part that lies still in it), order (of frames that are
-    alike), clock (where the motion does not show it); empty: it must be seen.
+    (its end on a part that lies still in it), order (of frames that are alike), clock (where the motion does not show
+    it), end (of the root face, lost in every frame); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
 AXES = ("axes", "orientation")
 HAND_EYE = ("hand-eye", "profiler's axes")
 UNIT = ("read as mm", "unit")
+FILTERED = ("filter", "blurred")
 
 
 def _with(r: Recording, **changes: object) -> Recording:
@@ -114,6 +115,49 @@ def _median(columns: int) -> Spoil:
     def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
         seen = np.isfinite(r.z_mm)
         return r.x_mm, np.where(seen, median_filter(np.where(seen, r.z_mm, 1e3), (1, columns)), np.nan)
+
+    return _grid(change)
+
+
+def _median_of_returns(columns: int) -> Spoil:
+    """Of what returned within the window, and nothing where nothing did."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        seen, half = np.isfinite(r.z_mm), columns // 2
+        padded = np.pad(r.z_mm.astype(float), ((0, 0), (half, half)), constant_values=np.nan)
+        around = np.lib.stride_tricks.sliding_window_view(padded, columns, axis=1)
+        found = np.full(seen.shape, np.nan)
+        found[seen] = np.nanmedian(around[seen], axis=1)
+        return r.x_mm, found
+
+    return _grid(change)
+
+
+def _continued(columns: int, held: bool) -> Spoil:
+    """The sensor goes on beyond the last return beside lost ones: with its range, or with the slope before it."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        made = r.z_mm.astype(float)
+        for z in (made, made[:, ::-1]):
+            ends = np.isfinite(z[:, :-1]) & ~np.isfinite(z[:, 1:])
+            for i, j in zip(*np.nonzero(ends), strict=True):
+                step = 0.0 if held or j < 3 or not np.isfinite(z[i, j - 3]) else (z[i, j] - z[i, j - 3]) / 3.0
+                for k in range(1, min(columns, z.shape[1] - 1 - j) + 1):
+                    if np.isfinite(z[i, j + k]):
+                        break
+                    z[i, j + k] = z[i, j] + k * step
+        return r.x_mm, made
+
+    return _grid(change)
+
+
+def _trimmed(columns: int) -> Spoil:
+    """The last returns beside lost ones are lost too."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        lost = ~np.isfinite(r.z_mm)
+        near = binary_dilation(lost, np.ones((1, 2 * columns + 1), bool))
+        return r.x_mm, np.where(near, np.nan, r.z_mm)
 
     return _grid(change)
 
@@ -429,6 +473,11 @@ KINDS: dict[str, Kind] = {
     "mean over 9 columns": Kind(_mean(9), ("averaged", "filter")),
     "median over 5 columns": Kind(_median(5), ("filter",)),
     "median over 11 columns": Kind(_median(11), ("filter",)),
+    "median of returns over 3 columns": Kind(_median_of_returns(3), FILTERED),
+    "median of returns over 7 columns": Kind(_median_of_returns(7), FILTERED),
+    "last range held over 2 columns": Kind(_continued(2, held=True), FILTERED),
+    "last slope continued over 5 columns": Kind(_continued(5, held=False), FILTERED),
+    "3 columns lost at every end": Kind(_trimmed(3), ("end", "edge"), "end"),
     "z rounded to 0.1 mm": Kind(_rounded(0, 0.1), ("rounded",)),
     "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),
     "x rounded to 0.1 mm": Kind(_rounded(0.1, 0), ("rounded",)),

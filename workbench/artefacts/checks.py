@@ -11,6 +11,8 @@ UNSEEN = (
     "measured, and a scale error or the reverse sense of the robot's travel: passes in which the flange hardly turns "
     "do not reveal them.",
     "An offset between the clocks of profiler and robot, unless the motion shows it: it moves values along the edge.",
+    "A burr in the plane of the root face or end face, or a loss of returns at its end, along the whole edge: no "
+    "profile reveals it. An allowance for it can be declared.",
 )  # what no recording of a straight edge shows
 
 

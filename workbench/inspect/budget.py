@@ -11,8 +11,6 @@ from workbench.units import DEG, Float
 NOT_INCLUDED = (
     *UNSEEN,
     "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
-    "A burr in the plane of the root face, or a loss of returns at its end, along the whole edge: no profile reveals "
-    "it. An allowance for it can be declared.",
 )
 NO_HAND_EYE = "The uncertainty of the hand-eye calibration: the calibration in use states none."
 

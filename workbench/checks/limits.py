@@ -96,9 +96,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "held_end_share": Limit(
         0.3,
-        "share of the ends of faces, beside lost returns, whose last three ranges lie on a line to the digit",
+        "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the digit",
         "a median over returns and losses, or a filter that fills them, makes nearly all of one side so; good "
-        "recordings have up to 0.06",
+        "recordings have up to 0.2",
     ),
     "range_step_mm": Limit(
         0.02,

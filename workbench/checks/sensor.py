@@ -32,7 +32,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
-FACE, LOST, LEAST_ENDS = 8, 3, 20  # columns of a face that ends beside so many lost returns; and such ends
+FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -102,7 +102,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         equal = max(float((steps == 0).mean()) - chance, 0.0)
     whole = off[plain & used.all(axis=1)]
     mean = moving_mean(z)
-    if mean and not _blind(whole, mean):
+    if mean and not (_blind(whole, mean) or _blind(_off_trend(pieces_z[plain & used.all(axis=1)]), mean)):
         mean = 0.0
     return SensorTraces(
         noise, correlation, mean, mean_frames, fading(whole, digit), fading_frames, equal, held, step_z, step_x, pitch
@@ -114,18 +114,23 @@ def _held_ends(z: Float, digit_mm: float) -> float:
 
     A median of an even surface and what did not return takes the same value in the last columns of a face; a filter
     that fills gaps holds or continues the last one. Then the last three lie on a line, to `digit_mm`. 0: too few faces
-    end beside lost returns.
+    end beside lost returns or jumps.
     """
-    alike = []
+    lost, jumping = [], []
     for way in (z, z[:, ::-1]):
-        seen = np.lib.stride_tricks.sliding_window_view(np.isfinite(way), FACE + LOST, axis=1)
-        row, first = np.nonzero(seen[:, :, :FACE].all(axis=2) & ~seen[:, :, FACE:].any(axis=2))
-        alike.append(_on_line(way[row[:, None], first[:, None] + np.arange(FACE - 3, FACE)], digit_mm)[:, 0])
-    ends = np.concatenate(alike)
-    if len(ends) < LEAST_ENDS:
+        with np.errstate(invalid="ignore"):
+            joined = np.abs(np.diff(way, axis=1)) < JUMP_MM
+        joined = np.lib.stride_tricks.sliding_window_view(joined, FACE + LOST - 1, axis=1)
+        row, first = np.nonzero(joined[:, :, : FACE - 1].all(axis=2) & ~joined[:, :, FACE - 1])
+        beyond = np.isfinite(way[row[:, None], first[:, None] + np.arange(FACE, FACE + LOST)])
+        held = _on_line(way[row[:, None], first[:, None] + np.arange(FACE - 3, FACE)], digit_mm)[:, 0]
+        lost.append(held[~beyond.any(axis=1)])
+        jumping.append(held[beyond.all(axis=1) & joined[row, first, FACE:].all(axis=1)])
+    ends = [one for one in map(np.concatenate, (lost, jumping)) if len(one) >= LEAST_ENDS]
+    if not ends:
         return 0.0
     inside = _on_line(z, digit_mm)[np.isfinite(z[:, :-2] + z[:, 1:-1] + z[:, 2:])]
-    return max(float(ends.mean() - inside.mean()), 0.0)
+    return max(*(float(one.mean() - inside.mean()) for one in ends), 0.0)
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:
@@ -187,6 +192,12 @@ def _blind(off: Float, columns: float) -> bool:
     null = np.arange(1.0, columns / 2.0 + 0.1) / columns
     power = _power(off, null), _power(off, null + 0.5 / columns if columns > 2 else null - 0.125)
     return bool(power[0] < BLIND * columns**2 * power[1])
+
+
+def _off_trend(rows: Float) -> Float:
+    """Rows (n, PIECE) less their straight line over the columns: a mean of ranges leaves the lateral places noisy."""
+    t = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), 2))[0]
+    return np.asarray(rows - (rows @ t) @ t.T)
 
 
 def _power(rows: Float, frequency: Float) -> float:

@@ -100,13 +100,13 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         dense = float(((steps > 0.5 * digit) & (steps < near)).mean()) / (2.0 * near - digit)
         chance = min(digit * max(1.0 / (np.sqrt(2.0 * np.pi) * apart), dense), 1.0)
         equal = max(float((steps == 0).mean()) - chance, 0.0)
-    whole = off[plain & used.all(axis=1)]
+    is_whole = plain & used.all(axis=1)
+    whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
     mean = moving_mean(z)
-    if mean and not (_blind(whole, mean) or _blind(_off_trend(pieces_z[plain & used.all(axis=1)]), mean)):
+    if mean and not (_blind(whole, mean) or _blind(level, mean)):
         mean = 0.0
-    return SensorTraces(
-        noise, correlation, mean, mean_frames, fading(whole, digit), fading_frames, equal, held, step_z, step_x, pitch
-    )
+    left = min(fading(whole, digit), fading(level, digit))
+    return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, equal, held, step_z, step_x, pitch)
 
 
 def _held_ends(z: Float, digit_mm: float) -> float:

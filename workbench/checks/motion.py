@@ -20,7 +20,6 @@ LEAST_MM = 1e-6  # of way between them
 LEAST_REACH_MM = 1.0  # on each side of a place, for its tangent
 DEGREE = 5  # in arc length, of how a plate may be twisted: a turn, there and back again
 TWISTED_MM = 150.0  # of edge, over which a twist is told
-ENDS = 0.06  # share of a pass at each of its ends, whose turn is told by the rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,15 +199,10 @@ def _twist(across: Float, way: Way, stretch: Int, turn_u: Float) -> tuple[float,
             continue
         u = SURE * math.sqrt(float((turn_u[at[:-1]] ** 2).sum()))
         arc = way.arc_mm[at]
-        turn = max(_spread(angle) - u, 0.0) / max(float(np.ptp(arc)) / TWISTED_MM, 1.0)
+        turn = max(float(np.ptp(angle)) - u, 0.0) / max(float(np.ptp(arc)) / TWISTED_MM, 1.0)
         rest = angle - twisted(arc) @ (twisted(arc).T @ angle)
         greatest, unsteady = max(greatest, turn / DEG), max(unsteady, (float(np.ptp(rest)) - u) / DEG)
     return greatest, unsteady
-
-
-def _spread(angle: Float) -> float:
-    """What angles (n,) turn by, over all of them; of the first and last profiles some see the plate's end."""
-    return float(np.diff(np.percentile(angle, [100.0 * ENDS, 100.0 * (1.0 - ENDS)]))[0]) / (1.0 - 2.0 * ENDS)
 
 
 def twisted(arc: Float, degree: int = DEGREE) -> Float:

@@ -116,6 +116,8 @@ def _held_ends(z: Float, digit_mm: float) -> float:
     that fills gaps holds or continues the last one. Then the last three lie on a line, to `digit_mm`. 0: too few faces
     end beside lost returns or jumps.
     """
+    if z.shape[1] <= FACE + LOST:
+        return 0.0
     lost, jumping = [], []
     for way in (z, z[:, ::-1]):
         with np.errstate(invalid="ignore"):

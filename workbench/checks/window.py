@@ -12,8 +12,8 @@ from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
-MOVED_MM, MOVED_COLUMNS = 0.08, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
-# parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change
+MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
+# parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
 
 
 def as_delivered(recording: Recording) -> Recording:

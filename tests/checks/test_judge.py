@@ -16,15 +16,15 @@ from tests.checks.conftest import good, pooled
 from workbench.artefacts import Recording
 from workbench.checks import (
     LIMITS,
-    as_delivered,
     checked_limits,
     consistent_conventions,
     judge_recording,
-    without_copies,
+    judged,
 )
 from workbench.checks.judge import refuse_failed
 from workbench.checks.sensor import quaternion_step
 from workbench.checks.table import limits_table
+from workbench.checks.window import as_delivered
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.plugins.calibration.circles import circles
@@ -267,10 +267,10 @@ def test_a_pass_that_is_a_copy_counts_once() -> None:
         robot_pass=poses,
     )
     assert "2 of 3 passes are copies" in next(c.finding for c in judge_recording(thrice) if c.name == "repeated_share")
-    assert set(without_copies(thrice).pass_index) == {0}
+    assert set(judged(thrice)[1].pass_index) == {0}
     dithered = thrice.z_mm + np.random.default_rng(3).normal(0, 1e-5, thrice.z_mm.shape).astype("f4")
-    assert set(without_copies(spoilt(thrice, z_mm=dithered)).pass_index) == {0}
-    assert without_copies(r) is r
+    assert set(judged(spoilt(thrice, z_mm=dithered))[1].pass_index) == {0}
+    assert judged(r)[1] is r
 
 
 def swaying(offset_s: float) -> Recording:

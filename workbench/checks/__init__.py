@@ -5,14 +5,13 @@ from workbench.checks.judge import (
     NOT_JUDGED,
     consistent_conventions,
     judge_recording,
+    judged,
     loosened,
     refuse_failed,
     refuse_unsound,
-    without_copies,
 )
 from workbench.checks.limits import LIMITS, Limit, checked_limits
 from workbench.checks.motion import Consistency
-from workbench.checks.window import as_delivered
 
 __all__ = [
     "AS_READ",
@@ -21,13 +20,12 @@ __all__ = [
     "Consistency",
     "Convention",
     "Limit",
-    "as_delivered",
     "checked_limits",
     "consistent_conventions",
     "judge_recording",
+    "judged",
     "known_conventions",
     "loosened",
     "refuse_failed",
     "refuse_unsound",
-    "without_copies",
 ]

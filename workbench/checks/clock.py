@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.checks.motion import section_turns, twisted
 from workbench.checks.profiles import Chain
+from workbench.geometry.poses import vector_from_rotation
 from workbench.units import DEG, Float
 
 STEP_S = 0.04  # for the derivative of the poses: over less it is their noise
@@ -33,7 +34,10 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
     """
     above, below, square, count = 0.0, 0.0, 0.0, 0
     for number, chain in chains.items():
-        now, later = (section_turns(chain, poses_at(number, shift)) for shift in (-STEP_S / 2, STEP_S / 2))
+        poses = [poses_at(number, shift) for shift in (-STEP_S / 2, STEP_S / 2)]
+        if not _sways(*poses):
+            continue
+        now, later = (section_turns(chain, one) for one in poses)
         if now is None or later is None or not 12 <= len(now[1]) == len(later[1]):  # where poses stand still it differs
             continue
         rate, left = (later[1] - now[1]) / STEP_S, (now[1] + later[1]) / 2.0
@@ -54,3 +58,9 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
     noise = np.sqrt(max(square - slope * above, 0.0) / max(count - DEGREE - 1, 1))
     u = float(noise / np.sqrt(below))
     return ClockOffset(float(slope), u)
+
+
+def _sways(before: Float, after: Float) -> bool:
+    """Whether poses (k, 4, 4), STEP_S apart, turn unevenly enough for any direction of an edge to show an offset."""
+    rate = vector_from_rotation(np.swapaxes(before[:, :3, :3], 1, 2) @ after[:, :3, :3]) / STEP_S
+    return bool(np.linalg.norm(rate.std(axis=0)) > LEAST_RATE)

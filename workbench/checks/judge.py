@@ -15,7 +15,7 @@ from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import Consistency, chord_obliquity_deg, consistency
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
-from workbench.checks.repeats import Repeats, alike_passes, find_repeats
+from workbench.checks.repeats import Repeats, find_repeats
 from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
 from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share
 from workbench.errors import InputError
@@ -66,8 +66,33 @@ def judge_recording(
     Example:
         >>> failed = [check for check in judge_recording(recording) if not check.passed]  # doctest: +SKIP
     """
+    return judged(recording, flange_from_profiler, limits)[0]
+
+
+def judged(
+    recording: Recording,
+    flange_from_profiler: Float | None = None,
+    limits: Mapping[str, Bound] | None = None,
+) -> tuple[tuple[Check, ...], Recording]:
+    """As `judge_recording`; and the recording less what only repeats itself: evidence counts once.
+
+    Without frames and passes that are there already, and without columns in which the sensor measures nothing.
+
+    Args:
+        recording, flange_from_profiler, limits: see there.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from workbench.scan import read
+        >>> recording = read(recording=Path("data/synthetic/milled_edge.h5"))
+        >>> len(judged(recording)[1].time_s) == len(recording.time_s)
+        True
+    """
     hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
-    return tuple(_checks(as_delivered(recording), hand_eye, limits or {}))
+    recording = as_delivered(recording)
+    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
+    once = _without_copies(recording, repeats)
+    return tuple(_checks(recording, repeats, once, hand_eye, limits or {})), once
 
 
 def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:
@@ -108,10 +133,8 @@ def refuse_unsound(recording: Recording, limits: Mapping[str, object], parameter
     return checks
 
 
-def without_copies(recording: Recording) -> Recording:
-    """The recording less frames and passes that only repeat others: evidence counts once."""
-    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
-    drop = repeats.copies | np.isin(recording.pass_index, list(_copied_passes(recording, repeats)))
+def _without_copies(recording: Recording, repeats: Repeats) -> Recording:
+    drop = repeats.copies | np.isin(recording.pass_index, list(repeats.passes))
     if not drop.any():
         return recording
     keep = ~drop
@@ -196,16 +219,18 @@ def _poses(
     return made
 
 
-def _checks(recording: Recording, hand_eye: Float | None, given: Mapping[str, Bound]) -> Iterator[Check]:
+def _checks(
+    recording: Recording, repeats: Repeats, once: Recording, hand_eye: Float | None, given: Mapping[str, Bound]
+) -> Iterator[Check]:
     calibration = recording.sphere_diameter_mm is not None
     yield from _profile_checks(recording, given)
     yield from _pose_checks(recording, given, calibration)
-    yield from _copy_checks(recording, given, calibration)
+    yield from _copy_checks(recording, repeats, given, calibration)
     yield from _sensor_checks(recording, given)
     if hand_eye is not None:
         yield _hand_eye_check(hand_eye, given)
         if not calibration and recording.clock != "own":
-            yield from _motion_checks(without_copies(recording), hand_eye, given)
+            yield from _motion_checks(once, hand_eye, given)
     if unsure := recording.not_confirmed:
         about = "; ".join(line.partition(":")[0] for line in unsure)
         told = (
@@ -288,9 +313,10 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     )
 
 
-def _copy_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:
-    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
-    passes = _copied_passes(recording, repeats)
+def _copy_checks(
+    recording: Recording, repeats: Repeats, given: Mapping[str, Bound], calibration: bool
+) -> Iterator[Check]:
+    passes = repeats.passes
     count = len(np.unique(recording.pass_index))
     copies = ", ".join(f"{copy} of {original}" for copy, original in list(passes.items())[:TOLD])
     again = np.isin(recording.pass_index, list(passes))
@@ -300,11 +326,6 @@ def _copy_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
         once = "" if calibration else ", and count once"
         told.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
     yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
-
-
-def _copied_passes(recording: Recording, repeats: Repeats) -> dict[int, int]:
-    """Pass that is a copy -> the one that it is a copy of."""
-    return dict(alike_passes(recording.z_mm, recording.pass_index)) | dict(repeats.passes)
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:

@@ -16,11 +16,11 @@ ALIKE = 0.9  # correlation of the noise of two frames of different passes that a
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repeats:
-    """Which frames (N,) are copies, bit for bit, of an earlier one."""
+    """What a recording shows more than once."""
 
-    copies: Bool  # (N,) of an earlier frame of their own pass
+    copies: Bool  # (N,) frames that are bit for bit an earlier one of their own pass
     longest: int  # most frames in a row of one pass that are one and the same
-    passes: tuple[tuple[int, int], ...]  # (copy, original): passes whose frames were there before
+    passes: dict[int, int]  # pass that is a copy: the one that it is a copy of
 
     @property
     def share(self) -> float:
@@ -29,12 +29,13 @@ class Repeats:
 
 
 def find_repeats(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> Repeats:
-    """Compare all frames of a grid (N, M) with each other, by the digests of their ranges.
+    """Compare all frames of a grid (N, M) with each other, by the digests of their ranges, and passes by their noise.
 
     Frames with few returns and recordings without noise do not count: they may be alike and yet right.
     """
     frames = len(z_mm)
-    none = Repeats(np.zeros(frames, bool), 0, ())
+    alike = _alike_passes(z_mm, pass_index)
+    none = Repeats(np.zeros(frames, bool), 0, alike)
     if frames < 2 or not _has_noise(z_mm):
         return none
     digest = frame_digests(z_mm)
@@ -44,7 +45,7 @@ def find_repeats(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> Repeats:
     counted = np.isfinite(z_mm).sum(axis=1) >= LEAST_RETURNS
     copies, longest = np.zeros(frames, bool), 1
     sets: list[tuple[int, frozenset[int]]] = []
-    passes = []
+    passes = {}
     for number in np.unique(pass_index):
         at = np.flatnonzero((pass_index == number) & counted)
         own = digest[at]
@@ -54,9 +55,9 @@ def find_repeats(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> Repeats:
         found = frozenset(own.tolist())
         known = next((n for n, s in sets if found and len(found & s) > 0.5 * len(found)), None)
         if known is not None:
-            passes.append((int(number), known))
+            passes[int(number)] = known
         sets.append((int(number), found))
-    return Repeats(copies, longest, tuple(passes))
+    return Repeats(copies, longest, alike | passes)
 
 
 def _has_noise(z_mm: AnyArray) -> bool:
@@ -74,14 +75,13 @@ def _longest_run(values: Int) -> int:
     return int(np.diff(edges).max())
 
 
-def alike_passes(z_mm: AnyArray, pass_index: Int) -> tuple[tuple[int, int], ...]:
-    """(copy, original) of passes of as many frames whose noise is the same although no frame is bit for bit.
+def _alike_passes(z_mm: AnyArray, pass_index: Int) -> dict[int, int]:
+    """By copy, the original, of passes of as many frames whose noise is the same although no frame is bit for bit.
 
     A second pass over the same plate has the same shape, but noise of its own.
     """
     numbers = np.unique(pass_index)
-    found = []
-    bends = {}
+    found, bends = {}, {}
     for number in numbers:
         at = np.flatnonzero(pass_index == number)
         some = at[np.unique(np.linspace(0, len(at) - 1, 5).astype(int))]
@@ -90,9 +90,9 @@ def alike_passes(z_mm: AnyArray, pass_index: Int) -> tuple[tuple[int, int], ...]
         for original in map(int, numbers[:i]):
             (count_a, a), (count_b, b) = bends[copy], bends[original]
             if count_a == count_b and a.shape == b.shape and _correlation(a, b) > ALIKE:
-                found.append((copy, original))
+                found[copy] = original
                 break
-    return tuple(found)
+    return found
 
 
 def _correlation(a: AnyArray, b: AnyArray) -> float:

@@ -23,6 +23,7 @@ WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
 WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
 GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond returns that lie so far beside it
+PIECES_APART = 4  # places in the chain, at most, between two pieces of one face
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
 
@@ -75,32 +76,36 @@ def whole_faces(chain: Float) -> Float:
 
     Between two pieces of one face lie only returns beside their line; else each piece would pass for a narrow face.
     """
-    i = 0
-    while i < len(chain):
-        for k in range(min(i + 4, len(chain) - 1), i + 1, -1):
-            a, b = chain[i], chain[k]
-            middle = 0.5 * np.array([a[X0] + a[X1], b[X0] + b[X1]])
-            if middle[1] <= middle[0]:
-                continue
-            height = a[SLOPE] * middle[0] + a[OFFSET], b[SLOPE] * middle[1] + b[OFFSET]
-            slope = (height[1] - height[0]) / (middle[1] - middle[0])
-            offset = height[0] - slope * middle[0]
-            gap = 0.5 * (a[X1] + b[X0])
-            lean = 1.0 / math.hypot(1.0, slope)
-            apart = abs((a[SLOPE] - b[SLOPE]) * gap + a[OFFSET] - b[OFFSET]) * lean
-            turned = max(abs(math.atan(one[SLOPE]) - math.atan(slope)) for one in (a, b))
-            between = chain[i + 1 : k]
-            ends = between[:, [X0, X1]]
-            beside = np.abs(between[:, [SLOPE]] * ends + between[:, [OFFSET]] - slope * ends - offset).max() * lean
-            if apart < SAME_MM and turned < SAME_ANGLE and beside < GHOST_MM:
-                joint = a.copy()
-                joint[[SLOPE, OFFSET, X1, LAST]] = slope, offset, b[X1], b[LAST]
-                joint[COUNT] += b[COUNT]
-                chain = np.concatenate([chain[:i], joint[None], chain[k + 1 :]])
-                break
-        else:
-            i += 1
-    return chain
+    first = 0
+    while True:
+        found = [(*_of_one_face(chain, apart), apart) for apart in range(2, min(len(chain), PIECES_APART + 1))]
+        pairs = [(i, -apart, line[i]) for one, line, apart in found for i in np.flatnonzero(one).tolist() if i >= first]
+        if not pairs:
+            return chain
+        first, back, line = min(pairs, key=lambda pair: pair[:2])
+        joint, last = chain[first].copy(), chain[first - back]
+        joint[[SLOPE, OFFSET, X1, LAST]] = *line, last[X1], last[LAST]
+        joint[COUNT] += last[COUNT]
+        chain = np.concatenate([chain[:first], joint[None], chain[first - back + 1 :]])
+
+
+def _of_one_face(chain: Float, apart: int) -> tuple[Bool, Float]:
+    """Whether each face and that `apart` places on (n,) are pieces of one, and its slope and offset (n, 2)."""
+    a, b = chain[:-apart], chain[apart:]
+    from_mm, to_mm = (0.5 * (one[:, X0] + one[:, X1]) for one in (a, b))
+    ahead = to_mm > from_mm
+    start = a[:, SLOPE] * from_mm + a[:, OFFSET]
+    slope = (b[:, SLOPE] * to_mm + b[:, OFFSET] - start) / np.where(ahead, to_mm - from_mm, 1.0)
+    offset, lean = start - slope * from_mm, 1.0 / np.hypot(1.0, slope)
+    gap = 0.5 * (a[:, X1] + b[:, X0])
+    fits = ahead & (np.abs((a[:, SLOPE] - b[:, SLOPE]) * gap + a[:, OFFSET] - b[:, OFFSET]) * lean < SAME_MM)
+    for one in (a, b):
+        fits &= np.abs(np.arctan(one[:, SLOPE]) - np.arctan(slope)) < SAME_ANGLE
+    for between in (chain[k : k + len(a)] for k in range(1, apart)):
+        for end in (between[:, X0], between[:, X1]):
+            beside = (between[:, SLOPE] - slope) * end + between[:, OFFSET] - offset
+            fits &= np.abs(beside) * lean < GHOST_MM
+    return fits, np.stack([slope, offset], axis=1)
 
 
 def _off(angle: float, expected: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, HandEye, Recording
-from workbench.checks import as_delivered, checked_limits, judge_recording, refuse_failed, without_copies
+from workbench.checks import checked_limits, judged, refuse_failed
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses
 from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
@@ -56,7 +56,6 @@ def fuse(
     """
     if recording.clock == "own":
         raise InputError(f"{recording.source}: /profiles", "expected times on the robot's clock, found clock 'own'")
-    recording = as_delivered(recording)
     calibration = read_hand_eye(hand_eye) if hand_eye is not None else recorded_hand_eye(recording)
     part = dataclasses.replace(
         recording.part,
@@ -64,9 +63,10 @@ def fuse(
         hand_eye_calibrated_at=calibration.calibrated_at,
         hand_eye_u_mm=calibration.volume_u_mm,
     )
-    checks = judge_recording(recording, calibration.flange_from_profiler, checked_limits(limits, "scan.fuse.limits"))
+    loosened = checked_limits(limits, "scan.fuse.limits")
+    checks, once = judged(recording, calibration.flange_from_profiler, loosened)
     refuse_failed(checks, recording.source)
-    recording = pass_after_pass(without_copies(recording))
+    recording = pass_after_pass(once)
     return Cloud(
         x_mm=_true(recording.x_mm, calibration, 0),
         z_mm=_true(recording.z_mm, calibration, 1),

@@ -12,7 +12,7 @@ from workbench.checks.profiles import Chain, Few
 from workbench.geometry.poses import vector_from_rotation
 from workbench.units import DEG, Float, Int
 
-REACH = 3  # profiles on each side, for the direction of the way
+REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
 LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
 SURE = 3.0  # standard uncertainties by which a turn of the section is one
 LEAST_SINE = 0.1  # of the angle between a section's line and the way
@@ -194,6 +194,7 @@ def _twist(across: Float, way: Way, stretch: Int, turn_u: Float) -> tuple[float,
     greatest, unsteady = 0.0, 0.0
     for number in np.unique(stretch):
         at = np.flatnonzero((stretch == number) & np.isfinite(way.tangent[:, 0]))
+        at = at[REACH:-REACH] if len(at) > LONG else at  # at its ends a tangent hangs on the last place
         angle = _turns(across, way.tangent, at)
         if angle is None:
             continue

@@ -12,6 +12,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.spatial.transform import Rotation
 
+from bench.coverage.parts import mixed_recipe
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Recording
 from workbench.checks import (
@@ -79,6 +80,11 @@ HONEST = ["swept_there_and_back", "swept_reversal", "swept_twist", "swept_helix"
 @pytest.mark.parametrize("seed", [1, 2])
 def test_edges_that_turn_and_passes_that_turn_back_are_honest(condition: str, seed: int) -> None:
     recording, _ = simulate_swept(random_swept_recipe(condition, seed))
+    assert failed(recording) == {}
+
+
+def test_a_pass_that_begins_beyond_the_end_of_the_plate_passes() -> None:
+    recording, _ = simulate_recording(mixed_recipe(7_900_502, raw_edge=False))
     assert failed(recording) == {}
 
 

@@ -11,7 +11,7 @@ from workbench.robot.bounds import SAFE_MM
 
 
 def crowded(tree: Any) -> None:
-    """Boxes on the turntable and on the base, a mesh for a workpiece, a tool with a box and a sphere."""
+    """Boxes and flat cylinders on turntable, base and tool, so that each meets each; a mesh for a workpiece."""
     tree["fixtures"] += [
         {"name": "clamp", "on": "turntable", "pose": {"position_mm": [200, 0, 150]}, "box_mm": [100, 300, 300]},
         {
@@ -20,10 +20,18 @@ def crowded(tree: Any) -> None:
             "box_mm": [600, 80, 80],
         },
         {"name": "lamp", "pose": {"position_mm": [1500, 800, 1800]}, "sphere_mm": 200},
+        {
+            "name": "drum",
+            "pose": {"position_mm": [1200, 900, 900], "quaternion_wxyz": [0.8, 0.6, 0, 0]},
+            "cylinder_mm": [350, 120],
+        },
     ]
     tree["margin_mm"] = 0
     tree["workpiece"] = {"mesh": "cube.stl", "pose": {"position_mm": [-300, -100, 0]}}
-    tree["tool"]["shapes"] += [{"box_mm": [60, 200, 90], "pose": {"position_mm": [0, 0, 60]}}]
+    tree["tool"]["shapes"] += [
+        {"box_mm": [60, 200, 90], "pose": {"position_mm": [0, 0, 60]}},
+        {"cylinder_mm": [110, 30], "pose": {"position_mm": [0, 0, 120]}},
+    ]
 
 
 @pytest.fixture

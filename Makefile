@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz docs data lock clean
+.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz mutation docs data lock clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -13,6 +13,7 @@ help:
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
+	@echo "make mutation   errors put into the code at random, and whether the tests tell them (long)"
 	@echo "make docs       the pages of the stages anew, and the site: out/docs/index.html; runs what the pages tell to run"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
@@ -49,6 +50,9 @@ bench: setup-dev
 
 fuzz: setup-dev
 	@$(BIN)/python -m bench.fuzz --docs
+
+mutation: setup-dev
+	@$(BIN)/python -m bench.mutation
 
 docs: setup-dev
 	@$(BIN)/python -m workbench.pipeline.docs

@@ -1,4 +1,4 @@
-"""Does a wrong constant fail a test: `python -m bench.mutants workbench/inspect/roots.py:SLOPE_MM ...`.
+"""Does a wrong constant fail a test: `python -m bench.mutation.constants workbench/edge/directions.py:SLOPE_MM ...`.
 
 Each named module-level number is scaled, in a copy of the sources, by each factor, and the tests are run on the copy.
 A mutant that survives is a constant that no test holds. Compiled code is made anew for each: a minute or two apiece.
@@ -8,21 +8,17 @@ from __future__ import annotations
 
 import argparse
 import ast
-import os
-import shutil
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-COPIED = ("workbench", "bench", "tests", "pipelines", "data", "pyproject.toml")
+from bench.mutation.mutant import ROOT, fails
+
 TESTS = ("tests/metrology/test_coverage.py",)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Status 1 if a mutant survives."""
-    parser = argparse.ArgumentParser(prog="python -m bench.mutants", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m bench.mutation.constants", description=__doc__)
     parser.add_argument("constants", nargs="+", metavar="FILE.py:NAME")
     parser.add_argument("--factors", nargs="+", type=float, default=[0.5, 2.0])
     parser.add_argument("--tests", nargs="+", default=list(TESTS))
@@ -32,26 +28,11 @@ def main(arguments: list[str] | None = None) -> int:
     for constant in options.constants:
         path, _, name = constant.partition(":")
         for factor in options.factors:
-            killed = fails(Path(path), name, factor, options.tests)
+            source = scaled((ROOT / path).read_text(encoding="utf-8"), name, factor)
+            killed = fails(Path(path), source, options.tests)
             survived += not killed
             print(f"| {constant} | {factor:g} | {'killed' if killed else '**survives**'} |", flush=True)
     return int(survived > 0)
-
-
-def fails(path: Path, name: str, factor: float, tests: list[str]) -> bool:
-    """Whether the tests fail where the constant `name` of the file `path` (relative) is `factor` times what it is."""
-    with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
-        for item in COPIED:
-            copy = shutil.copytree if (ROOT / item).is_dir() else shutil.copy
-            copy(ROOT / item, Path(folder) / item)
-        target = Path(folder) / path
-        target.write_text(scaled(target.read_text(encoding="utf-8"), name, factor), encoding="utf-8")
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-        environment = {**os.environ, "PYTHONPATH": folder}
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1):
-        raise RuntimeError(f"pytest ended with {done.returncode}: {done.stdout[-500:]}{done.stderr[-500:]}")
-    return done.returncode == 1
 
 
 def scaled(source: str, name: str, factor: float) -> str:

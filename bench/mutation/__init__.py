@@ -1,0 +1,1 @@
+"""Does an error in the sources fail a test."""

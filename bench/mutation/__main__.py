@@ -1,0 +1,110 @@
+"""Do the tests tell errors in the code: `python -m bench.mutation --count 64 --seed 1`.
+
+Mutants are drawn at random: a file of a room, by its length, and one of the changes that are possible in it. Each is
+put into a copy of the sources, on which the tests of its room are run. A mutant that survives is an error that no test
+tells, unless it changes nothing that counts. One line a mutant goes to the log; a run that was stopped goes on behind
+the last one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.mutation.changes import changes
+from bench.mutation.mutant import ROOT, fails
+
+TESTS = {
+    "workbench/edge": ["tests/edge", "tests/inspect", "tests/metrology/test_coverage.py"],
+    "workbench/geometry": ["tests/geometry", "tests/edge", "tests/metrology/test_coverage.py"],
+    "workbench/checks": ["tests/checks", "tests/acceptance/test_refusals.py"],
+    "workbench/inspect": ["tests/inspect", "tests/acceptance/test_truth.py"],
+    "workbench/path": ["tests/path", "tests/acceptance/test_planning.py"],
+    "workbench/program": ["tests/program", "tests/robot/test_judge.py"],
+    "workbench/robot": ["tests/robot", "tests/program"],
+    "workbench/plugins/calibration": ["tests/plugins/calibration"],
+}
+
+
+class Mutant(NamedTuple):
+    """One change of one source."""
+
+    path: Path
+    number: int  # of the line
+    was: str
+    line: str  # that it has become
+    source: str
+
+    @property
+    def tests(self) -> list[str]:
+        """The tests of its room, the one of its own name first."""
+        room = next(one for one in TESTS if self.path.is_relative_to(one))
+        own = [str(one.relative_to(ROOT)) for one in (ROOT / "tests").rglob(f"test_{self.path.stem}.py")]
+        return [*own, *TESTS[room]]
+
+
+def drawn(room: str, rng: np.random.Generator) -> Mutant:
+    """A mutant of a room, anywhere in its code."""
+    files = sorted((ROOT / room).rglob("*.py"))
+    sources = [one.read_text(encoding="utf-8") for one in files]
+    sizes = np.array([len(one) for one in sources], float)
+    while True:
+        k = int(rng.choice(len(files), p=sizes / sizes.sum()))
+        known = changes(sources[k])
+        if not known:
+            continue
+        mutated = known[rng.integers(len(known))].made(sources[k])
+        pairs = list(zip(sources[k].splitlines(), mutated.splitlines(), strict=False))
+        number = next(n for n, (was, line) in enumerate(pairs, 1) if was != line)
+        was, line = pairs[number - 1]
+        return Mutant(files[k].relative_to(ROOT), number, was, line, mutated)
+
+
+def main() -> None:
+    """Run the study, or what is left of it, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.mutation", description=__doc__)
+    parser.add_argument("--count", type=int, default=64, help="mutants, the same number of each room")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rooms", nargs="+", default=list(TESTS), choices=list(TESTS))
+    parser.add_argument("--log", type=Path, default=Path("out/mutation.jsonl"), help="a line a mutant; read on restart")
+    chosen = parser.parse_args()
+    os.nice(10)
+    chosen.log.parent.mkdir(parents=True, exist_ok=True)
+    done = [json.loads(line) for line in chosen.log.read_text().splitlines()] if chosen.log.exists() else []
+    mine = {(row["room"], row["trial"]) for row in done if row["seed"] == chosen.seed}
+    for k in range(chosen.count):
+        room, trial = chosen.rooms[k % len(chosen.rooms)], k // len(chosen.rooms)
+        if (room, trial) in mine:
+            continue
+        mutant = drawn(room, np.random.default_rng([chosen.seed, trial, list(TESTS).index(room)]))
+        row = {"seed": chosen.seed, "room": room, "trial": trial}
+        row |= {"where": f"{mutant.path}:{mutant.number}", "was": mutant.was.strip(), "line": mutant.line.strip()}
+        row["killed"] = fails(mutant.path, mutant.source, mutant.tests)
+        done.append(row)
+        with open(chosen.log, "a", encoding="utf-8") as log:
+            print(json.dumps(row), file=log)
+    for line in table([row for row in done if row["seed"] == chosen.seed]):
+        print(line)
+
+
+def table(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Killed by room, and each survivor."""
+    yield "| room | mutants | killed |\n| --- | --- | --- |"
+    for room in TESTS:
+        own = [row["killed"] for row in rows if row["room"] == room]
+        if own:
+            yield f"| {room} | {len(own)} | {sum(own)} |"
+    yield f"| all | {len(rows)} | {sum(row['killed'] for row in rows)} |"
+    for row in rows:
+        if not row["killed"]:
+            yield f"\n{row['where']}: `{row['was']}` became `{row['line']}`"
+
+
+if __name__ == "__main__":
+    main()

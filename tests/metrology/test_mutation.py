@@ -1,0 +1,74 @@
+"""Mutants of the sources: which are drawn, and whether tests tell them."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.mutation.__main__ import TESTS, drawn
+from bench.mutation.changes import changes
+from bench.mutation.constants import scaled
+from bench.mutation.mutant import ROOT, fails
+
+
+def test_one_number_is_scaled_and_nothing_else() -> None:
+    source = 'A, SHARE = 3, 0.25  # µm\nB: float = 2.0\nC = "0.25"\n'
+    assert scaled(source, "SHARE", 2) == 'A, SHARE = 3, 0.5  # µm\nB: float = 2.0\nC = "0.25"\n'
+    assert scaled(source, "A", 2).startswith("A, SHARE = 6, 0.25")
+    assert "B: float = 1.0" in scaled(source, "B", 0.5)
+    for name in ("C", "D"):
+        with pytest.raises(ValueError, match=f"no number {name}"):
+            scaled(source, name, 2)
+
+
+def test_a_mutant_is_killed_by_a_test_that_holds_it_and_survives_others() -> None:
+    tests = ["tests/metrology/test_mutation.py::test_the_format_of_a_truth"]
+    path = Path("workbench/synthetic/swept/truth.py")
+    source = (ROOT / path).read_text(encoding="utf-8")
+    assert fails(path, scaled(source, "STATION_MM", 2), tests)
+    assert not fails(path, scaled(source, "LOCAL_MM", 2), tests)
+
+
+def test_the_format_of_a_truth() -> None:
+    from workbench.synthetic.swept import truth
+
+    assert truth.STATION_MM == 0.25
+
+
+def test_every_room_has_its_tests() -> None:
+    for room, tests in TESTS.items():
+        assert list((ROOT / room).rglob("*.py"))
+        assert all((ROOT / one).exists() for one in tests)
+
+
+def test_what_is_drawn_is_another_program() -> None:
+    rng = np.random.default_rng(5)
+    for room in TESTS:
+        one = drawn(room, rng)
+        before = (ROOT / one.path).read_text(encoding="utf-8")
+        assert ast.dump(ast.parse(one.source)) != ast.dump(ast.parse(before))
+        assert before.splitlines()[one.number - 1] == one.was != one.line
+        assert one.tests[-len(TESTS[room]) :] == TESTS[room]
+
+
+def test_changes_are_those_of_what_runs() -> None:
+    source = 'def f(a: int | None = 3) -> int | str:\n    """1 + 1 µm"""\n    return -a < 2.0 and (a) + (1)\n'
+    made = sorted(change.made(source).splitlines()[-1].strip() for change in changes(source))
+    assert made == sorted(
+        [
+            "return -a < 2.0 and (a) + (1)",  # of the default, twice
+            "return -a < 2.0 and (a) + (1)",
+            "return -a < 2.0 or (a) + (1)",
+            "return -a <= 2.0 and (a) + (1)",
+            "return -a > 2.0 and (a) + (1)",
+            "return  a < 2.0 and (a) + (1)",
+            "return -a < (1.0) and (a) + (1)",
+            "return -a < (4.0) and (a) + (1)",
+            "return -a < 2.0 and (a) - (1)",
+            "return -a < 2.0 and (a) + ((2))",
+            "return -a < 2.0 and (a) + ((0))",
+        ]
+    )

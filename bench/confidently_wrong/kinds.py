@@ -36,6 +36,7 @@ ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
 AXES = ("axes", "orientation")
 HAND_EYE = ("hand-eye", "profiler's axes")
 UNIT = ("read as mm", "unit")
+BLIND = ("column", "end", "root face", "view", "seen")
 FILTERED = ("filter", "blurred")
 
 
@@ -158,6 +159,24 @@ def _trimmed(columns: int) -> Spoil:
         lost = ~np.isfinite(r.z_mm)
         near = binary_dilation(lost, np.ones((1, 2 * columns + 1), bool))
         return r.x_mm, np.where(near, np.nan, r.z_mm)
+
+    return _grid(change)
+
+
+def _blind(columns: int, bands: int = 1) -> Spoil:
+    """Neighbouring columns that never return: at the end of the part that most frames show, and anywhere else."""
+
+    def change(r: Recording, rng: np.random.Generator) -> tuple[Float, Float]:
+        z, ends = r.z_mm.copy(), []
+        for row in z[:: max(1, len(z) // 40)]:
+            seen = np.flatnonzero(np.isfinite(row))
+            if len(seen) > 50:
+                steps = np.abs(np.diff(row[seen])) + 50.0 * (np.diff(seen) > 20)
+                ends.append(seen[np.argmax(steps)] + rng.integers(2))
+        places = [int(np.median(ends)), *rng.integers(0, z.shape[1], bands - 1)] if ends else []
+        for place in places:
+            z[:, max(place - columns // 2, 0) : place - columns // 2 + columns] = np.nan
+        return r.x_mm, z
 
     return _grid(change)
 
@@ -477,6 +496,9 @@ KINDS: dict[str, Kind] = {
     "median of returns over 7 columns": Kind(_median_of_returns(7), FILTERED),
     "last range held over 2 columns": Kind(_continued(2, held=True), FILTERED),
     "last slope continued over 5 columns": Kind(_continued(5, held=False), FILTERED),
+    "4 blind columns at the end": Kind(_blind(4), BLIND),
+    "8 blind columns at the end": Kind(_blind(8), BLIND),
+    "12 bands of 8 blind columns": Kind(_blind(8, bands=12), BLIND),
     "3 columns lost at every end": Kind(_trimmed(3), ("end", "edge"), "end"),
     "z rounded to 0.1 mm": Kind(_rounded(0, 0.1), ("rounded",)),
     "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),

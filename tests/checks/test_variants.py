@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -175,7 +176,10 @@ SINGLE: list[Vary] = [
     few,
     passes_cut,
 ]
-ANY: list[Vary] = [*SINGLE[len(TRUE) :], two_of_them]  # what is left of them may be another part
+ANY: list[Vary] = [*SINGLE[len(TRUE) :], two_of_them]
+# What a single pass of a flange that hardly turns cannot show, and results name: a hand-eye pose of another sense,
+# frames in another order on a part that lies still in the view.
+UNSEEN: dict[Vary, Any] = {rolled: "flange", mirrored: "flange", permuted: "order", two_of_them: "flange"}
 
 
 def part(condition: str, seed: int) -> tuple[Recording, Truth]:
@@ -188,11 +192,9 @@ def test_a_variant_is_right_or_refused(vary: Vary, judge: Callable[[Recording, T
     if vary is moved and judge is planned:
         pytest.skip("a moved part has another upper side")
     conditions = ("straight", "arc") if judge is inspected else ("raw_straight", "raw_arc")
-    for k, condition in enumerate(conditions):
+    for k, condition in enumerate(conditions[: 1 if vary is passes_cut else 2]):  # two poses tell a straight motion
         recording, truth = part(condition, 300 + k)
         for trial in range(2):
             spoilt = vary(recording, np.random.default_rng([trial, k]))
-            outcome = judge(spoilt, truth, Kind(vary, ()))
-            assert outcome != "crashed", (condition, trial)
-            if vary in (moved, decimated, half_lost, columns_reversed) and judge is inspected:
-                assert outcome != "confidently wrong", (condition, trial)
+            outcome = judge(spoilt, truth, Kind(vary, (), UNSEEN.get(vary, "")))
+            assert outcome not in ("crashed", "confidently wrong"), (condition, trial)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.outliers import REACH_COLUMNS, SHORT_RUN, reject_outliers
+from workbench.geometry.outliers import GAP_COLUMNS, LINE_COLUMNS, REACH_COLUMNS, SHORT_RUN, reject_outliers
 from workbench.units import Bool, Float32, Int
 
 TOLERANCE_MM, WINDOW, JUMP_MM = 0.1, 5, 1.0
@@ -52,16 +52,35 @@ def isolated(z: Float32, keep: Bool, number: Int, i: int, j: int) -> bool:
     return True
 
 
-def short_runs(z: Float32, keep: Bool) -> list[int]:
-    """Columns of a profile in runs of fewer than SHORT_RUN returns."""
-    runs: list[list[int]] = []
-    for j in map(int, np.flatnonzero(keep)):
-        last = runs[-1][-1] if runs else None
-        if last is not None and j - last <= REACH_COLUMNS and abs(z[j] - z[last]) < JUMP_MM * (j - last):
-            runs[-1].append(j)
-        else:
-            runs.append([j])
-    return [j for run in runs if len(run) < SHORT_RUN for j in run]
+def on_line(z: Float32, keep: Bool, j: int, end: int, way: int) -> bool:
+    """Does return j lie on the line through column `end` and the farthest one within LINE_COLUMNS from there?"""
+    near = [end + d * way for d in range(1, LINE_COLUMNS + 1) if 0 <= end + d * way < len(z)]
+    far = [k for k in near if keep[k]]
+    if not far or abs(far[-1] - end) < LINE_COLUMNS // 2:
+        return False
+    ahead = (j - end) / (end - far[-1])
+    line = float(z[end]) + (float(z[end]) - float(z[far[-1]])) * ahead
+    return abs(float(z[j]) - line) < TOLERANCE_MM * (1 + abs(ahead))
+
+
+def drop_short_runs(z: Float32, keep: Bool) -> int:
+    """Take runs of fewer than SHORT_RUN returns out of a profile, from its first column on; how many returns."""
+    run: list[int] = []
+    dropped = 0
+    for j in [*map(int, np.flatnonzero(keep)), None]:
+        if run and j is not None:
+            gap = j - run[-1]
+            goes_on = gap <= REACH_COLUMNS and abs(z[j] - z[run[-1]]) < JUMP_MM * gap
+            if REACH_COLUMNS < gap <= GAP_COLUMNS:
+                goes_on = on_line(z, keep, j, run[-1], -1) or on_line(z, keep, run[-1], j, 1)
+            if goes_on:
+                run.append(j)
+                continue
+        if len(run) < SHORT_RUN:
+            keep[run] = False
+            dropped += len(run)
+        run = [] if j is None else [j]
+    return dropped
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -73,9 +92,7 @@ def test_the_same_as_point_by_point(seed: int) -> None:
             expected[i, j] = False
             alone += 1
     for i, row in enumerate(expected):
-        for j in short_runs(z[i], row):
-            row[j] = False
-            streaks += 1
+        streaks += drop_short_runs(z[i], row)
     before = z.copy(), keep.copy()
     left, *counts = reject_outliers(z, keep, number, TOLERANCE_MM, WINDOW, JUMP_MM)
     np.testing.assert_array_equal(left, expected)
@@ -99,3 +116,21 @@ def test_the_narrowest_profiles(columns: int) -> None:
     z, keep = np.zeros((3, columns), np.float32), np.ones((3, columns), bool)
     left, alone, streaks = reject_outliers(z, keep, np.zeros(3, int), TOLERANCE_MM, WINDOW, JUMP_MM)
     assert (int(left.sum()), alone, streaks) == (0, 0, 3 * columns)  # one short run a frame
+
+
+def test_the_last_returns_of_a_face_stay_beyond_columns_that_measure_nothing() -> None:
+    rng = np.random.default_rng(3)
+    face = 150 + 0.3 * np.arange(40)
+    z = np.concatenate([face, np.full(20, 175.0)]) + rng.normal(0, 0.02, (30, 60))
+    keep = np.ones(z.shape, bool)
+    keep[:, 30:38] = False  # in every frame, before the face's last two columns
+    left, *_ = reject_outliers(z.astype(np.float32), keep, np.zeros(30, int), TOLERANCE_MM, WINDOW, JUMP_MM)
+    np.testing.assert_array_equal(left, keep)
+    left, *_ = reject_outliers(
+        z[:, ::-1].astype(np.float32), keep[:, ::-1], np.zeros(30, int), TOLERANCE_MM, WINDOW, 1.0
+    )
+    np.testing.assert_array_equal(left, keep[:, ::-1])
+    z[:, 38:40] -= 2.0  # off the face's line: a streak, in every frame
+    left, _, streaks = reject_outliers(z.astype(np.float32), keep, np.zeros(30, int), TOLERANCE_MM, WINDOW, JUMP_MM)
+    assert streaks == 60
+    assert not left[:, 38:40].any()

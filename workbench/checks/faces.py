@@ -11,7 +11,7 @@ import scipy
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.judge import refuse_failed
-from workbench.checks.limits import Bound, check, most
+from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.sensor import column_pitch_mm
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, median_of
@@ -31,6 +31,7 @@ COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate b
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
 NEAR_CORNER_MM, LEAST_NEAR, LEAST_SCATTER_MM = 0.25, 3, 1e-4  # returns at a corner
+WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
 AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
@@ -41,6 +42,7 @@ def require_bevel(
     two_plates_share: float,
     root_seen_share: float,
     root_over_nominal: float,
+    upper_seen: bool,
     limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
     """As `judge_faces`, and two plates with a groove between them are no bevel, nor are faces that the view cuts off.
@@ -50,6 +52,7 @@ def require_bevel(
         two_plates_share: share of the profiles that show such a groove.
         root_seen_share: share of the frames with faces in which the root face's own end is seen.
         root_over_nominal: width of the root face over its nominal size.
+        upper_seen: the upper surface is in view, which tells the bevel face from it.
         limits: limits to set by name.
 
     Raises:
@@ -62,7 +65,8 @@ def require_bevel(
         f"what would be the root face is {root_over_nominal:.2g} times as wide as its nominal size: another face, or "
     )
     told += "another nominal size?"
-    wide = check("root_over_nominal", root_over_nominal, told, given=limits)
+    narrowest, widest = least("root_over_nominal"), most("root_over_nominal") if upper_seen else WIDEST_UNTOLD
+    wide = check("root_over_nominal", root_over_nominal, told, given=limits, default=(narrowest, widest))
     checks = (plates_check(two_plates_share, limits), seen, wide, *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
@@ -151,7 +155,7 @@ def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float, str]:
     """
     upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
     beyond = [one.beside.get(face, np.inf) for one in seen]
-    goes = [-HOLLOW < turn < max(HOLLOW, least) for turn, least in zip(beyond, upright, strict=True)]
+    goes = [-HOLLOW < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
     return share_of([one and off > ON for one in goes]), off / DEG, NAMES[face]  # second returns stand off both ways
 

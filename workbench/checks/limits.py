@@ -170,7 +170,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "root_over_nominal": Limit(
         (0.25, 3.5),
-        "width of what would be the root face over its nominal size",
+        "width of what would be the root face over its nominal size; 2.3 at most where no upper surface is in view",
         "the nominal size tells the faces apart; where upper surface and bevel face are all that the view shows, they "
         "look like a bevel face and a wide root face",
     ),

@@ -15,6 +15,7 @@ from workbench.units import DEG, Float, Int
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
 LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
 SURE = 3.0  # standard uncertainties by which a turn of the section is one
+MOST_OBLIQUE_DEG = 45.0  # a laser plane further from square to the edge measures nothing
 LEAST_SINE = 0.1  # of the angle between a section's line and the way
 LEAST_MM = 1e-6  # of way between them
 LEAST_REACH_MM = 1.0  # on each side of a place, for its tangent
@@ -32,12 +33,13 @@ class Consistency:
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     wiggle_mm: float  # robust standard deviation of a place across its way from a smooth one
     in_view: float  # how much of that wiggle the profiles show without poses, over what they show over the whole pass
+    swing_deg: float  # how much the edge's direction varies against the laser plane, in any sense: nine tenths of it
     way_mm: float  # of the edge, all passes
 
     @property
     def waved_deg(self) -> float:
-        """What an edge that waves under an oblique laser plane turns the section about itself, deg."""
-        return 2.0 * self.varies_deg * math.sin(self.obliquity_deg * DEG)
+        """What an edge that waves under an oblique laser plane turns the section about itself at most, deg."""
+        return self.swing_deg * math.tan(min(self.obliquity_deg, MOST_OBLIQUE_DEG) * DEG)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +62,10 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 7)
+        return Consistency(*[float("nan")] * 8)
     table = np.array(found)
-    oblique, varies, twist, unsteady, wiggle, in_view = table[:, :-1].max(axis=0).tolist()
-    return Consistency(oblique, varies, twist, unsteady, wiggle, in_view, float(table[:, -1].sum()))
+    oblique, varies, twist, unsteady, wiggle, in_view, swing = table[:, :-1].max(axis=0).tolist()
+    return Consistency(oblique, varies, twist, unsteady, wiggle, in_view, swing, float(table[:, -1].sum()))
 
 
 def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
@@ -74,12 +76,15 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
         return None
     low, high = np.percentile(way.oblique_deg[here], [5, 95])
     wiggle = _wiggle(place, stretch)
+    aside = np.einsum("kij,ki->kj", pose[here][:, :3, [0, 2]], way.tangent[here])
+    swing = np.degrees(np.linalg.norm(np.ptp(np.percentile(aside, [5, 95], axis=0), axis=0)))
     return (
         float(np.median(way.oblique_deg[here])),
         float(high - low) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
         wiggle,
         _in_view(chain, wiggle),
+        float(swing),
         way.length_mm,
     )
 

@@ -25,6 +25,7 @@ from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.faces import FaceLines
 from workbench.geometry.frame_noise import settled
+from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end
 from workbench.geometry.splines import Spline
@@ -399,7 +400,8 @@ def _side(
     c, d = np.cos(angle)[:, None], np.sin(angle)[:, None]
     m, n = c * a + d * b, c * b - d * a
     slope = np.where(ends.corner, 0.0, ends.slope)[here, None]
-    step = ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
+    beyond = columns_to_next(cloud.keep, np.nan_to_num(ends.column[here]).astype(np.int64))
+    step = beyond * ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
     ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
     face = found.faces[ROOT_FACE]
     rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[here]

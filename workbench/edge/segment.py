@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Cloud, MilledEdge
 from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel, require_columns
 from workbench.edge.faces import TrackedFaces, find_faces
@@ -91,8 +91,9 @@ def segment(
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     root_seen_share = 1.0 - float(tracked.end_is_cut[tracked.seen].mean())
     root_over_nominal = root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
-    shares = two_plates_share(cloud), root_seen_share, root_over_nominal
-    checks = (columns, *require_bevel(cloud, tracked.labels, *shares, given))
+    upper_seen = bool((tracked.faces[UPPER_SURFACE].count[tracked.seen] > 2).mean() > 0.5)
+    shown = two_plates_share(cloud), root_seen_share, root_over_nominal, upper_seen
+    checks = (columns, *require_bevel(cloud, tracked.labels, *shown, given))
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)

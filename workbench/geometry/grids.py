@@ -1,6 +1,6 @@
 """Compiled kernels on the scanner's grid, frames x columns: no neighbour search, every byte touched once.
 
-Compiled at first use and cached beside this file. NaN (no return) goes through arithmetic as NaN, so `fastmath` is off.
+NaN (no return) goes through arithmetic as NaN, so `fastmath` is off.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32
+from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
 _MAGNITUDE = np.int32(0x7FFFFFFF)
+# Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
+MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 2000
 
 
 def fuse(
@@ -155,3 +157,30 @@ def _unshuffle(planes: AnyArray, out: AnyArray) -> None:
     for i in range(out.size):
         low = np.uint32(first[i]) | np.uint32(second[i]) << np.uint32(8)
         out[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
+
+
+def columns_to_next(keep: Bool, outwards: Int) -> Int:
+    """How many columns beyond the last return of a face the next one lies that measures anything (N,); mostly 1.
+
+    A few neighbouring columns of a grid (N, M) in which no frame has a return, between others that do, are blind (dirt
+    on a window, pixels that are masked): they tell nothing of where a face ends.
+
+    Args:
+        keep: where something came back.
+        outwards: (N,) column of the face's last return; negative: the face ends towards column 0.
+
+    Example:
+        >>> keep = np.ones((30, 9), bool)
+        >>> keep[:, 4:6] = False
+        >>> columns_to_next(keep, np.array([2, 3, -6, 8])).tolist()
+        [1, 3, 3, 1]
+    """
+    share = keep[:: -(-len(keep) // TELLING)].mean(axis=0)
+    step = np.ones((2, len(share)), np.int64)
+    for way, out in zip((1, -1), step, strict=True):
+        for j in np.flatnonzero(share > 0.0):
+            beyond = share[j + 1 : j + MOST_BLIND + 2] if way > 0 else share[max(j - MOST_BLIND - 1, 0) : j][::-1]
+            after = np.flatnonzero(beyond > LIVE_SHARE)
+            if len(after) and beyond[0] == 0.0:
+                out[j] = after[0] + 1
+    return np.asarray(np.where(outwards > 0, step[0][np.abs(outwards)], step[1][np.abs(outwards)]))

@@ -12,6 +12,7 @@ from workbench.units import Bool, Float32, Int
 
 REACH_COLUMNS = 4  # a neighbour may be this many columns away: returns go missing
 SHORT_RUN = 4  # a run of fewer returns than this, far from both neighbours, is no surface
+GAP_COLUMNS, LINE_COLUMNS = 24, 8  # unless it goes on with a surface's line beyond columns that measure nothing
 
 
 def reject_outliers(
@@ -20,7 +21,8 @@ def reject_outliers(
     """What remains of `keep` (N, M) without isolated returns and short streaks, and how many there were of each.
 
     Isolated is a return that neither its own profile nor the frames next door support. A streak is a run of fewer than
-    SHORT_RUN of the others that stands off its neighbours by jumps in range, or by more than REACH_COLUMNS columns.
+    SHORT_RUN of the others that stands off its neighbours by jumps in range, or by more than REACH_COLUMNS columns and
+    does not continue their line.
 
     Args:
         z_mm: (N, M) range.
@@ -62,7 +64,7 @@ def _reject(
             ):
                 left[i, j] = False
                 isolated += 1
-        streaks += _drop_short_runs(z[i], left[i], jump, begins)
+        streaks += _drop_short_runs(z[i], left[i], tolerance, jump, begins)
     return isolated, streaks
 
 
@@ -127,7 +129,7 @@ def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int,
 
 
 @kernel
-def _drop_short_runs(z: Float32, keep: Bool, jump: float, begins: Bool) -> int:
+def _drop_short_runs(z: Float32, keep: Bool, tolerance: float, jump: float, begins: Bool) -> int:
     """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points.
 
     No branch in the first loop: nearly all points go on from the column before. begins (M,): room to work in.
@@ -140,13 +142,30 @@ def _drop_short_runs(z: Float32, keep: Bool, jump: float, begins: Bool) -> int:
     for j in range(z.size):
         if begins[j]:
             last = j - 1
-            while last >= 0 and j - last <= REACH_COLUMNS and not keep[last]:
+            while last >= 0 and j - last <= GAP_COLUMNS and not keep[last]:
                 last -= 1
-            near = start >= 0 and j - last <= REACH_COLUMNS
-            if not (near and abs(z[j] - z[last]) < jump * (j - last)):
+            gap = j - last if start >= 0 else GAP_COLUMNS + 1
+            goes_on = gap <= REACH_COLUMNS and abs(z[j] - z[last]) < jump * gap
+            if REACH_COLUMNS < gap <= GAP_COLUMNS:
+                goes_on = _on_line(z, keep, j, last, -1, tolerance) or _on_line(z, keep, last, j, 1, tolerance)
+            if not goes_on:
                 dropped += _drop_if_short(keep, start, j)
                 start = j
     return dropped + _drop_if_short(keep, start, z.size)
+
+
+@kernel
+def _on_line(z: Float32, keep: Bool, j: int, end: int, way: int, tolerance: float) -> bool:
+    """Does point j lie on the line of the surface that ends at column `end` and reaches from there along `way`?"""
+    far = end
+    for d in range(1, LINE_COLUMNS + 1):
+        if 0 <= end + d * way < z.size and keep[end + d * way]:
+            far = end + d * way
+    if abs(far - end) < LINE_COLUMNS // 2:
+        return False
+    ahead = (j - end) / (end - far)
+    off = np.float64(z[j]) - z[end] - (np.float64(z[end]) - z[far]) * ahead
+    return bool(abs(off) < tolerance * (1.0 + abs(ahead)))
 
 
 @kernel

@@ -26,7 +26,8 @@ CORNER_MARGIN_MM = 0.03  # points this near to a corner are left out of both fac
 CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray point of the bevel turns the root face
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
 FINAL_SIGMAS = 4.5
-MAX_GAP_COLUMNS = 8  # a root face's returns have ended after this many columns without one
+# A root face's returns have ended after so many columns that see something else, or so many that see nothing.
+MAX_GAP_COLUMNS, MAX_LOST_COLUMNS = 8, 24
 CLEAR, MIXED, CUT, BURR = range(4)  # how the root face's end was seen
 NEARER_MM = 0.3  # a return this much nearer than the face stands in front of it
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
@@ -259,25 +260,27 @@ def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Fl
 def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
     """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, flag.
 
-    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS without a return on the line. The flag is
-    MIXED where the next column returned a range of its own, neither the face's nor that of what lies behind: a pixel
-    that saw both; CUT where the face ends in the field of view's limit or behind something; BURR where the surface
-    rises out of it; else CLEAR.
+    Walks outwards from the face's points; stops after MAX_GAP_COLUMNS off the line or MAX_LOST_COLUMNS without return.
+    The flag is MIXED where the next column returned a range of its own, neither the face's nor that of what lies
+    behind: a pixel that saw both; CUT where the face ends in the field of view's limit or behind something; BURR where
+    the surface rises out of it; else CLEAR.
     """
     first, last = int(sums[ROOT, FIRST]), int(sums[ROOT, LAST])
     rising = side * (np.float64(x[last]) - np.float64(x[first])) > 0
     direction = 1 if rising else -1
     j = end = last if rising else first
-    quiet = 0
-    while quiet <= MAX_GAP_COLUMNS:
+    off = lost = 0
+    while off <= MAX_GAP_COLUMNS and lost <= MAX_LOST_COLUMNS:
         j += direction
         if j < 0 or j >= x.size:
             break
         on_line = keep[j] and abs(z[j] - state[ROOT, SLOPE] * np.float64(x[j]) - state[ROOT, OFFSET]) < gate
         if on_line and side * (x[j] - x[end]) > 0:
-            end, quiet = j, 0
+            end, off, lost = j, 0, 0
+        elif np.isfinite(z[j]):
+            off += 1
         else:
-            quiet += 1
+            lost += 1
     far = first if rising else last
     k = state[ROOT, SLOPE]
     dx = abs(np.float64(x[end]) - np.float64(x[far])) / max(abs(end - far), 1)

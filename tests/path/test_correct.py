@@ -13,7 +13,12 @@ import pytest
 from tests.path.conftest import Raw
 from workbench.artefacts import ChainU, EdgeProfile, Inspection, PathDeflection, Requirements, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.poses import (
+    pose_from,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+)
 from workbench.path import check, correct, feed, layers
 from workbench.path.poses import poses_of
 from workbench.units import DEG, Float
@@ -51,6 +56,34 @@ def faces(path: Toolpath) -> tuple[Float, Float, Float]:
     final = path.layers[-1]
     poses, cut = poses_of(path, final), final.cutting
     return (poses.origin_mm + 0.5 * final.width_mm[:, None] * poses.z)[cut], -poses.z[cut], final.arc_length_mm[cut]
+
+
+def in_work_object(path: Toolpath, base_from_workobject: Float) -> Toolpath:
+    """The same path with its poses in the frame of a work object."""
+    turn, origin = base_from_workobject[:3, :3], base_from_workobject[:3, 3]
+
+    def carried(points: Any) -> Any:
+        quaternion = quaternion_from_rotation(turn.T @ rotation_from_quaternion(points.quaternion_wxyz))
+        return replace(points, position_mm=(points.position_mm - origin) @ turn, quaternion_wxyz=quaternion)
+
+    return replace(
+        path,
+        layers=tuple(map(carried, path.layers)),
+        travels=tuple(map(carried, path.travels)),
+        finishing=None if path.finishing is None else in_work_object(path.finishing, base_from_workobject),
+        base_from_workobject=base_from_workobject,
+    )
+
+
+def test_a_path_in_a_work_object_is_corrected_alike(scan: Raw, plan: Toolpath) -> None:
+    measured = inspected(scan, FIRST_ROOT + 0.3 / SINE, BEVEL + 0.2)
+    work = in_work_object(
+        plan, pose_from(rotation_from_vector(np.array([0.3, -0.8, 1.9])), np.array([800.0, -90, 300]))
+    )
+    here, there = (correct(measured, one, **QUIET)[0] for one in (plan, work))
+    assert there.base_from_workobject is not None
+    assert faces(there)[0] == pytest.approx(faces(here)[0], abs=1e-9)
+    assert faces(there)[1] == pytest.approx(faces(here)[1], abs=1e-9)
 
 
 def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(scan: Raw, plan: Toolpath) -> None:

@@ -32,9 +32,19 @@ def tables(summaries: list[Summary], command: str) -> str:
             *verdicts(summaries),
             "",
             *refusals(summaries),
-            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+            not_met(short),
         ]
     )
+
+
+def not_met(short: Iterable[str]) -> str:
+    """The goals that were not reached, each "condition: goal", in one sentence by goal."""
+    conditions: dict[str, list[str]] = {}
+    for one in short:
+        condition, _, goal = one.partition(": ")
+        conditions.setdefault(goal, []).append(condition)
+    told = "; ".join(f"{goal} ({', '.join(where)})" if goal else ", ".join(where) for goal, where in conditions.items())
+    return f"Not met: {told or 'nothing'}."
 
 
 def accuracy(summaries: list[Summary]) -> Iterable[str]:

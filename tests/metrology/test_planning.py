@@ -162,7 +162,7 @@ def test_the_worst_part_decides(change, words):
     assert list(summarise_plans("raw_rough", parts).shortcomings) == []
     found = summarise_plans("raw_rough", [*parts, part(50, **change)])
     assert list(found.shortcomings) == [f"raw_rough: {words}"]
-    assert f"Not met: raw_rough: {words}." in plan_tables([found], "command")
+    assert f"Not met: {words} (raw_rough)." in plan_tables([found], "command")
 
 
 def test_refusals_and_crashes_are_told():

@@ -7,7 +7,7 @@ from bench.metrology.part_result import PartResult
 from bench.metrology.quantity import coverage_interval
 from bench.metrology.run import Measurement, measure_all
 from bench.metrology.summary import summarise
-from bench.metrology.table import put_into, tables
+from bench.metrology.table import not_met, put_into, tables
 
 
 def part(seed, **changes):
@@ -99,3 +99,8 @@ def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
     assert sorted(r.seed for r in found) == [0, 1, 2, 3]
     list(measure_all(tasks, tmp_path, 1, Measurement(measured, PartResult, ("bench/metrology", "bench/peers"))))
     assert asked == [0, 1, 2, 3, 0, 1, 2, 3]
+
+
+def test_goals_that_were_not_met_are_told_by_goal() -> None:
+    assert not_met(["arc: axis", "wavy: axis", "arc: root"]) == "Not met: axis (arc, wavy); root (arc)."
+    assert not_met([]) == "Not met: nothing."

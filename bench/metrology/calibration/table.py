@@ -17,7 +17,7 @@ from bench.metrology.calibration.summary import (
     CalibrationSummary,
     Share,
 )
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 from workbench.synthetic.sphere_conditions import DEGENERATE
 
 OPENCV = (
@@ -43,7 +43,7 @@ def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str
     for title, rows in parts:
         rows = list(rows)
         lines += [f"### {title}", "", *rows, ""] if rows else []
-    return "\n".join([*lines, *crashes(summaries), "Not met: " + ("; ".join(short) if short else "nothing") + "."])
+    return "\n".join([*lines, *crashes(summaries), not_met(short)])
 
 
 def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:

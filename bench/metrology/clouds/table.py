@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.metrology.clouds.part import ROUTES
 from bench.metrology.clouds.summary import GOALS, UNITS, CloudSummary
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 
 DIGITS = {"root": 4, "bevel": 3}
 NONE = "-"  # every part was refused
@@ -37,7 +37,7 @@ def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
             *errors(summaries),
             "",
             *(["Refused:", "", *refused, ""] if refused else []),
-            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+            not_met(short),
         ]
     )
 

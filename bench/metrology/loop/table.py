@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench.metrology.figures import told
 from bench.metrology.loop.summary import BEVEL_GOAL_DEG, ROOT_GOAL_MM, LoopSummary
 from bench.metrology.planning.table import covered, three
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 
 
 def loop_tables(summaries: list[LoopSummary], command: str) -> str:
@@ -28,7 +28,7 @@ def loop_tables(summaries: list[LoopSummary], command: str) -> str:
             *uncertainty(summaries),
             "",
             *causes(summaries),
-            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+            not_met(short),
         ]
     )
 

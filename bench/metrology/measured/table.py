@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench.metrology.figures import told
 from bench.metrology.measured.summary import BEVEL_P95_DEG, MeasuredSummary
 from bench.metrology.planning.table import covered
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 from workbench.units import Float
 
 
@@ -25,7 +25,7 @@ def measured_tables(summaries: list[MeasuredSummary], command: str) -> str:
             *uncertainty(summaries),
             "",
             *causes(summaries),
-            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+            not_met(short),
         ]
     )
 

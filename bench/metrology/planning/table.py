@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.metrology.figures import Cover, Spread, told
 from bench.metrology.planning.summary import COVERED_GOAL, SPACING_GOAL, PlanSummary
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 
 
 def plan_tables(summaries: list[PlanSummary], command: str) -> str:
@@ -27,7 +27,7 @@ def plan_tables(summaries: list[PlanSummary], command: str) -> str:
             *counts(summaries),
             "",
             *causes(summaries),
-            "Not met: " + ("; ".join(short) if short else "nothing") + ".",
+            not_met(short),
         ]
     )
 

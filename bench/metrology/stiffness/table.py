@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from bench.metrology.stiffness.summary import COVER_GOAL, HONEST, RATIO_GOAL, StiffnessSummary
-from bench.metrology.table import markdown
+from bench.metrology.table import markdown, not_met
 
 JOINTS = [f"joint {j}" for j in range(1, 7)]
 
@@ -24,7 +24,7 @@ def stiffness_tables(summaries: list[StiffnessSummary], command: str) -> str:
     lines += [
         f"- {s.condition}: {len(s.refused)} refused, the first: {s.refused[0].refused}" for s in summaries if s.refused
     ]
-    return "\n".join([*lines, "", "Not met: " + ("; ".join(short) if short else "nothing") + "."])
+    return "\n".join([*lines, "", not_met(short)])
 
 
 def bounds(summaries: list[StiffnessSummary]) -> Iterable[str]:

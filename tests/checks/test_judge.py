@@ -427,3 +427,14 @@ def test_mirrored_axes_along_an_arc_are_told_by_the_reading_that_steadies_the_la
     assert not found.passed
     assert "the robot's axes are x, -y, z" in found.finding
     assert found.value < LIMITS["obliquity_varies_deg"].bound  # by the common limit alone it would have passed
+
+
+def test_blind_columns_are_told_and_widen_u() -> None:
+    recording, _ = simulate_recording(random_recipe("straight", 5_250_200))
+    named = {one.name: one for one in judge_recording(recording)}
+    assert named["blind_columns"].value == 0
+    z = recording.z_mm.copy()
+    z[:, 300:308] = np.nan
+    found = {one.name: one for one in judge_recording(spoilt(recording, z_mm=z))}["blind_columns"]
+    assert (found.value, found.passed) == (8, True)
+    assert "8 columns between others that measure never return" in found.finding

@@ -102,3 +102,15 @@ def test_frames_have_one_digest_only_if_they_are_the_same(dtype: type) -> None:
     assert len(np.unique(digest)) == len(frames) - 1
     assert digest[11] == digest[3]
     np.testing.assert_array_equal(grids.frame_digests(frames[5:9]), digest[5:9])
+
+
+def test_blind_columns_lie_between_others_that_measure() -> None:
+    keep = np.ones((40, 60), bool)
+    keep[:, 20:26] = False  # blind
+    keep[:, 50:] = False  # beyond it nothing: the end of the part, or of the window
+    keep[1:, 40:44] = False  # hardly ever seen, yet no blind ones
+    assert grids.blind_columns(keep) == 6
+    ends = np.array([19, -26, 18, 49, 39, -44, 0])
+    assert grids.columns_to_next(keep, ends).tolist() == [7, 7, 1, 1, 1, 1, 1]
+    keep[:, 26:50] = False  # more than one grain of dust, and beyond it nothing
+    assert grids.blind_columns(keep) == 0

@@ -17,7 +17,7 @@ from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
 from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share
+from workbench.checks.window import MOVED_MM, PINNED, as_delivered, blind_column_count, fixed_end_share
 from workbench.errors import InputError
 from workbench.geometry.grids import extent
 from workbench.geometry.poses import interpolate_poses
@@ -363,6 +363,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
     yield _fixed_end(recording)
+    yield _blind(recording)
 
 
 def _fixed_end(recording: Recording) -> Check:
@@ -374,6 +375,15 @@ def _fixed_end(recording: Recording) -> Check:
         told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
     reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
     return Check("fixed_end_share", share, None, True, reason, told)
+
+
+def _blind(recording: Recording) -> Check:
+    """How many columns see nothing between others that measure; told, not judged."""
+    count = blind_column_count(recording)
+    told = "every column between others measures"
+    if count:
+        told = f"{count} columns between others that measure never return: is the scanner's window dirty?"
+    return Check("blind_columns", count, None, True, "a face that ends beside them is known to their width", told)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
+from workbench.geometry.grids import blind_columns
 from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
@@ -45,6 +46,11 @@ def fixed_end_share(recording: Recording) -> float:
     low, high = int(first.min()), int(last.max())
     begins, ends = low > 0, high < seen.shape[1] - 1
     return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
+
+
+def blind_column_count(recording: Recording) -> int:
+    """How many columns never return between others that do, of a recording `as_delivered`."""
+    return blind_columns(_sample(recording))
 
 
 def _sample(recording: Recording) -> Bool:

@@ -175,12 +175,23 @@ def columns_to_next(keep: Bool, outwards: Int) -> Int:
         >>> columns_to_next(keep, np.array([2, 3, -6, 8])).tolist()
         [1, 3, 3, 1]
     """
-    share = keep[:: -(-len(keep) // TELLING)].mean(axis=0)
-    step = np.ones((2, len(share)), np.int64)
-    for way, out in zip((1, -1), step, strict=True):
-        for j in np.flatnonzero(share > 0.0):
-            beyond = share[j + 1 : j + MOST_BLIND + 2] if way > 0 else share[max(j - MOST_BLIND - 1, 0) : j][::-1]
+    up, down = _steps_to_next(keep)
+    return np.asarray(np.where(outwards > 0, up[np.abs(outwards)], down[np.abs(outwards)]))
+
+
+def blind_columns(keep: Bool) -> int:
+    """How many columns of a grid (N, M) are blind: see `columns_to_next`."""
+    return int((_steps_to_next(keep)[0] - 1).sum())
+
+
+def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
+    """From each column (M,) to the next that measures, with rising and with falling column."""
+    share = keep[:: max(-(-len(keep) // TELLING), 1)].mean(axis=0)
+    up, down = np.ones((2, len(share)), np.int64)
+    for out, seen in ((up, share), (down[::-1], share[::-1])):
+        for j in np.flatnonzero(seen > 0.0):
+            beyond = seen[j + 1 : j + MOST_BLIND + 2]
             after = np.flatnonzero(beyond > LIVE_SHARE)
             if len(after) and beyond[0] == 0.0:
                 out[j] = after[0] + 1
-    return np.asarray(np.where(outwards > 0, step[0][np.abs(outwards)], step[1][np.abs(outwards)]))
+    return up, down

@@ -1,0 +1,31 @@
+"""Columns that never return, where the root face ends: how far it reaches is in u, not in the value."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.edge.faces import find_faces
+from workbench.inspect import sections
+from workbench.scan import fuse
+from workbench.synthetic import random_recipe, simulate_recording
+
+
+@pytest.mark.parametrize("columns", [4, 8])
+def test_a_root_face_that_ends_behind_blind_columns_is_right(columns: int) -> None:
+    recording, truth = simulate_recording(random_recipe("partial_view", 5_250_201))  # it lies still; a table behind
+    last = np.abs(find_faces(denoise(fuse(recording)), 1.5, 40.0).end_column)
+    z = recording.z_mm.copy()
+    first = int(np.median(last[last > 0])) - columns // 2
+    z[:, first : first + columns] = np.nan
+    found = sections(segment(denoise(fuse(replace(recording, z_mm=z))))).sections
+    told = [one for one in found if one.root_mm is not None]
+    assert len(told) > 6
+    off = [abs(one.root_mm - float(truth.root_mm_at(np.array([one.origin_mm]))[0])) for one in told]
+    assert all(error < 3.0 * one.root_u_mm for error, one in zip(off, told, strict=True))
+    wide = max(one.root_u_mm for one in told)
+    assert wide > 0.1 * columns * 0.05  # at least a good part of the step over them

@@ -26,6 +26,9 @@ def test_no_posture_is_judged_otherwise(cell: Cell, margin_mm: float) -> None:
     screen, model = CollisionScreen(full), CollisionModel(full)
     hits = screen.hits(q, table)
     assert 100 < (hits == FREE).sum() < 500
+    some = slice(0, 200)
+    found = [model.clearance(one, angle) for one, angle in zip(q[some], table[some].tolist(), strict=True)]
+    assert screen.clearances_mm(q[some], table[some]).tolist() == [one and one.distance_mm for one in found]
     for one, angle, hit in zip(q, table, hits, strict=True):
         assert (model.collision(one, angle) is None) == (hit == FREE)
         if hit != FREE:

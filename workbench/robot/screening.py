@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from workbench.robot.bounds import SAFE_MM, bounding_volumes, clearance_bound_mm, near_pairs
+from workbench.robot.bounds import SAFE_MM, bounding_volumes, clearance_bound_mm, near_pairs, pair_bounds_mm
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import motions
@@ -40,6 +40,23 @@ class CollisionScreen:
         for i, n in enumerate(open_.tolist()):
             found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
         return found
+
+    def clearances_mm(self, joints: Float, turntable: Float) -> Float:
+        """The smallest distance (n,) of bodies that must not touch, 0 where they do, at (n, 6) and (n,), rad.
+
+        fcl is asked about the pairs in the order of their bounds, until no other can be nearer. NaN: nothing can touch.
+        """
+        if not self.model.pairs:
+            return np.full(len(joints), np.nan)
+        bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
+        moved, out = motions(self.cell.chain, joints), np.full(len(joints), np.inf)
+        for n, angle in enumerate(turntable.tolist()):
+            turned = turntable_pose(self.cell, angle)
+            for pair in np.argsort(bounds[n]).tolist():
+                if bounds[n, pair] > out[n] + SAFE_MM:
+                    break
+                out[n] = min(out[n], *self.model.distances(moved[n], turned, [pair]))
+        return out
 
     @functools.cached_property
     def _pairs(self) -> Pairs:

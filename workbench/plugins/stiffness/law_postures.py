@@ -107,7 +107,7 @@ def postures(
         turntable=law.table,
         joints=joints,
         displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
-        clearance_mm=_clearances(examiner, joints, law.table) if clearance else np.full(len(joints), np.nan),
+        clearance_mm=examiner.screen.clearances_mm(joints, law.table) if clearance else np.full(len(joints), np.nan),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
         warnings=warnings + _too_fast(cell, joints, points),
@@ -132,12 +132,6 @@ def _displacements(cell: Cell, k: Float, joints: Float, turned: Float, points: P
     jacobian = jacobian_at(*joint_axes(cell.chain, joints), at)[:, :3]
     torque = np.einsum("nri,nr->ni", jacobian, force) / MM
     return np.asarray(np.einsum("nri,ni->nr", jacobian, torque / k))
-
-
-def _clearances(examiner: Examiner, joints: Float, table: Float) -> Float:
-    """The smallest distance (n,) between bodies that must not touch, mm."""
-    found = (examiner.screen.model.clearance(q, angle) for q, angle in zip(joints, table.tolist(), strict=True))
-    return np.array([np.nan if one is None else one.distance_mm for one in found])
 
 
 def _feeds(points: PathPoints, position_mm: Float) -> Float:

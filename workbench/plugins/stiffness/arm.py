@@ -10,6 +10,7 @@ plane a point is the complex number z + i x, which a turn q about y multiplies b
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from workbench.api import (
     spherical_wrist,
     within_limits,
 )
-from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_kernel, traverse_kernel
+from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_kernel, lowest_kernel, traverse_kernel
 
 # The posture optimiser's calls for any arm that has an inverse: slower, by joint angles instead of algebra.
 #
@@ -133,6 +134,7 @@ class GeneralArm:
 
 
 CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
+BRANCHES = ((0, 0), (0, 1), (1, 0), (1, 1))  # shoulder, elbow; a flip of the wrist changes no displacement
 SQUARE = 1e-9  # cosine that still counts as a right angle
 
 
@@ -272,8 +274,6 @@ def traverse(
 ) -> tuple[Float, AnyArray]:
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
-    With poses of shape (a p, 1, 4, 4) it is the displacement of every single point.
-
     Args:
         arm: the robot.
         stiffness: (6,) Nm/rad.
@@ -293,11 +293,48 @@ def traverse(
         return arm.traverse(
             stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles, 4 * shoulder + 2 * elbow
         )
+    told = _in_arm_frame(arm, stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles)
+    return traverse_kernel(*(*told, *_signs(arm, shoulder, elbow)))  # type: ignore[no-untyped-call, no-any-return]
+
+
+def lowest_displacements(
+    arm: AnyArm,
+    stiffness: Float,
+    flange_from_cutter: Float,
+    base_from_cutter: Float,
+    load_mm: Float,
+    force_n: Float,
+    angles: Float,
+) -> Float:
+    """The least displacement (a, p), mm, over all rotations and branches; inf: no posture. Arguments as `traverse`."""
+    if isinstance(arm, GeneralArm):
+        at, load, force = (part.reshape(-1, 1, *part.shape[2:]) for part in (base_from_cutter, load_mm, force_n))
+        known = stiffness, flange_from_cutter, at, load, force, angles
+        found = [arm.traverse(*known, 4 * s + 2 * e) for s, e in BRANCHES]
+        least = [np.where(said == 0, mean, np.inf).min(axis=1) for mean, said in found]
+        return np.asarray(np.min(least, axis=0).reshape(base_from_cutter.shape[:2]))
+    told = _in_arm_frame(arm, stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles)
+    best = np.full(base_from_cutter.shape[:2], np.inf)
+    for shoulder, elbow in BRANCHES:
+        lowest_kernel(*(*told, *_signs(arm, shoulder, elbow), best))  # type: ignore[no-untyped-call]
+    return best
+
+
+def _in_arm_frame(
+    arm: Arm,
+    stiffness: Float,
+    flange_from_cutter: Float,
+    base_from_cutter: Float,
+    load_mm: Float,
+    force_n: Float,
+    angles: Float,
+) -> tuple[Any, ...]:
+    """The arguments of `traverse` as the kernels take them."""
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
-    return traverse_kernel(  # type: ignore[no-untyped-call, no-any-return]
+    return (
         arm.lengths,
         arm.limits,
         _springs(stiffness),
@@ -308,7 +345,6 @@ def traverse(
         (*map(float, wrist), *map(float, axis)),
         np.cos(angles),
         np.sin(angles),
-        *_signs(arm, shoulder, elbow),
     )
 
 

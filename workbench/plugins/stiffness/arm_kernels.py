@@ -39,6 +39,20 @@ def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sin
     return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
+@kernel(error_model="numpy")
+def lowest_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side, best):
+    """As `traverse_kernel`: the least displacement (a, p) over the rotations that nothing is said of, inf: none."""
+    total, worst, flipped = np.empty(len(cosine)), np.empty(len(cosine)), np.empty(len(cosine))
+    for i in range(best.shape[0]):
+        for j in range(best.shape[1]):
+            r, p, q, f = turn[i, j], at[i, j], load[i, j], force[i, j]
+            total[:], worst[:], flipped[:] = 0.0, FREE, FREE
+            _turn_cutter(lengths, limits, k, r, p, q, f, tool, cosine, sine, front, side, total, worst, flipped)
+            for t in range(len(cosine)):
+                if min(worst[t], flipped[t]) == FREE:
+                    best[i, j] = min(best[i, j], total[t])
+
+
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics, inverse
-from workbench.plugins.stiffness.arm import AnyArm, joint_angles
+from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, joint_angles
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
-from workbench.plugins.stiffness.traversal import BRANCHES, flange_poses, spread
+from workbench.plugins.stiffness.traversal import flange_poses, spread
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
 FREE, SINGULAR, LIMIT, UNREACHABLE, COLLISION = range(5)

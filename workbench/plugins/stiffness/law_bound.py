@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import AnyArray, Bool, Float, Int
-from workbench.plugins.stiffness.arm import traverse
+from workbench.plugins.stiffness.arm import BRANCHES, traverse
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law_kernel import stepped
-from workbench.plugins.stiffness.traversal import BRANCHES, placed
+from workbench.plugins.stiffness.traversal import placed
 
 BLOCK = 32  # points between which the values are kept; those inside are computed anew on the way back
 

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import AnyArray, Cell, Float, Int, inverse
-from workbench.plugins.stiffness.arm import CAUSES, AnyArm, traverse
+from workbench.plugins.stiffness.arm import BRANCHES, CAUSES, AnyArm, lowest_displacements, traverse
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
-
-BRANCHES = ((0, 0), (0, 1), (1, 0), (1, 1))  # shoulder, elbow; a flip of the wrist changes no displacement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,14 +64,7 @@ def lowest(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotati
     """The least displacement (n, a) of each loaded point, over all rotations and branches: no law can do better."""
     loaded = points.loaded
     cutter, load, force = (part[:, loaded] for part in placed(cell, points, tables))
-    cutter, load, force = (part.reshape(-1, 1, *part.shape[2:]) for part in (cutter, load, force))
-    best = np.full(len(cutter), np.inf)
-    for s, e in BRANCHES:
-        mean, said = traverse(
-            arm, stiffness, cell.flange_from_cutter, cutter, load, force, rotations, shoulder=s, elbow=e
-        )
-        best = np.minimum(best, np.where(said == 0, mean, np.inf).min(axis=1))
-    return np.asarray(best.reshape(len(tables), len(loaded)).T)
+    return lowest_displacements(arm, stiffness, cell.flange_from_cutter, cutter, load, force, rotations).T
 
 
 def placed(cell: Cell, points: PathPoints, tables: Float) -> tuple[Float, Float, Float]:

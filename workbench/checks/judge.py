@@ -17,11 +17,11 @@ from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
 from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import MOVED_MM, PINNED, as_delivered, blind_column_count, fixed_end_share
+from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, returned
 from workbench.errors import InputError
-from workbench.geometry.grids import extent
+from workbench.geometry.grids import blind_columns, extent
 from workbench.geometry.poses import interpolate_poses
-from workbench.units import Float
+from workbench.units import Bool, Float
 
 ROUNDED_SHARE = 0.5  # of the noise, from which on steps of the ranges make neighbours equal
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
@@ -362,13 +362,14 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns hold one value: a median filter? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    yield _fixed_end(recording)
-    yield _blind(recording)
+    seen = returned(recording)
+    yield _fixed_end(seen)
+    yield _blind(seen)
 
 
-def _fixed_end(recording: Recording) -> Check:
+def _fixed_end(seen: Bool) -> Check:
     """Whether an end of all that returned may be the window's; told, not judged."""
-    share = fixed_end_share(recording)
+    share = fixed_end_share(seen)
     told = "returns end where the part does, or at the ends of the view"
     if share > PINNED:
         told = f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
@@ -377,9 +378,9 @@ def _fixed_end(recording: Recording) -> Check:
     return Check("fixed_end_share", share, None, True, reason, told)
 
 
-def _blind(recording: Recording) -> Check:
+def _blind(seen: Bool) -> Check:
     """How many columns see nothing between others that measure; told, not judged."""
-    count = blind_column_count(recording)
+    count = blind_columns(seen)
     told = "every column between others measures"
     if count:
         told = f"{count} columns between others that measure never return: is the scanner's window dirty?"

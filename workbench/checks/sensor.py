@@ -232,14 +232,18 @@ def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
 
 def _correlation(scaled: Float, used: Bool) -> Float:
     """Mean product by lag of rows of unit variance, over that at lag 0."""
-    n = scaled.shape[1]
-    raw = np.array(
-        [
-            (scaled[:, : n - k] * scaled[:, k:]).sum() / max(int((used[:, : n - k] & used[:, k:]).sum()), 1)
-            for k in range(LAGS + 1)
-        ]
-    )
+    raw = _by_lag(scaled, used, LAGS + 1)
     return np.asarray(raw / raw[0])
+
+
+def _by_lag(values: Float, used: Bool, lags: int) -> Float:
+    """Mean product (lags,) of values (n, M) that lie so many columns apart, of those that are used; by FFT."""
+    size = values.shape[1] + lags
+    total, count = (
+        np.fft.irfft((np.abs(np.fft.rfft(one, size)) ** 2).sum(axis=0), size)[:lags]
+        for one in (values, used.astype(float))
+    )
+    return np.asarray(total / np.maximum(np.round(count), 1.0))
 
 
 def moving_mean(z: Float) -> float:
@@ -256,17 +260,11 @@ def moving_mean(z: Float) -> float:
     bend[np.abs(np.where(known, bend, np.inf)) > BENT * np.median(np.abs(bend[known]))] = np.nan
     used = np.isfinite(bend)
     bend = np.where(used, bend, 0.0)
-    power = float((bend**2).sum()) / max(int(used.sum()), 1)
-    if power <= 0:
+    products = _by_lag(bend, used, min(LAGS, bend.shape[1] - 1))
+    if not products[0] > 0.0:
         return 0.0
-    products = np.array(
-        [
-            float((bend[:, :-k] * bend[:, k:]).sum()) / max(int((used[:, :-k] & used[:, k:]).sum()), 1) / power
-            for k in range(2, min(LAGS, bend.shape[1] - 1))
-        ]
-    )
-    best = int(np.argmin(products))
-    return float(best + 2) if products[best] < MEAN_CORRELATION else 0.0
+    best = 2 + int(np.argmin(products[2:]))
+    return float(best) if products[best] < MEAN_CORRELATION * products[0] else 0.0
 
 
 def _step(values: AnyArray) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
-from workbench.geometry.grids import blind_columns
 from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
@@ -34,12 +33,12 @@ def as_delivered(recording: Recording) -> Recording:
     )
 
 
-def fixed_end_share(recording: Recording) -> float:
+def fixed_end_share(seen: Bool) -> float:
     """Greatest share of the frames whose returns end in one and the same column beside others that never return.
 
-    Of a recording `as_delivered`: nothing has told whether the part or the window ends there.
+    seen (n, M): what `returned` of a recording `as_delivered`: nothing has told whether the part or the window ends
+    there.
     """
-    seen = _sample(recording)
     first, last = _ends(seen)
     if not len(first):
         return 0.0
@@ -48,12 +47,7 @@ def fixed_end_share(recording: Recording) -> float:
     return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
 
 
-def blind_column_count(recording: Recording) -> int:
-    """How many columns never return between others that do, of a recording `as_delivered`."""
-    return blind_columns(_sample(recording))
-
-
-def _sample(recording: Recording) -> Bool:
+def returned(recording: Recording) -> Bool:
     """What returned (n, M) in some frames of every pass."""
     passes = recording.pass_index
     frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
@@ -62,7 +56,7 @@ def _sample(recording: Recording) -> Bool:
 
 def _measured(recording: Recording) -> slice:
     z, passes = recording.z_mm, recording.pass_index
-    seen = _sample(recording)
+    seen = returned(recording)
     step = _step(seen) if _step(seen) == 1 else _step(np.isfinite(z))
     first, last = _ends(seen)
     if not len(first):

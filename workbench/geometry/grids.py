@@ -16,7 +16,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
 _MAGNITUDE = np.int32(0x7FFFFFFF)
 # Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
-MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 2000
+MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
 
 
 def fuse(
@@ -189,9 +189,7 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
     share = keep[:: max(-(-len(keep) // TELLING), 1)].mean(axis=0)
     up, down = np.ones((2, len(share)), np.int64)
     for out, seen in ((up, share), (down[::-1], share[::-1])):
-        for j in np.flatnonzero(seen > 0.0):
-            beyond = seen[j + 1 : j + MOST_BLIND + 2]
-            after = np.flatnonzero(beyond > LIVE_SHARE)
-            if len(after) and beyond[0] == 0.0:
-                out[j] = after[0] + 1
+        for j in np.flatnonzero((seen[:-1] > 0.0) & (seen[1:] == 0.0)):
+            after = np.flatnonzero(seen[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
+            out[j] = after[0] + 1 if len(after) else 1
     return up, down

@@ -177,8 +177,8 @@ LIMITS: dict[str, Limit] = {
     "face_bow": Limit(
         0.03,
         "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",
-        "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the flatter "
-        "ones",
+        "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the "
+        "flatter ones",
     ),
     "size_scatter": Limit(
         0.15,

@@ -181,7 +181,7 @@ def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit
     """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
     design = recording.flange_from_profiler
     if recording.clock == "own" and len(passes.scans):
-        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
+        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view)
     return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
 
 

@@ -102,9 +102,11 @@ def solve_with_offset(
     where: str = "postures",
     limit_mm: float = 0.75,
     view: View | None = None,
-    judged: bool = True,
 ) -> Answer:
-    """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together."""
+    """The same with the clock's offset, from scans over the sphere: a grid of offsets, then all unknowns together.
+
+    Scans that determine nothing near the first fit are refused; `check_scans` judges what comes out.
+    """
     view = view or view_of(passes.circle)
     low, high = passes.offset_range()
     speed = _speed(passes.place((low + high) / 2))
@@ -132,8 +134,6 @@ def solve_with_offset(
     _check_explains(best, seen, noise, where)
     found = settled(best, passes, noise, with_offset=True)
     seen = passes.place(found.fit.estimate.offset_s)
-    if judged:
-        check_scans(found.fit, passes, found.noise, limit_mm, view, where, raised=asked(noise, found.noise))
     return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
 
 

@@ -13,6 +13,7 @@ from workbench.errors import InputError
 from workbench.program.rapid import Rapid
 from workbench.program.rapid_program import JointTarget
 from workbench.program.rapid_reader import parse_rapid
+from workbench.program.rapid_values import TOOL0
 from workbench.program.write import program_job
 from workbench.robot import Cell
 
@@ -187,3 +188,10 @@ def test_fifty_thousand_targets_are_read_in_seconds(text: str) -> None:
     program = parse_rapid(long)
     assert len(program.moves) > 50_000
     assert time.process_time() - begin < 10
+
+
+def test_tool0_is_the_controllers_own() -> None:
+    """ABB, Technical reference manual RAPID: a tool that nobody has defined, of a gram."""
+    own = "PERS tooldata t := [TRUE, [[0,0,0],[1,0,0,0]], [0.001, [0,0,0.001], [1,0,0,0], 0, 0, 0]];"
+    found = parse_rapid(f"MODULE M\n  {own}\n  PROC main()\n  ENDPROC\nENDMODULE\n").tools["t"]
+    assert found == TOOL0

@@ -41,7 +41,7 @@ def require_end_face(
     turns = [turn for _, beside in seen for turn in beside]
     off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
     bow = bow_of(cloud, labels, rows, ROOT_FACE).share
-    prepared = "is this an edge that is prepared already, with root face and bevel (edge.segment)?"
+    prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
     checks = (
         check(
             "end_face_lean_deg",

@@ -308,7 +308,8 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     yield check(
         "standing_share",
         share,
-        f"the recorded pose stands still during {100 * share:.0f} % of the frames: a frozen pose stream?",
+        f"the recorded pose stands still during {100 * share:.0f} % of the frames: a frozen pose stream, or "
+        "rounded positions?",
         given=given,
     )
 

@@ -418,7 +418,9 @@ def _side(
     used = np.zeros_like(silhouette) if by_corners else _alone(where, corner, silhouette)
     low[silhouette & ~used] = np.nan
     if not (np.isfinite(low) & np.isfinite(where)).any():
-        raise InputError(cloud.source, "no frame shows where the end face ends: is upper_side right?")
+        raise InputError(
+            cloud.source, "no frame shows where the end face ends: is upper_side right, are axes mirrored?"
+        )
     where[_distance(where, np.isfinite(low)) > LEAST_GAP_MM] = np.nan
     low[~np.isfinite(where)] = np.nan
     return _Side(ends, outward, where, low, steps, np.hypot(noise, vibration), missing, used, by_corners)

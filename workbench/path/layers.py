@@ -172,7 +172,10 @@ def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer
     reachable = make_layer(plan, 1, 0.0).cutting
     if not reachable.any():
         reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
-        raise InputError("edge", f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length")
+        raise InputError(
+            "edge",
+            f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length; or are axes mirrored?",
+        )
     heights = heights_of(plan.stock_mm[reachable])
     return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))
 

@@ -104,7 +104,7 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     if known_mm > MOST_KNOWN_MM:
         told = (
             f"the edge is known to {known_mm:.3g} mm only: do its passes disagree, are poses or hand-eye pose wrong, "
-            "is its lower end lost over a long way, or a rounding of it out of view "
+            "is its lower end lost over a long way, blurred by a filter of the sensor, or a rounding of it out of view "
             "(edge.segment_raw.most_radius_mm declares its radius)?"
         )
         raise InputError(edge.source or "edge", told)

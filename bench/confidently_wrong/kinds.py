@@ -24,12 +24,12 @@ class Kind(NamedTuple):
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
     it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
     (its end on a part that lies still in it), order (of frames that are alike), clock (where the motion does not show
-    it), end (of the root face, lost in every frame); empty: it must be seen.
+    it), end (of the root face, lost in every frame), digits (of the positions); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end", "digits"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -519,7 +519,7 @@ KINDS: dict[str, Kind] = {
     "view ends in the part, right": Kind(_cropped(-1, 0.5, absent=True), ("view", "column", "seen", "bevel")),
     "window ends in the part, left": Kind(_cropped(1, 0.5), ("view", "column", "seen", "bevel"), "window"),
     "window ends in the part, right": Kind(_cropped(-1, 0.5), ("view", "column", "seen", "bevel"), "window"),
-    "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded")),
+    "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded"), "digits"),
     "quaternions rounded to 0.001": Kind(_quaternion(_as_read(1e-3)), (*ORIENTATION, "rounded", "norm")),
     "quaternions rounded to 0.01": Kind(_quaternion(_as_read(1e-2)), (*ORIENTATION, "rounded", "norm")),
     "poses noisy by 0.3 mm": Kind(_noisy(0.3, 0.0), ("poses",)),

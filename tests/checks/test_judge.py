@@ -438,3 +438,13 @@ def test_blind_columns_are_told_and_widen_u() -> None:
     found = {one.name: one for one in judge_recording(spoilt(recording, z_mm=z))}["blind_columns"]
     assert (found.value, found.passed) == (8, True)
     assert "8 columns between others that measure never return" in found.finding
+
+
+def test_whole_numbers_for_positions_are_told() -> None:
+    recording = good("straight")
+    named = {one.name: one for one in judge_recording(recording)}
+    assert named["position_step_mm"].value == 0
+    rounded = spoilt(recording, robot_position_mm=np.round(recording.robot_position_mm))
+    found = {one.name: one for one in judge_recording(rounded)}["position_step_mm"]
+    assert (found.value, found.passed) == (1.0, True)
+    assert "would not show" in found.finding

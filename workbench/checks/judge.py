@@ -16,7 +16,7 @@ from workbench.checks.motion import Consistency, chord_obliquity_deg, consistenc
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
-from workbench.checks.sensor import column_pitch_mm, quaternion_step, sensor_traces, swapped_share
+from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
 from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, returned
 from workbench.errors import InputError
 from workbench.geometry.grids import blind_columns, extent
@@ -271,6 +271,7 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     step = quaternion_step(recording.robot_quaternion_wxyz)
     told = f"orientations are rounded to {step:g} in each number of their quaternions: were digits lost in writing?"
     yield check("orientation_step_deg", math.degrees(step), told, given=given)
+    yield _position_step(recording)
     if calibration:
         return
     ways, speeds, steps, standing = [], [], [], []
@@ -312,6 +313,16 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
         "rounded positions?",
         given=given,
     )
+
+
+def _position_step(recording: Recording) -> Check:
+    """Whether the recorded positions are whole numbers; told, not judged: they may have been commanded so."""
+    step = 0.0 if recording.part.robot == LINEAR_AXIS else position_step_mm(recording.robot_position_mm)
+    told = "positions are no multiples of a tenth of a millimetre"
+    if step:
+        told = f"all recorded positions are multiples of {step:g} mm: were they rounded, or commanded instead of "
+        told += "measured? what they are off moves the edge and would not show"
+    return Check("position_step_mm", step, None, True, "a robot's own positions have more digits", told)
 
 
 def _copy_checks(

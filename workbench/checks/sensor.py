@@ -33,6 +33,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
+POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
 
@@ -326,6 +327,14 @@ def _pitch(x: Float) -> float:
     spacing = np.abs(np.diff(x, axis=1))
     spacing = spacing[np.isfinite(spacing)]
     return float(spacing.mean()) if spacing.size else float("nan")
+
+
+def position_step_mm(position_mm: Float) -> float:
+    """The step, 10, 1 or 0.1 mm, of which all coordinates of the positions (n, 3) are multiples; 0: of none."""
+    for step in (10.0, 1.0, 0.1):
+        if (np.abs(position_mm / step - np.round(position_mm / step)) < POSITION_DIGIT / step).all():
+            return step
+    return 0.0
 
 
 def quaternion_step(wxyz: Float) -> float:

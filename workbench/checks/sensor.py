@@ -256,7 +256,7 @@ def moving_mean(z: Float) -> float:
     """
     bend = np.diff(z, n=2, axis=1)
     known = np.isfinite(bend)
-    if known.sum() < LEAST_BENDS:
+    if known.sum() < LEAST_BENDS or bend.shape[1] < 4:
         return 0.0
     bend[np.abs(np.where(known, bend, np.inf)) > BENT * np.median(np.abs(bend[known]))] = np.nan
     used = np.isfinite(bend)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from workbench import pieces
+from workbench.artefacts import Check
+from workbench.report.tables import check_rows
 from workbench.report.values import alike, decimals, measured, plain, signed, span
 
 
@@ -72,3 +74,9 @@ def test_tables_of_any_chapter_write_minus_signs_and_no_signed_nothing():
     assert "−1.50, (−0.3)" in page
     assert ">0.000<" in page
     assert ">0.00<" in page
+
+
+def test_what_is_told_only_is_told_by_its_finding() -> None:
+    told = Check("blind_columns", 8.0, None, True, "why it matters", "8 columns never return")
+    judged = Check("reach_mm", 900.0, 1000.0, True, "why the limit is there", "the flange is 900 mm away")
+    assert [row[-1] for row in check_rows([told, judged], passed=True)] == [told.finding, judged.reason]

@@ -77,11 +77,14 @@ def _because(reason: str) -> str:
 
 
 def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
-    """A row a check that passed, or that did not: name, value, limits; what was found, or why the limit is there."""
+    """A row a check that passed, or that did not: name, value, limits; why the limit is there, or what was found.
+
+    Of a check that is told only the finding is all there is to say.
+    """
     return [
         (
             *check_texts(check.name, check.value, check.limit),
-            one_line(check.reason if passed else check.finding or check.reason),
+            one_line(check.reason if passed and check.limit is not None else check.finding or check.reason),
         )
         for check in checks
         if check.passed == passed

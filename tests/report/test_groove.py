@@ -77,7 +77,7 @@ def test_the_section_is_drawn_with_its_dimensions(chapter, judged):
         value = float(re.search(rf"{letter} = \(?([\d.]+) ±", words)[1])
         assert value == pytest.approx(shown.values[name], abs=6e-3)
     assert "c₂" not in words  # not seen, so not drawn
-    assert "arc length along the groove" in " ".join(charts.itertext())
+    assert "arc length, mm" in " ".join(charts.itertext())
 
 
 def test_without_a_specification_nothing_is_stated(found, elements):

@@ -33,6 +33,8 @@ from workbench.artefacts.grooves import (
     GrooveInspection,
     GrooveSection,
     GrooveType,
+    Preparation,
+    PreparationInspection,
     u_name,
 )
 from workbench.artefacts.inspections import (
@@ -112,6 +114,8 @@ __all__ = [
     "PathGate",
     "PointSet",
     "Postures",
+    "Preparation",
+    "PreparationInspection",
     "ProgramEvent",
     "ProgramMove",
     "ProgramMoves",

@@ -1,10 +1,10 @@
-"""Weld grooves: two plates with a gap, as found in a scan and as judged. Terms of ISO 9692-1 and ISO 17659."""
+"""Joint preparations: grooves between two plates, and the prepared edge of one. Terms of ISO 9692-1 and ISO 17659."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.edges import Quantity
@@ -14,6 +14,7 @@ from workbench.artefacts.showing import rows_table
 from workbench.units import AnyArray, Bool, Float
 
 GrooveType = Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
+PreparationType = Literal["bevel", "compound", "nose", "J"]
 SIZES = (
     "gap_mm",
     "root_face_left_mm",
@@ -39,6 +40,16 @@ TERMS = {  # of ISO 17659 and letters of ISO 9692-1, which has none for the last
     "width_mm": ("Groove width", "–"),
     "misalignment_mm": ("Linear misalignment", "–"),
 }
+PREPARATION_TERMS = {  # likewise, of one plate
+    "root_face_mm": ("Root face", "c"),
+    "bevel_deg": ("Bevel angle", "β"),
+    "upper_bevel_deg": ("Upper bevel angle", "β₂"),
+    "lower_bevel_mm": ("Height of the lower bevel", "h₁"),
+    "land_mm": ("Land", "–"),
+    "depth_mm": ("Depth of preparation", "h"),
+    "root_radius_mm": ("Root radius", "R"),
+    "width_mm": ("Preparation width", "–"),
+}
 
 
 def u_name(size: str) -> str:
@@ -56,15 +67,12 @@ class Corner:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Groove:
-    """A groove as measured, one row a station about 1 mm apart along it.
+class Joint:
+    """What is measured of a joint's preparation, one row a station about 1 mm apart along it."""
 
-    Axes of the section: `normal` from the left plate to the right one along their upper surfaces, `across` up, out of
-    the plates; tangent = across x normal. Its origin lies between the upper edges of both plates.
-    """
-
-    type: GrooveType
-    alternatives: tuple[GrooveType, ...]  # types that the side seen does not exclude
+    terms: ClassVar[Mapping[str, tuple[str, str]]]  # of each size: term and letter
+    type: str
+    alternatives: tuple[str, ...] = ()  # types that the side seen does not exclude
     declared: bool  # the type was given, and is not excluded; else it was chosen by the evidence
     arc_length_mm: Float  # (n,)
     origin_mm: Float  # (n, 3) in the base
@@ -72,7 +80,7 @@ class Groove:
     normal: Float  # (n, 3)
     across: Float  # (n, 3)
     seen: Bool  # (n,)
-    sizes: Mapping[str, Quantity]  # by names of SIZES: (n,) mm, or degrees; those that the type has and that were seen
+    sizes: Mapping[str, Quantity]  # by names of `terms`: (n,) mm, or degrees; those that were seen
     corners: Mapping[str, Corner]
     frame_arc_length_mm: Float  # (N,) NaN: not seen in that frame
     x_mm: AnyArray  # (N, M) lateral places of the columns, for telling a corner's column
@@ -83,9 +91,35 @@ class Groove:
     checks: tuple[Check, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Groove(Joint):
+    """A groove between two plates.
+
+    Axes of the section: `normal` from the left plate to the right one along their upper surfaces, `across` up, out of
+    the plates; tangent = across x normal. Its origin lies between the upper edges of both plates.
+    """
+
+    terms: ClassVar = TERMS
+    type: GrooveType
+    alternatives: tuple[GrooveType, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Preparation(Joint):
+    """The prepared edge of one plate: root face, bevels, land, fillet.
+
+    Axes of the section: `normal` out of the root face, `across` from the lower to the upper side; tangent = across x
+    normal. Its origin is the lower edge.
+    """
+
+    terms: ClassVar = PREPARATION_TERMS
+    type: PreparationType
+    alternatives: tuple[PreparationType, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GrooveSection:
-    """One section of a groove: values, standard uncertainties and corners, as in `groove.json`."""
+    """One section of a joint: values, standard uncertainties and corners, as in `groove.json`."""
 
     index: int
     arc_length_mm: float
@@ -93,18 +127,19 @@ class GrooveSection:
     tangent: Float
     normal: Float
     across: Float
-    values: Mapping[str, float | None]  # SIZES and their u
+    values: Mapping[str, float | None]  # sizes and their u
     corners: tuple[Mapping[str, Any], ...]
     verdict: Verdict
     reason: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GrooveInspection:
-    """A groove against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class JointInspection:
+    """A joint's preparation against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
 
-    type: GrooveType
-    alternatives: tuple[GrooveType, ...]
+    terms: ClassVar[Mapping[str, tuple[str, str]]]
+    type: str
+    alternatives: tuple[str, ...]
     declared: bool
     sections: tuple[GrooveSection, ...]
     requirements: Mapping[str, Any]
@@ -125,3 +160,17 @@ class GrooveInspection:
                 for s in self.sections
             ]
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GrooveInspection(JointInspection):
+    """A groove against its requirements."""
+
+    terms: ClassVar = TERMS
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PreparationInspection(JointInspection):
+    """The prepared edge of one plate against its requirements."""
+
+    terms: ClassVar = PREPARATION_TERMS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -125,10 +125,11 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
     on, off, name = max(_goes_on(seen, face) for face in NAMES)
     goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
-    goes_on += f"in {100 * on:.0f} % of the frames: a compound bevel, or one that is not straight?"
-    out = float(np.median([one.stands_out_mm for one in seen])) if len(seen) >= LEAST_FRAMES else 0.0
-    out -= AT_END * max(abs(one.mm) for one in bows.values())
-    ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a nose, a burr there?"
+    goes_on += (
+        f"in {100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
+    )
+    out = _stands_out(seen, bows.values())
+    ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, a nose (inspect_preparation.json)?"
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),
@@ -138,6 +139,27 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
         check("goes_on_share", on, goes_on, given=given),
         check("corner_stands_out_mm", out, ledge, given=given),
     )
+
+
+def corners_check(
+    cloud: Cloud, labels: AnyArray, pairs: Sequence[tuple[int, int]], limits: Mapping[str, Bound] | None = None
+) -> Check:
+    """The check that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
+    found = np.flatnonzero(np.all([(labels == label).any(axis=1) for pair in pairs for label in pair], axis=0))
+    rows = found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
+    out = 0.0
+    for pair in pairs:
+        bows = [bow_of(cloud, labels, rows, label) for label in pair]
+        seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i), pair)) is not None]
+        out = max(out, _stands_out(seen, bows))
+    told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
+    return check("corner_stands_out_mm", out, told, given=limits)
+
+
+def _stands_out(seen: Sequence[_Corner], bows: Iterable[Bow]) -> float:
+    """By how much a corner stands out of its faces beyond their bows, mm: the median of the frames."""
+    out = float(np.median([one.stands_out_mm for one in seen])) if len(seen) >= LEAST_FRAMES else 0.0
+    return out - AT_END * max(abs(one.mm) for one in bows)
 
 
 class _Corner(NamedTuple):
@@ -270,14 +292,14 @@ def share_of(found: list[bool]) -> float:
     return float(np.mean(found)) if len(found) >= LEAST_FRAMES else 0.0
 
 
-def _corner_of(cloud: Cloud, labels: AnyArray, i: int) -> _Corner | None:
-    """What frame i shows of the corner of its faces; None: they do not stand side by side.
+def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAMES) -> _Corner | None:
+    """What frame i shows of the corner of its faces, a pair of labels; None: they do not stand side by side.
 
     From face to face along a profile of a convex edge the direction turns one way. In a groove it turns back.
     """
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     kept = np.flatnonzero(cloud.keep[i])
-    on = {face: np.flatnonzero((labels == face) & cloud.keep[i]) for face in NAMES}
+    on = {face: np.flatnonzero((labels == face) & cloud.keep[i]) for face in pair}
     if min(len(one) for one in on.values()) < LEAST_POINTS // 2:
         return None
     (lower, first), (upper, second) = sorted(on.items(), key=lambda one: float(np.median(one[1])))

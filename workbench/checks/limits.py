@@ -233,6 +233,16 @@ LIMITS: dict[str, Limit] = {
         "share of the profiles with a face that show the kind of face that most do, of the worse plate",
         "a plate is prepared alike along its edge; spatter and tack welds hide less",
     ),
+    "preparation_share": Limit(
+        (0.34, 1.0),
+        "share of the profiles in which upper surface, preparation and root face of one plate were found",
+        "as groove_share",
+    ),
+    "preparation_agreement": Limit(
+        (0.6, 1.0),
+        "share of these that show the preparation that most do",
+        "as groove_agreement, of one plate",
+    ),
     "groove_level": Limit(
         0.5,
         "how much higher one plate stands than the other, over the depth of the groove",

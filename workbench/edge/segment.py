@@ -100,7 +100,7 @@ def segment(
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, tracked)
-        edge = _edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
+        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     return replace(edge, checks=(*edge.checks, *checks))
@@ -115,9 +115,10 @@ def root_width_mm(face: FaceLines) -> float:
     return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
-def _edge(
+def milled_edge(
     cloud: Cloud, tracked: TrackedFaces, measured: Measured, rounding: Rounding, robot_noise_mm: float, end_u_mm: float
 ) -> MilledEdge:
+    """The edge at its stations, from the state that was measured."""
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))

@@ -257,7 +257,7 @@ def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Fl
 
 
 @kernel
-def _root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
+def root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums: Float, gate: float) -> Float:
     """The last return on the root face away from the bevel: x, z on its line, step along it a column, column, flag.
 
     Walks outwards from the face's points; stops after MAX_GAP_COLUMNS off the line or MAX_LOST_COLUMNS without return.
@@ -334,7 +334,7 @@ def _follow_frame(
     _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
-    for k, value in enumerate(_root_end(x, z, keep, side, state, sums, gates[ROOT])):
+    for k, value in enumerate(root_end(x, z, keep, side, state, sums, gates[ROOT])):
         end[k] = value
     corner = _crossing(state, BEVEL, ROOT)
     width = abs(end[0] - corner)
@@ -449,7 +449,7 @@ def follow(
     x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
     same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face; rim_mm: rounded end of the root
     face that its line leaves out. Filled in: sums (n, 4, 8), end
-    (n, 5) as `_root_end`, seen (n,), labels (n, M).
+    (n, 5) as `root_end`, seen (n,), labels (n, M).
     """
     grid = as_input(x), as_input(z), as_input(keep)
     known = as_input(keys), as_input(states), as_input(sigma), as_input(names)

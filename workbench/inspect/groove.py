@@ -1,4 +1,4 @@
-"""`inspect.groove` and `inspect.groove_gate`: a groove's sizes in sections, and the verdict on them."""
+"""`inspect.groove`, `inspect.preparation`, `inspect.groove_gate`: a joint's sizes in sections, and the verdict."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
-    SIZES,
+    END,
+    FORM,
     Gate,
     Groove,
     GrooveInspection,
     GrooveSection,
+    Preparation,
+    PreparationInspection,
     Quantity,
     Uncertainty,
     Verdict,
     conformity,
     u_name,
 )
-from workbench.artefacts.grooves import TERMS
+from workbench.artefacts.grooves import Joint, JointInspection
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.inspect.budget import NO_HAND_EYE, NOT_INCLUDED
 from workbench.inspect.verdict import worst
@@ -28,7 +31,8 @@ from workbench.stage import stage
 from workbench.units import Float
 
 NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
-TYPE_A = ("faces", "fixed pattern")  # sources whose names begin so are evaluated from scatter (GUM 4.2)
+# Sources whose names begin so are evaluated from scatter (GUM 4.2).
+TYPE_A = ("faces", "fixed pattern", "corners", END, "directions of the faces", FORM)
 LEFT_OUT = (
     *NOT_INCLUDED[:3],
     "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
@@ -70,35 +74,74 @@ def groove(
         >>> found.type, len(found.sections)
         ('Y', 9)
     """
-    required = _required(nominal or {})
-    at = (np.arange(sections) + 0.5) / sections * float(groove.arc_length_mm[-1])
-    inspected = tuple(_section(groove, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
+    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, "inspect.groove"))
+
+
+@stage("inspect.preparation")
+def preparation(
+    preparation: Preparation,
+    *,
+    nominal: Annotated[
+        dict[str, Any] | None,
+        Field(
+            description="sizes by the names of preparation.json and their tolerances: {'land_mm': 2, "
+            "'land_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"
+        ),
+    ] = None,
+    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the edge")] = 9,
+    guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
+) -> PreparationInspection:
+    """Measure the prepared edge of a plate in equidistant sections and judge what is required, as `inspect.groove`.
+
+    Args:
+        preparation: the measured edge.
+        nominal: required sizes and their tolerances, as deviations lower <= 0 <= upper.
+        sections: how many sections.
+        guard_factor: guard band in standard uncertainties.
+
+    Raises:
+        PipelineError: a name that no preparation has, or a nominal without its tolerance.
+
+    Example:
+        >>> from workbench import cloud, edge, inspect, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_nose.h5")))
+        >>> found = inspect.preparation(edge.segment_preparation(points))
+        >>> found.type, len(found.sections)
+        ('nose', 9)
+    """
+    judged = _judged(preparation, nominal or {}, sections, guard_factor, "inspect.preparation")
+    return PreparationInspection(**judged)
+
+
+def _judged(joint: Joint, nominal: Mapping[str, Any], sections: int, guard_factor: float, where: str) -> dict[str, Any]:
+    """The fields of a joint's inspection."""
+    required = _required(nominal, joint, where)
+    at = (np.arange(sections) + 0.5) / sections * float(joint.arc_length_mm[-1])
+    inspected = tuple(_section(joint, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
     told = [s for s in inspected if any(value is not None for value in s.values.values())]
     if not told:
         raise InputError("groove", f"none of {len(inspected)} sections could be measured: is this a groove?")
-    verdict = worst(s.verdict for s in inspected)
-    sources = _sources(groove, at)
-    known = groove.part.hand_eye_u_mm is not None
-    return GrooveInspection(
-        type=groove.type,
-        alternatives=groove.alternatives,
-        declared=groove.declared,
-        sections=inspected,
-        requirements=dict(nominal or {}),
-        guard_factor=guard_factor,
-        verdict=verdict,
-        reason=_reason(inspected, bool(required)),
-        uncertainty=Uncertainty(not_included=LEFT_OUT if known else (*LEFT_OUT, NO_HAND_EYE)),
-        size_sources=sources,
-        part=groove.part,
-        warnings=groove.warnings,
-        checks=groove.checks,
-    )
+    known = joint.part.hand_eye_u_mm is not None
+    return {
+        "type": joint.type,
+        "alternatives": joint.alternatives,
+        "declared": joint.declared,
+        "sections": inspected,
+        "requirements": dict(nominal),
+        "guard_factor": guard_factor,
+        "verdict": worst(s.verdict for s in inspected),
+        "reason": _reason(inspected, bool(required)),
+        "uncertainty": Uncertainty(not_included=LEFT_OUT if known else (*LEFT_OUT, NO_HAND_EYE)),
+        "size_sources": _sources(joint, at),
+        "part": joint.part,
+        "warnings": joint.warnings,
+        "checks": joint.checks,
+    }
 
 
 @stage("inspect.groove_gate")
 def groove_gate(
-    inspection: GrooveInspection,
+    inspection: JointInspection,
     *,
     accept_unjudged: Annotated[bool, Field(description="let a part through of which nothing was required")] = True,
 ) -> Gate:
@@ -120,21 +163,23 @@ def groove_gate(
     return Gate(inspection.verdict == "pass", f"{inspection.verdict}: {inspection.reason}")
 
 
-def _required(nominal: Mapping[str, Any]) -> dict[str, tuple[float, tuple[float, float]]]:
+def _required(
+    nominal: Mapping[str, Any], joint: Joint, stage_name: str
+) -> dict[str, tuple[float, tuple[float, float]]]:
     """Nominal and tolerance by size.
 
     Raises:
         PipelineError: see `groove`.
     """
-    where = "inspect.groove.nominal"
-    tolerances = {_tolerance_name(size): size for size in SIZES}
+    where, sizes = f"{stage_name}.nominal", list(joint.terms)
+    tolerances = {_tolerance_name(size): size for size in sizes}
     for name in nominal:
-        if name not in SIZES and name not in tolerances:
-            raise PipelineError(f"{where}.{name}", f"no size of a groove{nearest(name, [*SIZES, *tolerances])}")
+        if name not in sizes and name not in tolerances:
+            raise PipelineError(f"{where}.{name}", f"no size of such a joint{nearest(name, [*sizes, *tolerances])}")
         if name in tolerances and tolerances[name] not in nominal:
             raise PipelineError(f"{where}.{name}", f"expected '{tolerances[name]}' beside it")
     found = {}
-    for size in SIZES:
+    for size in sizes:
         if size not in nominal:
             continue
         key = _tolerance_name(size)
@@ -159,18 +204,18 @@ def _tolerance_name(size: str) -> str:
 
 
 def _section(
-    groove: Groove,
+    joint: Joint,
     index: int,
     at: float,
     required: Mapping[str, tuple[float, tuple[float, float]]],
     guard_factor: float,
 ) -> GrooveSection:
     values: dict[str, float | None] = {}
-    for name in SIZES:
-        if name not in groove.sizes:
+    for name in joint.terms:
+        if name not in joint.sizes:
             continue
-        value, u = _at(groove, groove.sizes[name], at)
-        shown = bool(np.isfinite(value) and np.isfinite(u) and _near_seen(groove, at))
+        value, u = _at(joint, joint.sizes[name], at)
+        shown = bool(np.isfinite(value) and np.isfinite(u) and _near_seen(joint, at))
         values[name], values[u_name(name)] = (value, u) if shown else (None, None)
     verdicts: list[Verdict] = []
     reasons = []
@@ -181,11 +226,11 @@ def _section(
             told = conformity(value_, u_, nominal, tolerance, guard_factor)
         words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
         verdicts.append(told)
-        reasons.append(f"{TERMS[name][0].lower()} {words[told] if value_ is not None else 'not seen'}")
+        reasons.append(f"{joint.terms[name][0].lower()} {words[told] if value_ is not None else 'not seen'}")
     origin, tangent, normal, across = (
-        _vector(groove, v, at) for v in (groove.origin_mm, groove.tangent, groove.normal, groove.across)
+        _vector(joint, v, at) for v in (joint.origin_mm, joint.tangent, joint.normal, joint.across)
     )
-    corners = tuple(_corner(groove, name, at, origin, normal, across) for name in groove.corners)
+    corners = tuple(_corner(joint, name, at, origin, normal, across) for name in joint.corners)
     return GrooveSection(
         index,
         at,
@@ -200,30 +245,30 @@ def _section(
     )
 
 
-def _near_seen(groove: Groove, at: float) -> bool:
-    near = np.searchsorted(groove.arc_length_mm, at)
-    return bool(groove.seen[np.clip([near - 1, near], 0, groove.seen.size - 1)].all())
+def _near_seen(joint: Joint, at: float) -> bool:
+    near = np.searchsorted(joint.arc_length_mm, at)
+    return bool(joint.seen[np.clip([near - 1, near], 0, joint.seen.size - 1)].all())
 
 
-def _at(groove: Groove, quantity: Quantity, at: float) -> tuple[float, float]:
-    return float(np.interp(at, groove.arc_length_mm, quantity.value)), float(
-        np.interp(at, groove.arc_length_mm, quantity.u)
+def _at(joint: Joint, quantity: Quantity, at: float) -> tuple[float, float]:
+    return float(np.interp(at, joint.arc_length_mm, quantity.value)), float(
+        np.interp(at, joint.arc_length_mm, quantity.u)
     )
 
 
-def _vector(groove: Groove, values: Float, at: float) -> Float:
-    return np.array([np.interp(at, groove.arc_length_mm, values[:, k]) for k in range(3)])
+def _vector(joint: Joint, values: Float, at: float) -> Float:
+    return np.array([np.interp(at, joint.arc_length_mm, values[:, k]) for k in range(3)])
 
 
 def _unit(vector: Float) -> Float:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _corner(groove: Groove, name: str, at: float, origin: Float, normal: Float, across: Float) -> dict[str, Any] | None:
-    corner = groove.corners[name]
-    a, b = (float(np.interp(at, groove.arc_length_mm, corner.section_mm[:, k])) for k in (0, 1))
-    u = [float(np.interp(at, groove.arc_length_mm, corner.u_mm[:, k])) for k in (0, 1)]
-    if not np.isfinite([a, b, *u]).all() or not _near_seen(groove, at):
+def _corner(joint: Joint, name: str, at: float, origin: Float, normal: Float, across: Float) -> dict[str, Any] | None:
+    corner = joint.corners[name]
+    a, b = (float(np.interp(at, joint.arc_length_mm, corner.section_mm[:, k])) for k in (0, 1))
+    u = [float(np.interp(at, joint.arc_length_mm, corner.u_mm[:, k])) for k in (0, 1)]
+    if not np.isfinite([a, b, *u]).all() or not _near_seen(joint, at):
         return None
     position = origin + a * _unit(normal) + b * _unit(across)
     return {
@@ -231,17 +276,17 @@ def _corner(groove: Groove, name: str, at: float, origin: Float, normal: Float, 
         "position_mm": position.tolist(),
         "u_mm": u,
         "section_mm": [a, b],
-        "column": _column(groove, position, at),
+        "column": _column(joint, position, at),
     }
 
 
-def _column(groove: Groove, position: Float, at: float) -> float | None:
+def _column(joint: Joint, position: Float, at: float) -> float | None:
     """Fractional column at which the nearest profile's x is that of a place; None: beyond its columns."""
-    frame = int(np.nanargmin(np.abs(groove.frame_arc_length_mm - at)))
-    pose = groove.base_from_profiler[frame]
+    frame = int(np.nanargmin(np.abs(joint.frame_arc_length_mm - at)))
+    pose = joint.base_from_profiler[frame]
     x = float((position - pose[:3, 3]) @ pose[:3, 0])
-    columns = np.flatnonzero(np.isfinite(groove.x_mm[frame]))
-    places = groove.x_mm[frame, columns].astype(np.float64)
+    columns = np.flatnonzero(np.isfinite(joint.x_mm[frame]))
+    places = joint.x_mm[frame, columns].astype(np.float64)
     order = np.argsort(places, kind="stable")
     places, columns = places[order], columns[order]
     if not places.size or not places[0] <= x <= places[-1]:
@@ -249,20 +294,20 @@ def _column(groove: Groove, position: Float, at: float) -> float | None:
     return float(np.interp(x, places, columns))
 
 
-def _sources(groove: Groove, at: Float) -> tuple[dict[str, Any], ...]:
+def _sources(joint: Joint, at: Float) -> tuple[dict[str, Any], ...]:
     """Each source with what it adds to the u of every size, in the section where that size's u is largest."""
-    names = list(dict.fromkeys(name for q in groove.sizes.values() for name in q.u_by_source))
+    names = list(dict.fromkeys(name for q in joint.sizes.values() for name in q.u_by_source))
     rows: dict[str, dict[str, Any]] = {
         name: {"name": name, "kind": "A" if name.startswith(TYPE_A) else "B"} for name in names
     }
-    for size, quantity in groove.sizes.items():
-        here = np.array([_at(groove, quantity, float(s)) for s in at])
+    for size, quantity in joint.sizes.items():
+        here = np.array([_at(joint, quantity, float(s)) for s in at])
         measured = np.isfinite(here).all(axis=1)
         if not measured.any():
             continue
         worst_at = float(at[measured][int(np.argmax(here[measured, 1]))])
         for name, u in quantity.u_by_source.items():
-            rows[name][u_name(size)] = float(np.interp(worst_at, groove.arc_length_mm, u))
+            rows[name][u_name(size)] = float(np.interp(worst_at, joint.arc_length_mm, u))
     return tuple(rows.values())
 
 

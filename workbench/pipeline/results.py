@@ -15,11 +15,13 @@ from workbench.artefacts import (
     Layer,
     PathCorrection,
     PathGate,
+    PreparationInspection,
     Rework,
     Section,
     Toolpath,
 )
 from workbench.artefacts.checks import UNSEEN
+from workbench.artefacts.grooves import JointInspection
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
@@ -162,10 +164,10 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
     }
 
 
-def groove_document(found: GrooveInspection) -> dict[str, Any]:
-    """`groove.json`, version 1 (docs/grooves.md): mm and degrees, frame of the robot base."""
+def joint_document(found: JointInspection) -> dict[str, Any]:
+    """`groove.json` or `preparation.json`, version 1 (docs/grooves.md): mm and degrees, frame of the robot base."""
     return {
-        "format": "groove-inspection",
+        "format": "groove-inspection" if isinstance(found, GrooveInspection) else "preparation-inspection",
         "version": 1,
         "frame": "base",
         "type": found.type,
@@ -209,7 +211,8 @@ WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Engagement: ("engagement.json", engagement_document),
     Rework: ("rework.json", rework_document),
     PathCorrection: ("correction.json", correction_document),
-    GrooveInspection: ("groove.json", groove_document),
+    GrooveInspection: ("groove.json", joint_document),
+    PreparationInspection: ("preparation.json", joint_document),
 }
 
 

@@ -1,4 +1,4 @@
-"""The HTML of a groove's chapter and of its certificate: tables and sentences. Terms of ISO 9692-1 and ISO 17659."""
+"""The HTML of a joint's chapter and of its certificate: tables and sentences. Terms of ISO 9692-1 and ISO 17659."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import Cloud, Groove, GrooveInspection, GrooveSection, u_name
-from workbench.artefacts.grooves import TERMS
+from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
 from workbench.report.along import gaps
 from workbench.report.certificate import STATEMENTS, decision_rule, small
@@ -21,14 +21,15 @@ from workbench.report.template import data_address, render
 from workbench.report.values import COVERAGE, alike, decimals, measured
 from workbench.units import DEG, Float
 
-NOT_JUDGED = "No specification was stated: the groove was measured, conformity was not assessed."
+NOT_JUDGED = "No specification was stated: the joint was measured, conformity was not assessed."
 
 
-def groove_html(cloud: Cloud, groove: Groove, inspection: GrooveInspection) -> str:
+def groove_html(cloud: Cloud, groove: Joint, inspection: JointInspection) -> str:
     """The chapter."""
     shown = of_interest(inspection)
     return render(
         "groove.html.j2",
+        what=what_of(inspection),
         section=shown.index,
         drawing=data_address(groove_drawing(cloud, groove, shown)),
         charts=data_address(groove_charts(groove, inspection.sections, limits(inspection.requirements))),
@@ -38,7 +39,12 @@ def groove_html(cloud: Cloud, groove: Groove, inspection: GrooveInspection) -> s
     )
 
 
-def groove_certificate(inspection: GrooveInspection) -> str:
+def what_of(inspection: JointInspection) -> str:
+    """What was measured, in a word."""
+    return "groove" if isinstance(inspection, GrooveInspection) else "preparation"
+
+
+def groove_certificate(inspection: JointInspection) -> str:
     """What stands on the first page between who and what was measured and the signature."""
     judged = bool(inspection.requirements)
     names = sizes_of(inspection)
@@ -47,27 +53,28 @@ def groove_certificate(inspection: GrooveInspection) -> str:
         verdict=inspection.verdict if judged else "",
         statement=STATEMENTS[inspection.verdict] if judged else NOT_JUDGED,
         reason=one_line(inspection.reason[:1].upper() + inspection.reason[1:]).rstrip(".") if judged else "",
+        what=what_of(inspection),
         type=inspection.type,
         how="as declared" if inspection.declared else "as recognised",
         alternatives=", ".join(inspection.alternatives),
         specification=list(specification(inspection)),
-        letters=[TERMS[name][1] if TERMS[name][1] != "–" else TERMS[name][0].lower() for name in names],
+        letters=[_letter(inspection, name) for name in names],
         budget=list(budget(inspection, names)),
         not_included=inspection.uncertainty.not_included,
         decision_rule=decision_rule(inspection.guard_factor) if judged else "",
     )
 
 
-def of_interest(inspection: GrooveInspection) -> GrooveSection:
+def of_interest(inspection: JointInspection) -> GrooveSection:
     """Of the sections with most corners the first that fails, else the middle one."""
     most = max(len(one.corners) for one in inspection.sections)
     full = [one for one in inspection.sections if len(one.corners) == most]
     return next((one for one in full if one.verdict == "fail"), full[len(full) // 2])
 
 
-def sizes_of(inspection: GrooveInspection) -> list[str]:
+def sizes_of(inspection: JointInspection) -> list[str]:
     """Names of the sizes that some section has."""
-    return [name for name in TERMS if any(one.values.get(name) is not None for one in inspection.sections)]
+    return [name for name in inspection.terms if any(one.values.get(name) is not None for one in inspection.sections)]
 
 
 def limits(requirements: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
@@ -80,7 +87,7 @@ def limits(requirements: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     return found
 
 
-def specification(inspection: GrooveInspection) -> Iterator[tuple[str, ...]]:
+def specification(inspection: JointInspection) -> Iterator[tuple[str, ...]]:
     """A row a size: name, letter, nominal, limits, lowest and highest section, largest U."""
     required = limits(inspection.requirements)
     for name in dict.fromkeys([*required, *sizes_of(inspection)]):
@@ -93,10 +100,10 @@ def specification(inspection: GrooveInspection) -> Iterator[tuple[str, ...]]:
         if name in required:
             low, middle, high = alike(required[name][0], inspection.requirements[name], required[name][1])
             nominal, zone = f"{middle}{unit}", f"{low} to {high}{unit}"
-        yield *TERMS[name], nominal, zone, *ends, wide
+        yield *inspection.terms[name], nominal, zone, *ends, wide
 
 
-def budget(inspection: GrooveInspection, names: list[str]) -> Iterator[tuple[str, ...]]:
+def budget(inspection: JointInspection, names: list[str]) -> Iterator[tuple[str, ...]]:
     """A row a source: name, type, u of every size."""
     for row in inspection.size_sources:
         cells = []
@@ -108,7 +115,13 @@ def budget(inspection: GrooveInspection, names: list[str]) -> Iterator[tuple[str
         yield str(row["name"]), str(row["kind"]), *cells
 
 
-def section_tables(inspection: GrooveInspection) -> Iterator[dict[str, Any]]:
+def _letter(inspection: JointInspection, name: str) -> str:
+    """Letter of a size, or its term where it has none."""
+    term, letter = inspection.terms[name]
+    return letter if letter != "–" else term
+
+
+def section_tables(inspection: JointInspection) -> Iterator[dict[str, Any]]:
     """The sections' values ± U: lengths and angles in tables of their own, so that they fit a page."""
     for caption, ending, unit in (("Lengths", "_mm", "mm"), ("Angles", "_deg", "°")):
         names = [name for name in sizes_of(inspection) if name.endswith(ending)]
@@ -117,7 +130,7 @@ def section_tables(inspection: GrooveInspection) -> Iterator[dict[str, Any]]:
         places = {name: decimals(one.values.get(u_name(name)) for one in inspection.sections) for name in names}
         yield {
             "caption": f"{caption} in the sections, value ± U, {unit}",
-            "head": [TERMS[name][1] if TERMS[name][1] != "–" else TERMS[name][0] for name in names],
+            "head": [_letter(inspection, name) for name in names],
             "rows": [
                 (one, [measured(one.values.get(name), one.values.get(u_name(name)), places[name]) for name in names])
                 for one in inspection.sections
@@ -146,7 +159,7 @@ def with_u(section: GrooveSection, size: str) -> str:
     return f"({text})°"
 
 
-def groove_drawing(cloud: Cloud, groove: Groove, section: GrooveSection) -> bytes:
+def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes:
     """SVG of a section: returns near it, corners, dimensions."""
     corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
     uv = _points(cloud, groove, section)
@@ -159,14 +172,20 @@ def groove_drawing(cloud: Cloud, groove: Groove, section: GrooveSection) -> byte
     axes = figure.add_axes((0.06, 0.12, 0.92, 0.86))
     axes.set(xlim=(left - 0.5 * size, right + 0.5 * size), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
     axes.plot(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
-    _outline(axes, corner, straight="root_radius_mm" not in section.values, ends=(left, right))
-    _dimensions(axes, section, corner, size)
-    axes.set_xlabel("right, along the upper surfaces, mm")
+    straight = "root_radius_mm" not in section.values
+    if isinstance(groove, Groove):
+        _outline(axes, corner, straight, ends=(left, right))
+        _dimensions(axes, section, corner, size)
+        axes.set_xlabel("right, along the upper surfaces, mm")
+    else:
+        _plate_outline(axes, corner, straight, left)
+        _plate_dimensions(axes, section, corner, size)
+        axes.set_xlabel("out of the root face, mm")
     axes.set_ylabel("up, mm")
     return svg(figure)
 
 
-def _points(cloud: Cloud, groove: Groove, section: GrooveSection) -> Float:
+def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
     """(n, 2) kept returns of the frames near a section, in its axes."""
     away = np.abs(groove.frame_arc_length_mm - section.arc_length_mm)
     frames = np.flatnonzero(away <= max(NEAR_MM, float(np.nanmin(away))))
@@ -234,6 +253,52 @@ def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], si
             )
 
 
+def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: float) -> None:
+    """Upper surface, faces between the corners, root face, lower surface; without the flank above a fillet."""
+    names = [name for name in ("upper", "middle", "root", "lower") if name in corner]
+    chain = np.array([corner[name] for name in names if straight or name != "upper"])
+    axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
+    for name in ("upper", "lower"):
+        if name in corner:
+            axes.plot([left, corner[name][0]], [corner[name][1]] * 2, color=INK, linewidth=0.7)
+    axes.plot([corner[name][0] for name in names], [corner[name][1] for name in names], "o", color=INK, markersize=2.4)
+
+
+def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
+    """What was measured of one plate in this section, each with its letter and U."""
+
+    def words(name: str) -> str:
+        term, letter = PREPARATION_TERMS[name]
+        return f"{letter if letter != '–' else term} = {with_u(section, name)}"
+
+    def shown(name: str, *corners: str) -> bool:
+        return section.values.get(name) is not None and all(one in corner for one in corners)
+
+    high = max(float(place[1]) for place in corner.values())
+    outside = max(float(place[0]) for place in corner.values()) + 0.25 * size
+    if shown("width_mm", "upper", "root"):
+        _across(axes, corner["upper"], corner["root"], high + 0.2 * size, words("width_mm"))
+    if shown("depth_mm", "upper", "root"):
+        _up(axes, corner["root"], corner["upper"], outside, words("depth_mm"), 1.0)
+    if shown("root_face_mm", "lower", "root"):
+        _up(axes, corner["lower"], corner["root"], outside, words("root_face_mm"), 1.0)
+    if shown("lower_bevel_mm", "middle", "root"):
+        _up(axes, corner["root"], corner["middle"], corner["upper"][0] - 0.3 * size, words("lower_bevel_mm"), -1.0)
+    bevels = {"bevel_deg": ("root", "middle" if "upper_bevel_deg" in section.values else "upper")}
+    bevels["upper_bevel_deg"] = ("middle", "upper")
+    if shown("land_mm") and "middle" in corner:
+        bevels["bevel_deg"] = ("middle", "upper")
+    for name, (low, top) in bevels.items():
+        if shown(name, low, top) and "root_radius_mm" not in section.values:
+            _angle(axes, corner[low], corner[top], section.values[name] or 0.0, words(name), -1.0)
+    rows = [name for name in ("land_mm", "root_radius_mm") if shown(name)]
+    if "root_radius_mm" in section.values and shown("bevel_deg"):
+        rows.append("bevel_deg")
+    for row, name in enumerate(rows):
+        place = (float(corner["upper"][0]), high + 0.34 * size)
+        axes.annotate(words(name), place, (-6, -12 * row), ha="right", va="center", fontsize=TEXT_SIZE)
+
+
 def _across(axes: Axes, a: Float, b: Float, at: float, text: str) -> None:
     """A distance along the upper surfaces; the text beside it where it is short."""
     for place in (a, b):
@@ -265,9 +330,9 @@ def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sig
     axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
 
 
-def groove_charts(groove: Groove, sections: tuple[GrooveSection, ...], limits: dict[str, tuple[float, float]]) -> bytes:
+def groove_charts(groove: Joint, sections: tuple[GrooveSection, ...], limits: dict[str, tuple[float, float]]) -> bytes:
     """SVG of every size along the groove with ± U, and its limits where it has some."""
-    names = [name for name in TERMS if name in groove.sizes]
+    names = [name for name in groove.terms if name in groove.sizes]
     height = 1.35 * len(names) + 0.7
     figure = Figure(figsize=(10, height))
     rows = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
@@ -285,9 +350,9 @@ def groove_charts(groove: Groove, sections: tuple[GrooveSection, ...], limits: d
         axes.fill_between(s, one.value - wide, one.value + wide, color=MEASURED, alpha=0.25)
         axes.plot(s, one.value, color=MEASURED, linewidth=1.0)
         hatch_hidden(axes, gaps(s, np.isfinite(one.value) & groove.seen))
-        title, letter = TERMS[name]
+        title, letter = groove.terms[name]
         axes.set_ylabel(f"{letter if letter != '–' else title.split()[-1]},{unit_of(name)}")
         axes.y_label_at = -0.075
     mark_sections(rows[0], [one.arc_length_mm for one in sections], [str(one.index) for one in sections])
-    rows[-1].set_xlabel("arc length along the groove, mm")
+    rows[-1].set_xlabel("arc length, mm")
     return svg(figure)

@@ -324,6 +324,23 @@ class GrooveFile(ResultFile):
     reason: str
 
 
+class PreparationFile(ResultFile):
+    """`preparation.json`: the prepared edge of one plate as measured."""
+
+    NAME: ClassVar[str] = "preparation.json"
+    format: Literal["preparation-inspection"]
+    version: Literal[1]
+    frame: Literal["base"]
+    type: Literal["bevel", "compound", "nose", "J"]
+    sections: list[GrooveSection]
+    part: Part
+    requirements: dict[str, Any]
+    uncertainty: dict[str, Any]
+    checks: list[Check]
+    verdict: Verdict
+    reason: str
+
+
 class InputRow(Row):
     """A file that a run read."""
 

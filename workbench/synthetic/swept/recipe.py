@@ -100,6 +100,11 @@ class SweptPart(Strict):
     thickness_mm: Along = Course(start=8.0, end=8.0)
     root_mm: Along = Course(start=1.5, end=1.5)
     bevel_deg: Along = Course(start=40.0, end=40.0)
+    preparation: Literal["bevel", "compound", "nose", "J"] = "bevel"
+    upper_bevel_deg: Along = Course(start=60.0, end=60.0)
+    lower_bevel_mm: Along = Course(start=3.0, end=3.0)
+    land_mm: Along = Course(start=1.0, end=1.0)
+    root_radius_mm: Annotated[float, Field(ge=0.5, le=30)] = 3.0
     lower_lean_deg: Along = Course(start=0.0, end=0.0)
     upper_lean_deg: Along = Course(start=0.0, end=0.0)
     wave_mm: Along = Course(start=0.0, end=0.0)
@@ -123,6 +128,7 @@ class SweptPart(Strict):
                 raise ValueError("root_mm must stay above 0 and below 0.95 thickness_mm along the edge")
             if self.bevel_deg.lowest < 5 or self.bevel_deg.highest > 75:
                 raise ValueError("bevel_deg must stay between 5 and 75 along the edge")
+            self._prepared()
         lean = max(abs(x) for c in (self.lower_lean_deg, self.upper_lean_deg) for x in (c.lowest, c.highest))
         if lean > 40:
             raise ValueError("lower_lean_deg and upper_lean_deg must stay within 40 deg")
@@ -130,6 +136,22 @@ class SweptPart(Strict):
         if inner and self.reach_mm >= 0.9 * self.spine.radius_mm:
             raise ValueError("reach_mm must stay below 0.9 radius_mm on a convex arc")
         return self
+
+    def _prepared(self) -> None:
+        """What else a preparation other than a plain bevel must keep to."""
+        if self.preparation == "bevel":
+            return
+        flat = (self.lower_lean_deg, self.upper_lean_deg, self.wave_mm)
+        if any(c.lowest != 0 or c.highest != 0 for c in flat):
+            raise ValueError("lower_lean_deg, upper_lean_deg and wave_mm must be 0 for a preparation other than bevel")
+        if self.preparation == "compound":
+            if self.upper_bevel_deg.lowest < 2 or self.upper_bevel_deg.highest > 80:
+                raise ValueError("upper_bevel_deg must stay between 2 and 80 along the edge")
+            high = self.root_mm.highest + self.lower_bevel_mm.highest
+            if self.lower_bevel_mm.lowest <= 0 or high >= 0.95 * self.thickness_mm.lowest:
+                raise ValueError("lower_bevel_mm must stay above 0, and root_mm with it below 0.95 thickness_mm")
+        elif self.land_mm.lowest < 0 or (self.preparation == "nose" and self.land_mm.lowest == 0):
+            raise ValueError("land_mm must not fall to 0 along the edge of a nose, nor below 0 of a J")
 
 
 class SweptNoise(Strict):

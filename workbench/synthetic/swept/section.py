@@ -17,7 +17,8 @@ from workbench.synthetic.swept.recipe import SweptPart
 from workbench.synthetic.swept.spine import along
 from workbench.units import DEG, Float, Int
 
-LOWER, ROOT, BEVEL, UPPER, UNDER = range(5)  # faces of a mesh; UNDER: the bevel below the root face of an X groove
+# Faces of a mesh. UNDER: the bevel below the root face of an X groove; LAND, UPPER_BEVEL: of a prepared plate.
+LOWER, ROOT, BEVEL, UPPER, UNDER, LAND, UPPER_BEVEL = range(7)
 FACE_STEP_MM = 0.5  # greatest width of a strip of a face: with the mesh's step it bounds what triangles miss of a twist
 _ARC_SAG_MM = 2e-4  # of the facets of a rounding
 
@@ -67,6 +68,10 @@ def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
         bevel = np.full(len(s), np.nan)
         return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel, low, high)
     root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length) * DEG
+    if part.preparation != "bevel":
+        faces, above = _prepared(part, s, length, root, bevel, thickness)
+        corner = np.stack([behind_low, lower, *above, behind_high], axis=1)
+        return Shape(corner, (LOWER, ROOT, *faces, UPPER), bevel, low, high)
     middle = np.stack([wave, root - wave / np.tan(bevel)], axis=1)
     # bevel (a, b) = (0, root) + k (-sin, cos) meets the upper surface b = thickness - a tan(high)
     k = (thickness - root) / (np.cos(bevel) - np.sin(bevel) * np.tan(high))
@@ -75,9 +80,44 @@ def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
     return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel, low, high)
 
 
+def _prepared(
+    part: SweptPart, s: Float, length: float, root: Float, bevel: Float, thickness: Float
+) -> tuple[tuple[int, ...], list[Float]]:
+    """Faces from the root face's upper edge to the upper surface, and their corners (k, 2), both ends included."""
+    zero = np.zeros(len(s))
+    if part.preparation == "compound":
+        faces, foot = (BEVEL, UPPER_BEVEL), root + along(part.lower_bevel_mm, s, length)
+        start, steep = -(foot - root) * np.tan(bevel), along(part.upper_bevel_deg, s, length) * DEG
+    else:
+        faces, foot, steep = (LAND, BEVEL), root, bevel
+        start = -along(part.land_mm, s, length)
+        if part.preparation == "J":  # the fillet touches land and bevel; without it they would meet here
+            start = start - part.root_radius_mm * np.tan((math.pi / 2 - bevel) / 2)
+    top = start - (thickness - foot) * np.tan(steep)
+    return faces, [np.stack(pair, axis=1) for pair in ((zero, root), (start, foot), (top, thickness))]
+
+
+def preparation_sizes(part: SweptPart, s: Float, length: float) -> dict[str, Float]:
+    """The sizes of a milled plate's preparation at arc lengths s (k,), by the names of `preparation.json`."""
+    shape = shape_of(part, s, length)
+    top = shape.corner[:, -2]
+    root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length)
+    sizes = {"root_face_mm": root, "bevel_deg": bevel, "depth_mm": top[:, 1] - root, "width_mm": -top[:, 0]}
+    if part.preparation == "compound":
+        sizes["upper_bevel_deg"] = along(part.upper_bevel_deg, s, length)
+        sizes["lower_bevel_mm"] = along(part.lower_bevel_mm, s, length)
+    if part.preparation in ("nose", "J"):
+        sizes["land_mm"] = along(part.land_mm, s, length)
+    if part.preparation == "J":
+        sizes["root_radius_mm"] = np.full(len(s), part.root_radius_mm)
+    return sizes
+
+
 def outline_of(part: SweptPart, shape: Shape) -> Outline:
     """The outline of a plate's edge."""
-    middle = (part.middle_radius_mm,) if BEVEL in shape.faces else ()
+    middle = [part.middle_radius_mm] * (len(shape.faces) - 3)
+    if part.preparation == "J":
+        middle[-1] = part.root_radius_mm
     radii = (0.0, part.lower_radius_mm, *middle, part.upper_radius_mm, 0.0)
     bows = {ROOT: part.root_bow_mm, BEVEL: part.bevel_bow_mm}
     return Outline(shape.corner, shape.faces, radii, bows, rough=part.roughness.sd_mm > 0)

@@ -38,7 +38,7 @@ from workbench.synthetic.swept.recipe import (
     SweptScanner,
     Texture,
 )
-from workbench.synthetic.swept.section import BEVEL, ROOT, UNDER, UPPER
+from workbench.synthetic.swept.section import BEVEL, ROOT, UPPER, UPPER_BEVEL
 from workbench.synthetic.swept.sensor import Profiles, Spoil, View, column_places, see
 from workbench.synthetic.swept.spine import Curve, curve_of
 from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
@@ -118,7 +118,7 @@ def _textures(texture: Texture, rng: np.random.Generator) -> dict[int, Relief]:
     """A field a face."""
     if texture.sd_mm == 0:
         return {}
-    faces = (*range(UNDER + 1), *range(RIGHT, RIGHT + UNDER + 1))
+    faces = (*range(UPPER_BEVEL + 1), *range(RIGHT, RIGHT + UPPER_BEVEL + 1))
     return {face: gaussian_relief(texture.sd_mm, texture.correlation_mm, (509, 251), rng) for face in faces}
 
 

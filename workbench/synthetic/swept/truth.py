@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,7 +14,7 @@ from workbench.synthetic.swept.groove import GrooveSizes, groove_sizes
 from workbench.synthetic.swept.mesh import Relief
 from workbench.synthetic.swept.motion import placed
 from workbench.synthetic.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
-from workbench.synthetic.swept.section import shape_of, virtual_edges
+from workbench.synthetic.swept.section import preparation_sizes, shape_of, virtual_edges
 from workbench.synthetic.swept.spine import Curve, along
 from workbench.units import DEG, Bool, Float
 
@@ -77,6 +78,7 @@ class SweptTruth(Stations):
     root_mm: Float  # (n,) NaN on a raw part
     bevel_deg: Float  # (n,) NaN on a raw part
     thickness_mm: Float  # (n,)
+    preparation: Mapping[str, Float]  # (n,) each: sizes by the names of `preparation.json`; empty on a raw part
 
     def root_mm_at(self, position_mm: Float) -> Float:
         """Root face (...,) in the sections of base points (..., 3)."""
@@ -98,6 +100,7 @@ class SweptTruth(Stations):
             "kind": self.recipe.part.kind,
             "closed": self.closed,
             **{name: _rounded(getattr(self, name)) for name in names},
+            "preparation": {name: _rounded(value) for name, value in self.preparation.items()},
             "seen": self.seen.tolist(),
             "base_from_part": placed(self.recipe.part.base_from_part).tolist(),
             "flange_from_profiler": placed(self.recipe.robot.flange_from_profiler).tolist(),
@@ -143,6 +146,7 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
         root_mm=edges.root_mm,
         bevel_deg=bevel / DEG,
         thickness_mm=thickness,
+        preparation=preparation_sizes(part, s, curve.length) if part.kind == "milled" else {},
         spine_mm=s,
         seen=_seen(s, seen_s, recipe, curve),
     )

@@ -1,0 +1,221 @@
+"""`python -m bench.groove.plates`: errors of every size of prepared plates, of two simulators, as a table in Markdown.
+
+Swept: the second simulator of the package, with everything that it can spoil. Outside: the third one, for judging only
+(`bench.outside`), with the shapes of `bench.odd_plates`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections import defaultdict
+
+import numpy as np
+
+from bench.odd_plates import Chain as OutsidePlate
+from bench.odd_plates import Corners, compound, j_shape, ledge
+from bench.outside import simulate
+from workbench.artefacts import PreparationInspection, Recording, u_name
+from workbench.artefacts.grooves import PREPARATION_TERMS
+from workbench.cloud import denoise
+from workbench.edge import segment_preparation
+from workbench.errors import InputError
+from workbench.inspect import preparation as inspect_preparation
+from workbench.scan import fuse
+from workbench.synthetic.swept import SweptRecipe, simulate_swept
+from workbench.units import DEG, Float
+
+KINDS = ("bevel", "compound", "nose", "J")
+FAR = 3.0  # standard uncertainties: beyond, it is confidently wrong
+Truth = dict[str, Float]
+
+
+def swept_plate(kind: str, seed: int) -> SweptRecipe:
+    """A prepared plate drawn at random; the same seed gives the same recipe."""
+    rng = np.random.default_rng([780, seed, KINDS.index(kind)])
+    root, length = rng.uniform(0.8, 3.0), rng.uniform(80.0, 160.0)
+    thickness = root + rng.uniform(5.0, 9.0)
+    bevel = rng.uniform(6.0, 20.0) if kind == "J" else rng.uniform(25.0, 55.0)
+    upper = float(np.clip(bevel + rng.choice([-1.0, 1.0]) * rng.uniform(8.0, 30.0), 5.0, 70.0))
+    land = rng.uniform(0.6, 3.0) if kind == "nose" else float(rng.choice([0.0, rng.uniform(0.3, 2.0)]))
+    radius = rng.uniform(2.0, 0.55 * (thickness - root))
+    rounded = 0.0 if rng.random() < 0.6 else rng.uniform(0.0, 0.3)
+    spine = {"shape": str(rng.choice(["straight", "straight", "arc", "wavy"])), "length_mm": length}
+    if spine["shape"] == "arc":
+        spine |= {"radius_mm": rng.uniform(150, 1500), "sense": str(rng.choice(["convex", "concave"]))}
+    if spine["shape"] == "wavy":
+        spine |= {"amplitude_mm": rng.uniform(0.3, 2), "wavelength_mm": rng.uniform(120, 300)}
+    width = (thickness - root) * math.tan(max(bevel, upper if kind == "compound" else 0.0) * DEG) + land + 3.0
+    standoff = rng.uniform(120, 250)
+    return SweptRecipe.model_validate(
+        {
+            "simulator": "swept",
+            "seed": seed,
+            "part": {
+                "preparation": kind,
+                "spine": spine,
+                "thickness_mm": _course(rng, thickness, 0.05),
+                "root_mm": _course(rng, root, 0.1),
+                "bevel_deg": _course(rng, bevel, 0.3),
+                "upper_bevel_deg": _course(rng, upper, 0.3),
+                "lower_bevel_mm": _course(rng, rng.uniform(0.25, 0.75) * (thickness - root), 0.1),
+                "land_mm": _course(rng, land, 0.1 * land),
+                "root_radius_mm": radius,
+                "lower_radius_mm": 0.5 * rounded,
+                "upper_radius_mm": rounded,
+                "texture": {"sd_mm": rng.uniform(0, 0.008), "correlation_mm": rng.uniform(0.1, 0.8)},
+                "twist_deg": {"start": 0.0, "end": float(rng.choice([0.0, rng.uniform(-4, 4)]))},
+                "base_from_part": {
+                    "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
+                    "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-40, 40), rng.uniform(-40, 40)],
+                },
+            },
+            "scanner": {
+                "columns": 800,
+                "pitch_mm": max(0.03, (width + thickness + 8) / 800),
+                "apex_mm": None if rng.random() < 0.3 else rng.uniform(30, 150),
+                "x_rises": bool(rng.random() < 0.5),
+                "z_away": bool(rng.random() < 0.8),
+                "zero_range_mm": float(rng.choice([0.0, standoff])),
+                "standoff_mm": standoff,
+                "near_mm": standoff - 40,
+                "far_mm": standoff + 40,
+                "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
+                "mixed_share": rng.uniform(0.2, 0.8),
+                "noise": {
+                    "sd_mm": rng.uniform(0.003, 0.015),
+                    "grazing_power": rng.uniform(0, 1),
+                    "speckle": rng.uniform(0.1, 0.3),
+                    "column_correlation": float(rng.choice([0, rng.uniform(0, 0.6)])),
+                },
+            },
+            "losses": {
+                "single_share": 0.005,
+                "outlier_share": float(rng.choice([0.0, 0.003])),
+                "block_share": float(rng.choice([0.0, 0.03])),
+            },
+            "robot": {
+                "frame_pitch_mm": 0.3,
+                "pose_noise_mm": rng.uniform(0, 0.02),
+                "pose_noise_deg": rng.uniform(0, 0.003),
+            },
+            "passes": [
+                {
+                    "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
+                    "elevation_deg": rng.uniform(40.0, 60.0),
+                    "oblique_deg": rng.uniform(-4, 4),
+                    "lead_deg": rng.uniform(-6, 6),
+                    "aim_mm": [-0.45 * width, 0.5 * thickness],
+                    "upside_down": bool(rng.random() < 0.5),
+                    "follow": "line" if spine["shape"] == "straight" else "edge",
+                }
+            ],
+        }
+    )
+
+
+def _course(rng: np.random.Generator, mean: float, change: float) -> dict[str, float]:
+    drift = rng.uniform(-change, change)
+    return {
+        "start": mean - drift / 2,
+        "end": mean + drift / 2,
+        "amplitude": rng.uniform(0, 0.2 * change),
+        "wavelength_mm": rng.uniform(60, 200),
+        "phase_deg": rng.uniform(0, 360),
+    }
+
+
+def outside_plate(kind: str, seed: int) -> tuple[Recording, Truth]:
+    """The same of the third simulator: straight, one section all along; truths (1,)."""
+    rng = np.random.default_rng([781, seed, KINDS.index(kind)])
+    root, height, bevel = rng.uniform(0.8, 3.0), rng.uniform(5.0, 9.0), rng.uniform(25.0, 55.0)
+    exact = {"root_face_mm": root, "depth_mm": height, "bevel_deg": bevel}
+    corners: Corners = ((-height * math.tan(bevel * DEG), height),)
+    if kind == "compound":
+        upper, share = float(np.clip(bevel + rng.choice([-1, 1]) * rng.uniform(8, 30), 5, 70)), rng.uniform(0.25, 0.75)
+        corners = compound(bevel, upper, share, height)
+        exact |= {"upper_bevel_deg": upper, "lower_bevel_mm": share * height}
+    if kind == "nose":
+        land = rng.uniform(0.6, 3.0)
+        corners = ledge(land, bevel, height)
+        exact |= {"land_mm": land}
+    if kind == "J":
+        land, bevel, radius = (
+            float(rng.choice([0.0, rng.uniform(0.3, 2.0)])),
+            rng.uniform(2, 20),
+            rng.uniform(2, 0.55 * height),
+        )
+        corners = j_shape(radius, bevel, land, height)
+        exact |= {"land_mm": land, "bevel_deg": bevel, "root_radius_mm": radius}
+    exact["width_mm"] = -corners[-1][0]
+    table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
+    section = OutsidePlate(root, 0.0, bevel * DEG, root + height, 0.0, table, corners)
+    part = simulate(seed, False, section)
+    return part.recording, {name: np.array([value]) for name, value in exact.items()}
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(prog="python -m bench.groove.plates", description=__doc__)
+    arguments.add_argument("--parts", type=int, default=50, help="parts a kind and simulator")
+    arguments.add_argument("--seed", type=int, default=0, help="of the first part")
+    arguments.add_argument("--kinds", default=",".join(KINDS))
+    arguments.add_argument("--simulators", default="swept,outside")
+    given = arguments.parse_args()
+    print(f"`python -m bench.groove.plates --parts {given.parts} --seed {given.seed}`\n")
+    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    parts = refused = taken = 0
+    for simulator in given.simulators.split(","):
+        for kind in given.kinds.split(","):
+            for seed in range(given.seed, given.seed + given.parts):
+                parts += 1
+                try:
+                    inspection, rows = measured(simulator, kind, seed)
+                except InputError as error:
+                    refused += 1
+                    print(f"- {simulator} {kind} {seed} refused: {error}")
+                    continue
+                if inspection.type != kind:
+                    taken += 1
+                    print(f"- {simulator} {kind} {seed}: taken for {inspection.type}")
+                    continue
+                for size, error, u in rows:
+                    found[size].append((error, u))
+                for size in {size for size, error, u in rows if abs(error) > FAR * u}:
+                    z, error = max((abs(e) / u, e) for name, e, u in rows if name == size)
+                    print(f"- {simulator} {kind} {seed}: {size} off by {error:.3f}, {z:.1f} u")
+    print(f"\n{parts} parts; {refused} refused; {taken} taken for a kind that they are not\n")
+    print("| size | values | median error | p95 error | median u | within 2 u | beyond 3 u |")
+    print("|---|---|---|---|---|---|---|")
+    for size in PREPARATION_TERMS:
+        if not found[size]:
+            continue
+        error, u = np.array(found[size]).T
+        z = np.abs(error) / u
+        print(
+            f"| `{size}` | {z.size} | {np.median(error):.3f} | {np.quantile(np.abs(error), 0.95):.3f} | "
+            f"{np.median(u):.3f} | {100 * np.mean(z <= 2):.1f} % | {100 * np.mean(z > FAR):.1f} % |"
+        )
+
+
+def measured(simulator: str, kind: str, seed: int) -> tuple[PreparationInspection, list[tuple[str, float, float]]]:
+    """A random plate, scanned and inspected: size, error and u of every value of every section."""
+    if simulator == "outside":
+        recording, exact = outside_plate(kind, seed)
+        position = np.zeros((1, 3))
+    else:
+        recording, truth = simulate_swept(swept_plate(kind, seed))
+        exact, position = dict(truth.preparation), truth.position_mm
+    root = max(0.5, round(2 * float(exact["root_face_mm"].mean())) / 2)
+    inspection = inspect_preparation(segment_preparation(denoise(fuse(recording)), root_nominal_mm=root))
+    rows = []
+    for section in inspection.sections:
+        at = int(np.argmin(np.linalg.norm(position - section.origin_mm, axis=1)))
+        for size, values in exact.items():
+            value, u = section.values.get(size), section.values.get(u_name(size))
+            if value is not None and u is not None:
+                rows.append((size, value - float(values[at]), u))
+    return inspection, rows
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Prepared edges of one plate are found, with their kind and sizes; another kind, or none, is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from bench.groove.plates import measured
+from workbench.artefacts import Preparation, PreparationInspection
+from workbench.cloud import denoise
+from workbench.edge import segment_preparation
+from workbench.edge.prepared_fillet import fit_fillet
+from workbench.edge.prepared_profile import kind_of
+from workbench.errors import InputError, PipelineError
+from workbench.inspect import preparation as inspect_preparation
+from workbench.pipeline.results import joint_document
+from workbench.report import html
+from workbench.report import preparation as report_preparation
+from workbench.result_files import RESULT_FILES
+from workbench.scan import fuse, read
+from workbench.strict_json import strict_json
+from workbench.synthetic.swept import SweptRecipe, simulate_swept
+from workbench.units import DEG
+
+SEED = 4712
+RECORDING = "data/synthetic/milled_nose.h5"
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    return denoise(fuse(read(recording=RECORDING)))
+
+
+@pytest.fixture(scope="module")
+def nose(cloud) -> Preparation:
+    return segment_preparation(cloud)
+
+
+@pytest.mark.parametrize("kind", ["bevel", "compound", "nose", "J"])
+@pytest.mark.parametrize("simulator", ["swept", "outside"])
+def test_kind_and_sizes_come_back(simulator: str, kind: str) -> None:
+    inspection, rows = measured(simulator, kind, SEED)
+    assert inspection.type == kind
+    assert {"root_face_mm", "bevel_deg", "depth_mm", "width_mm"} <= {size for size, _, _ in rows}
+    z = np.array([abs(error) / u for _, error, u in rows])
+    assert np.median(z) < 1.5  # the values of one part hang together: its share within 2 u tells little
+    assert z.max() < 4.0
+
+
+def test_an_oblique_scan_of_a_twisted_wavy_plate_tells_its_square_section() -> None:
+    part = {
+        "preparation": "compound",
+        "spine": {"shape": "wavy", "length_mm": 100, "amplitude_mm": 1.0, "wavelength_mm": 200},
+        "twist_deg": {"start": 0.0, "end": 4.0},
+        "thickness_mm": 10,
+        "bevel_deg": 45,
+        "upper_bevel_deg": 65,
+    }
+    recipe = {
+        "simulator": "swept",
+        "part": part,
+        "scanner": {"columns": 800, "pitch_mm": 0.05, "noise": {"sd_mm": 0.002}},
+        "passes": [{"way_mm": [2, 98], "elevation_deg": 50, "oblique_deg": 5, "lead_deg": 5, "aim_mm": [-6, 5]}],
+    }
+    recording, truth = simulate_swept(SweptRecipe.model_validate(recipe))
+    found = segment_preparation(denoise(fuse(recording)))
+    at = [int(np.argmin(np.linalg.norm(truth.position_mm - place, axis=1))) for place in found.origin_mm]
+    for name, most in (("depth_mm", 0.002), ("width_mm", 0.002), ("lower_bevel_mm", 0.002), ("bevel_deg", 0.02)):
+        assert np.nanmax(np.abs(found.sizes[name].value - truth.preparation[name][at])) < most, name
+
+
+def test_another_kind_than_is_seen_is_refused(cloud) -> None:
+    with pytest.raises(InputError, match=r"preparation 'J'.*a bevel above a land: expected nose"):
+        segment_preparation(cloud, preparation="J")
+    assert segment_preparation(cloud, preparation="nose").declared
+
+
+def test_a_plate_without_its_upper_surface_in_view_is_refused() -> None:
+    with pytest.raises(InputError, match="upper surface|prepared plate"):
+        segment_preparation(denoise(fuse(read(recording="data/synthetic/raw_edge.h5"))))
+
+
+def test_two_plates_are_refused() -> None:
+    with pytest.raises(InputError, match="two_plates_share"):
+        segment_preparation(denoise(fuse(read(recording="data/synthetic/groove.h5"))))
+
+
+def test_a_ledge_is_no_bevel() -> None:
+    recipe = {
+        "simulator": "swept",
+        "part": {"preparation": "nose", "land_mm": 0.2, "spine": {"length_mm": 60}},
+        "scanner": {"columns": 500, "pitch_mm": 0.05},
+        "passes": [{"way_mm": [2, 58], "elevation_deg": 50, "aim_mm": [-4, 4]}],
+    }
+    recording, _ = simulate_swept(SweptRecipe.model_validate(recipe))
+    try:
+        found = segment_preparation(denoise(fuse(recording)))
+    except InputError as error:
+        assert "corner_stands_out_mm" in str(error) or "agreement" in str(error)
+    else:
+        assert found.type == "nose"
+        assert np.nanmedian(np.abs(found.sizes["land_mm"].value - 0.2)) < 0.01
+
+
+def test_the_root_face_is_told_from_the_upper_surface(cloud, nose) -> None:
+    up = tuple(np.nanmean(nose.across, axis=0).tolist())
+    told = segment_preparation(cloud, upper_side=up)
+    assert np.array_equal(told.sizes["root_face_mm"].value, nose.sizes["root_face_mm"].value, equal_nan=True)
+    with pytest.raises(InputError, match="upper_side"):
+        segment_preparation(cloud, upper_side=tuple(-one for one in up))
+
+
+def test_sizes_are_judged_and_written(cloud, nose) -> None:
+    wanted = {"land_mm": 1.2, "land_tolerance_mm": [-0.1, 0.1], "bevel_deg": 40, "bevel_tolerance_deg": [-1, 1]}
+    judged = inspect_preparation(nose, nominal=wanted)
+    assert judged.verdict == "pass"
+    document = json.loads(strict_json(joint_document(judged)))
+    RESULT_FILES["preparation.json"].model_validate(document)
+    largest = max(section["land_u_mm"] for section in document["sections"])
+    parts = sum((row.get("land_u_mm") or 0.0) ** 2 for row in document["uncertainty"]["sources"])
+    assert math.sqrt(parts) == pytest.approx(largest, rel=0.02)
+    corners = {corner["name"]: corner["section_mm"] for corner in document["sections"][4]["corners"]}
+    assert corners["middle"][0] - corners["root"][0] == pytest.approx(-1.2, abs=0.02)
+    text = html((report_preparation(cloud, nose, judged),)).content.decode()
+    assert "Preparation type <b>nose</b>" in text
+    assert "Land" in text
+
+
+def test_a_size_that_no_preparation_has_is_refused(nose) -> None:
+    with pytest.raises(PipelineError, match=r"inspect.preparation.nominal.lnd_mm.*land_mm"):
+        inspect_preparation(nose, nominal={"lnd_mm": 1.0})
+
+
+def test_an_inspection_as_a_table(nose) -> None:
+    found = inspect_preparation(nose)
+    assert isinstance(found, PreparationInspection)
+    assert len(found.sections) == 9
+
+
+@pytest.mark.parametrize(
+    ("falls", "kind"),
+    [
+        ([50.0], "bevel"),
+        ([30.0, 50.0], "compound"),
+        ([50.0, 30.0], "compound"),
+        ([50.0, 51.0], None),
+        ([50.0, 1.0], "nose"),
+        ([80.0, 60.0, 40.0, 20.0, 2.0], "J"),
+        ([80.0, 60.0, 70.0], None),
+        ([89.9], None),
+        ([], None),
+    ],
+)
+def test_faces_that_fall_so_are_such_a_preparation(falls: list[float], kind: str | None) -> None:
+    assert kind_of([fall * DEG for fall in falls]) == kind
+
+
+def test_a_fillet_is_found_between_flank_and_land() -> None:
+    fall, radius, level, tilt = 80.0 * DEG, 3.0, 5.0, 1.0 * DEG
+    rows = np.array([[math.sin(fall), math.cos(fall)], [-math.sin(tilt), math.cos(tilt)]])
+    centre = np.linalg.solve(rows, [radius, radius - level * math.cos(tilt)])
+    turn = np.linspace(
+        -math.pi / 2 - fall + math.pi / 2, tilt, 60
+    )  # normals from that of the flank to that of the land
+    arc = centre - radius * np.stack([-np.sin(turn), np.cos(turn)], axis=1)
+    flank = np.linspace(0.1, 1.0, 20)[:, None] * arc[0]
+    land = arc[-1] + np.linspace(0.05, 1.0, 20)[:, None] * np.array([math.cos(tilt), math.sin(tilt)])
+    found = fit_fillet(np.concatenate([flank, arc, land]), fall, 0.005, None)
+    assert found is not None
+    assert (found.radius_mm, found.level_mm) == pytest.approx((radius, level), abs=1e-3)
+    assert found.tilt == pytest.approx(tilt, abs=1e-3)

@@ -1,0 +1,290 @@
+"""Every profile across a prepared plate: its faces as lines, and where its root face ends."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.artefacts.grooves import PreparationType
+from workbench.edge.faces import MAX_LINES, TrackedFaces
+from workbench.edge.identify import crossing, whole_faces
+from workbench.edge.prepared_profile import Reading, readings, width_mm
+from workbench.errors import InputError
+from workbench.geometry import tracking
+from workbench.geometry.blocks import in_order
+from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, straight_faces
+from workbench.geometry.faces import FaceLines
+from workbench.units import Bool, Float, Int
+
+LEAST_RETURNS = 40  # of a profile
+SHOWN = 0.5  # share of the profiles that show one reading, for it to be that of the plate
+SURELY = math.log(1.5)  # by which one of two readings' root face lies nearer to the nominal one
+TRIM_MM, TRIM_SHARE = 0.2, 0.15  # left out of a face beside a corner: its rounding; of a narrow one at most this share
+FILLET_MM = 1.0  # likewise of a flank beside its fillet, of which so much may pass for the flank under the noise
+LEAST_POINTS = 4  # of a face in a profile
+SIDE_MM = 12.0  # of the upper surface only this much serves to measure it
+STRAY_SIGMAS, ROUNDS, LEAST_SIGMA_MM = 3.5, 4, 2e-3
+UPPER_BEVEL, FLANK, FILLET = 16, 17, 18  # labels of faces that a plain bevel has not
+# Labels of the straight faces, from the upper surface to the root face. BEVEL_FACE is the one whose corner with the
+# root face its size is counted from: where only a fillet meets it, the upper surface, which stands upright on it.
+ORDERS: dict[PreparationType, tuple[int, ...]] = {
+    "bevel": (UPPER_SURFACE, BEVEL_FACE, ROOT_FACE),
+    "compound": (UPPER_SURFACE, UPPER_BEVEL, BEVEL_FACE, ROOT_FACE),
+    "nose": (UPPER_SURFACE, UPPER_BEVEL, BEVEL_FACE, ROOT_FACE),
+    "J": (BEVEL_FACE, FLANK, ROOT_FACE),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedFrames:
+    """What reading every profile found, for all N frames of a cloud."""
+
+    kind: PreparationType
+    share: float  # of the profiles with enough returns, that show such a plate
+    agreement: float  # share of these that show this kind
+    tracked: TrackedFaces  # root face, and as bevel face what meets it; as upper surface: the upper surface
+    order: tuple[int, ...]  # labels of the straight faces, from the upper surface to the root face
+    sigma_mm: dict[int, float]  # range noise by label
+
+
+def convex_corners(frames: PreparedFrames) -> tuple[tuple[int, int], ...]:
+    """Labels of the faces that meet in a corner of the plate, less hollow corners and what meets above a fillet."""
+    pairs = list(pairwise(frames.order))
+    hollow = {"nose": 1, "J": 1}.get(frames.kind)
+    return tuple(pair for k, pair in enumerate(pairs) if k != hollow)
+
+
+def read_frames(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) -> PreparedFrames:
+    """Read every profile; upper_side (3,): a vector in the base that points to the plate's upper side.
+
+    Raises:
+        InputError: no plate with an upper surface, a preparation and a root face is in view, or two readings are
+            alike likely.
+    """
+    found = [list(one) for one in in_order(lambda i, _: _readings(cloud, i), len(cloud.keep), 1)]
+    side, sense = _plate(cloud, found, root_nominal_mm, upper_side)
+    mine = [
+        next((one for one in frame if (one.side, one.sense) == (side[i], sense)), None) for i, frame in enumerate(found)
+    ]
+    enough = int((cloud.keep.sum(axis=1) >= LEAST_RETURNS).sum())
+    kinds = Counter(one.kind for one in mine if one is not None)
+    kind = max(sorted(kinds), key=kinds.__getitem__)
+    chosen = [one if one is not None and one.kind == kind else None for one in mine]
+    shows = sum(one is not None for one in mine)
+    return _frames(cloud, kind, (shows / max(enough, 1), kinds[kind] / shows), side, sense, chosen)
+
+
+def _readings(cloud: Cloud, i: int) -> list[Reading]:
+    x, z, column = _profile(cloud, i)
+    if x.size < LEAST_RETURNS:
+        return []
+    chain = whole_faces(straight_faces(x, z)[:MAX_LINES])
+    return [one for one in readings(chain) if not _cut(cloud, one, column)]
+
+
+def _profile(cloud: Cloud, i: int) -> tuple[Float, Float, Int]:
+    """x and z of the returns of frame i in the order of rising x, and their columns."""
+    column = np.flatnonzero(cloud.keep[i])
+    x, z = cloud.x_mm[i, column].astype(np.float64), cloud.z_mm[i, column].astype(np.float64)
+    if x.size and x[-1] < x[0]:
+        return x[::-1], z[::-1], column[::-1]
+    return x, z, column
+
+
+def _cut(cloud: Cloud, one: Reading, column: Int) -> bool:
+    """Whether the field of view ends the root face of a reading: then it is none."""
+    end = column[int(one.faces[-1][LAST if one.side > 0 else FIRST])]
+    return bool(end <= 1 or end >= cloud.keep.shape[1] - 2)
+
+
+def _plate(
+    cloud: Cloud, found: list[list[Reading]], root_nominal_mm: float, upper_side: Float | None
+) -> tuple[Int, int]:
+    """Side (N,) and sense on which the profiles agree. A pass may look at the plate the other way round."""
+    shows = [i for i, frame in enumerate(found) if frame]
+    refused = "expected a plate with its upper surface, the faces of its preparation and its root face in view"
+    if len(shows) < 2:
+        raise InputError(cloud.source, f"{refused}, found none: no prepared plate, or its upper surface is not seen?")
+    best: list[tuple[float, int, Int]] = []
+    for sense in (1, -1):
+        for first in (1, -1):
+            sides = _sides(cloud, first)
+            roots = [
+                width_mm(one.faces[-1])
+                for i in shows
+                for one in found[i]
+                if (one.side, one.sense) == (sides[i], sense) and _is_upper(cloud, i, one, upper_side)
+            ]
+            if len(roots) >= SHOWN * len(shows):
+                best.append((abs(math.log(float(np.median(roots)) / root_nominal_mm)), sense, sides))
+    if not best:
+        raise InputError(cloud.source, f"{refused}; the profiles do not agree on one: give upper_side, if you know it")
+    best.sort(key=lambda one: one[0])
+    if len(best) > 1 and best[1][0] - best[0][0] < SURELY:
+        raise InputError(
+            cloud.source,
+            "upper surface and root face may each be the other, and both are about as wide as the nominal root face: "
+            "give upper_side, a vector in the base that points to the plate's upper side",
+        )
+    return best[0][2], best[0][1]
+
+
+def _sides(cloud: Cloud, first: int) -> Int:
+    """Side (N,) of the plate in each frame, if it is `first` in the first one: a pass may look the other way."""
+    ex = cloud.base_from_profiler[:, :3, 0]
+    out = np.full(len(ex), first, np.int64)
+    for p in np.unique(cloud.pass_index):
+        mine = np.flatnonzero(cloud.pass_index == p)
+        out[mine] = first if float(ex[mine[0]] @ ex[0]) > 0.0 else -first
+    return out
+
+
+def _is_upper(cloud: Cloud, i: int, one: Reading, upper_side: Float | None) -> bool:
+    """Whether the upper surface of a reading looks where the user says that the upper side lies."""
+    if upper_side is None:
+        return True
+    slope = one.faces[0][SLOPE]
+    ex, ez = cloud.base_from_profiler[i, :3, 0], cloud.base_from_profiler[i, :3, 2]
+    return float(one.sense * (slope * ex - ez) @ upper_side) > 0.0
+
+
+def _frames(
+    cloud: Cloud,
+    kind: PreparationType,
+    shares: tuple[float, float],
+    side: Int,
+    sense: int,
+    chosen: list[Reading | None],
+) -> PreparedFrames:
+    """The faces of each chosen profile as lines, their labels, and the end of the root face."""
+    n, columns = cloud.keep.shape
+    order = ORDERS[kind]
+    labels = np.zeros((n, columns), np.uint8)
+    sums = {label: np.full((n, 8), np.nan) for label in order}
+    end = np.full((n, 5), np.nan)
+    seen = np.zeros(n, bool)
+    for i, one in enumerate(chosen):
+        if one is None:
+            continue
+        x, z, column = _profile(cloud, i)
+        lines = [_face(x, z, one, k) for k in range(len(one.faces))]
+        if any(line is None for line in lines):
+            continue
+        seen[i] = True
+        for label, line in zip(order, lines, strict=True):
+            if line is None:
+                raise AssertionError("checked above")
+            on, sums[label][i] = line
+            labels[i, column[on]] = label
+            sums[label][i, tracking.FIRST :] = sorted((column[on[0]], column[on[-1]]))
+        if one.arc:
+            rows = sorted(one.arc, key=lambda row: row[FIRST])
+            labels[i, column[int(rows[0][FIRST]) : int(rows[-1][LAST]) + 1]] = FILLET
+    sigma = {label: _noise(sums[label][seen]) for label in order}
+    rising = np.ones(n)
+    for i in np.flatnonzero(seen).tolist():
+        x, z, keep = cloud.x_mm[i], cloud.z_mm[i], cloud.keep[i]
+        of_root, of_bevel = sums[ROOT_FACE][i], sums[BEVEL_FACE][i]
+        state, row = np.zeros((4, 4)), np.zeros((4, 8))
+        for f, one_sums in ((tracking.ROOT, of_root), (tracking.BEVEL, of_bevel)):
+            state[f, :2] = _line(one_sums)
+            row[f] = one_sums
+        gate = tracking.FINAL_SIGMAS * sigma[ROOT_FACE] + 0.004
+        end[i] = tracking.root_end(x, z, keep, float(side[i]), state, row, gate)
+        rising[i] = np.sign(side[i] * float(x[int(of_root[tracking.LAST])] - x[int(of_root[tracking.FIRST])]))
+    faces = {label: _face_lines(sums[label], seen) for label in order}
+    nothing = _face_lines(np.full((n, 8), np.nan), np.zeros(n, bool))
+    outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
+    noise = [sigma[order[0]], sigma[BEVEL_FACE], sigma[ROOT_FACE], sigma[ROOT_FACE]]
+    tracked = TrackedFaces(
+        {UPPER_SURFACE: nothing, LOWER_SURFACE: nothing, **faces},
+        seen,
+        np.where(seen, side, np.nan).astype(float),
+        end[:, :3],
+        outward,
+        end[:, 4] == tracking.MIXED,
+        end[:, 4] == tracking.CUT,
+        end[:, 4] == tracking.BURR,
+        np.zeros(n, bool),
+        labels,
+        np.tile(noise, (n, 1)),
+    )
+    return PreparedFrames(kind, *shares, tracked, order, sigma)
+
+
+def _face(x: Float, z: Float, one: Reading, k: int) -> tuple[Int, Float] | None:
+    """Indices of the points of face k of a reading, its sums (8,) as `geometry.tracking` has them; None: too few."""
+    row, last = one.faces[k], len(one.faces) - 1
+    lean = math.hypot(1.0, row[SLOPE])
+    trim = min(TRIM_MM, TRIM_SHARE * width_mm(row)) / lean
+    start, stop = _ends(one, k)  # along side * x
+    start += trim if k > 0 else 0.0
+    stop -= trim if k < last else tracking.CORNER_MARGIN_MM / lean
+    if k == 0:
+        start = max(start, stop - SIDE_MM / lean)
+    if one.arc and k == 1:
+        stop -= min(FILLET_MM, 0.5 * width_mm(row)) / lean
+    on = np.arange(int(row[FIRST]), int(row[LAST]) + 1)
+    on = on[(one.side * x[on] >= start) & (one.side * x[on] <= stop)]
+    slope, offset = float(row[SLOPE]), float(row[OFFSET])
+    for _ in range(ROUNDS):
+        if on.size < LEAST_POINTS:
+            return None
+        off = z[on] - slope * x[on] - offset
+        scale = 1.4826 * float(np.median(np.abs(off - np.median(off)))) + LEAST_SIGMA_MM
+        good = np.abs(off - np.median(off)) < STRAY_SIGMAS * scale
+        if good.sum() < LEAST_POINTS:
+            return None
+        on = on[good]
+        mean_x, mean_z = float(x[on].mean()), float(z[on].mean())
+        u, v = x[on] - mean_x, z[on] - mean_z
+        sxx, sxz, szz = float(u @ u), float(u @ v), float(v @ v)
+        slope = sxz / max(sxx, 1e-12)
+        offset = mean_z - slope * mean_x
+        if good.all():
+            break
+    return on, np.array([on.size, mean_x, mean_z, sxx, sxz, szz, 0.0, 0.0])
+
+
+def _ends(one: Reading, k: int) -> tuple[float, float]:
+    """Where face k of a reading starts and ends along side * x: at its corners, or where its own line does."""
+    row = one.faces[k]
+    ends = sorted(one.side * float(at) for at in row[:2])
+    beside = [one.faces[k - 1] if k > 0 else None, one.faces[k + 1] if k + 1 < len(one.faces) else None]
+    if one.arc:  # between flank and root face
+        beside = [None if k == 2 else beside[0], None if k == 1 else beside[1]]
+    corners = [math.nan if other is None else one.side * crossing(row, other) for other in beside]
+    start, stop = (own if math.isnan(corner) else corner for own, corner in zip(ends, corners, strict=True))
+    return start, stop
+
+
+def _line(sums: Float) -> tuple[float, float]:
+    slope = float(sums[tracking.SXZ] / sums[tracking.SXX])
+    return slope, float(sums[tracking.Z_MEAN] - slope * sums[tracking.X_MEAN])
+
+
+def _noise(sums: Float) -> float:
+    """Range noise of a face: the median of its frames' residuals, sums (n, 8)."""
+    left = sums[:, tracking.SZZ] - sums[:, tracking.SXZ] ** 2 / np.maximum(sums[:, tracking.SXX], 1e-12)
+    rms = np.sqrt(np.maximum(left, 0.0) / np.maximum(sums[:, tracking.COUNT] - 2.0, 1.0))
+    return max(float(np.median(rms)), LEAST_SIGMA_MM) if rms.size else LEAST_SIGMA_MM
+
+
+def _face_lines(sums: Float, seen: Bool) -> FaceLines:
+    """Sums (N, 8) of a face in every frame."""
+    value = np.where(seen[:, None], sums, np.nan)
+    columns = np.where(seen[:, None], sums[:, [tracking.FIRST, tracking.LAST]], -1).astype(np.int64)
+    return FaceLines(
+        np.where(seen, sums[:, tracking.COUNT], 0).astype(np.int64),
+        value[:, tracking.X_MEAN],
+        value[:, tracking.Z_MEAN],
+        value[:, tracking.SXX],
+        value[:, tracking.SXZ],
+        value[:, tracking.SZZ],
+        columns,
+    )

@@ -1,0 +1,467 @@
+"""`edge.segment_preparation`: the prepared edge of one plate, from an organised cloud."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import (
+    DIRECTIONS,
+    FORM,
+    ROOT_FACE,
+    TANGENT,
+    Check,
+    Cloud,
+    Corner,
+    MilledEdge,
+    Preparation,
+    Quantity,
+)
+from workbench.checks import checked_limits
+from workbench.checks.faces import corners_check, plates_check, require_columns
+from workbench.checks.judge import refuse_failed
+from workbench.checks.limits import Bound, check
+from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.form import HIDDEN_RADIUS_MM, Misfit, is_free_end, misfit_of, root_rim, rounding_of
+from workbench.edge.groove_frames import two_plates_share
+from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.prepared_fillet import Fillet, fit_fillet
+from workbench.edge.prepared_frames import FILLET, FLANK, PreparedFrames, convex_corners, read_frames
+from workbench.edge.segment import milled_edge, root_width_mm
+from workbench.errors import InputError
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
+from workbench.stage import stage
+from workbench.units import DEG, Float
+
+Given = Literal["auto", "bevel", "compound", "nose", "J"]
+CORNERS = "corners of the faces: range noise and robot position noise"
+LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+FILLETS, FEW = 400, 12  # frames, evenly, whose fillets are fitted; from which it is told what moves them
+FILLET_U_MM = 3e-3  # of a radius: by the study fillets that nothing moves are off by so much
+STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
+WORDS = {
+    "bevel": "one bevel",
+    "compound": "two bevels",
+    "nose": "a bevel above a land",
+    "J": "a flank above a fillet",
+}
+
+
+@stage("edge.segment_preparation")
+def segment_preparation(
+    cloud: Cloud,
+    *,
+    preparation: Annotated[
+        Given, Field(description="what the edge is prepared as, or `auto`: by the evidence")
+    ] = "auto",
+    root_nominal_mm: Annotated[
+        float, Field(gt=0, le=50, description="expected root face; tells it from the upper surface")
+    ] = 1.5,
+    upper_side: Annotated[
+        tuple[float, float, float] | None,
+        Field(description="vector in the base to the plate's upper side; null: by the expected root face"),
+    ] = None,
+    robot_noise_mm: Annotated[
+        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
+    ] = 0.07,
+    end_u_mm: Annotated[
+        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
+    ] = 0.0,
+    most_radius_mm: Annotated[
+        float, Field(ge=0.01, le=0.8, description="greatest radius of the lower edge, where the view shows none")
+    ] = HIDDEN_RADIUS_MM,
+    limits: Annotated[
+        dict[str, float | tuple[float, float]],
+        Field(description="limits of the checks of the faces by name (docs/checks.md)"),
+    ] = {},  # noqa: B006  (never changed)
+) -> Preparation:
+    """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
+
+    Every profile is read as a chain of straight faces from the upper surface to the root face, and a fillet where the
+    faces fall less and less; what most profiles show is what the edge is prepared as. Lower edge and root face are
+    measured as those of a milled edge (`edge.segment`), the other faces in the same section planes.
+
+    Args:
+        cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.
+        preparation: what the edge is prepared as. Another one than the profiles show is refused.
+        root_nominal_mm: expected root face. A convex chain of faces can be read from both ends.
+        upper_side: a vector in the base to the plate's upper side, where the expected root face does not tell it.
+        robot_noise_mm: standard deviation of a recorded flange position, each axis.
+        end_u_mm: of the end of the root face by what no frame shows; it enters the uncertainty of every root face.
+        most_radius_mm: greatest radius that the lower edge can have, where the view would not show one.
+        limits: limits of the checks of the faces by name.
+
+    Raises:
+        InputError: no such plate is in view, its upper surface is not, or it is prepared as something else.
+
+    Example:
+        >>> from workbench import cloud, edge, scan
+        >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_nose.h5")))
+        >>> edge.segment_preparation(points).type
+        'nose'
+    """
+    given = checked_limits(limits, "edge.segment_preparation.limits")
+    columns = require_columns(cloud, root_nominal_mm, given)
+    side = None if upper_side is None else np.array(upper_side)
+    frames = read_frames(cloud, root_nominal_mm, side)
+    if preparation not in ("auto", frames.kind):
+        raise InputError(
+            f"{cloud.source}: preparation '{preparation}'",
+            f"between upper surface and root face the profiles show {WORDS[frames.kind]}: expected {frames.kind}",
+        )
+    checks = [columns, *_checks(cloud, frames, root_nominal_mm, given)]
+    refuse_failed(checks, f"{cloud.source}: no {frames.kind} preparation", "edge.segment_preparation.limits")
+    rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
+    try:
+        measured = measure_edge(cloud, frames.tracked)
+        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm)
+        chain = _Chain(cloud, frames, measured, edge)
+        sizes, corners = chain.sizes(), chain.corners
+    except np.linalg.LinAlgError:
+        raise InputError(cloud.source, UNDETERMINED) from None
+    return Preparation(
+        type=frames.kind,
+        declared=preparation != "auto",
+        arc_length_mm=edge.arc_length_mm,
+        origin_mm=measured.curve.position(edge.arc_length_mm + measured.shift) - rounding.beyond_mm * edge.across,
+        tangent=edge.tangent,
+        normal=edge.normal,
+        across=edge.across,
+        seen=edge.seen,
+        sizes=sizes,
+        corners=corners,
+        frame_arc_length_mm=edge.frame_arc_length_mm,
+        x_mm=cloud.x_mm,
+        base_from_profiler=cloud.base_from_profiler,
+        pass_index=cloud.pass_index,
+        part=cloud.part,
+        warnings=edge.warnings,
+        checks=(*cloud.checks, *checks),
+    )
+
+
+def _checks(
+    cloud: Cloud, frames: PreparedFrames, root_nominal_mm: float, given: Mapping[str, Bound]
+) -> tuple[Check, ...]:
+    """That the profiles agree, that the root face's end is seen, and that no corner stands out of its faces."""
+    tracked = frames.tracked
+    found = f"the faces of a prepared plate were found in {100 * frames.share:.0f} % of the profiles: no such plate?"
+    agree = f"{100 * frames.agreement:.0f} % of the profiles show {WORDS[frames.kind]}: is it one preparation?"
+    seen = 1.0 - float(tracked.end_is_cut[tracked.seen].mean()) if tracked.seen.any() else 0.0
+    ends = f"the root face's lower end is in view in {100 * seen:.0f} % of the profiles only"
+    wide = root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
+    told = (
+        f"what would be the root face is {wide:.2g} times as wide as its nominal size: another face, or another size?"
+    )
+    return (
+        plates_check(two_plates_share(cloud), given),
+        check("preparation_share", frames.share, found, given=given),
+        check("preparation_agreement", frames.agreement, agree, given=given),
+        check("root_seen_share", seen, ends, given=given),
+        check("root_over_nominal", wide, told, given=given),
+        corners_check(cloud, tracked.labels, convex_corners(frames), given),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lines:
+    """A face in every frame: its line in the section planes, its direction as a course, obliquity taken back."""
+
+    section: SectionLines
+    course: Course  # of the direction as frames show it, rad
+    turn: Float  # (N,) what obliquity adds to it, rad
+    place: Float  # (N, 2)
+    angle: Float  # (N,) direction in each frame's section, rad
+
+
+Values = dict[str, Float]  # by name: (N,)
+
+
+class _Chain:
+    """Sizes and corners at the stations of an edge, from the faces' lines in every frame."""
+
+    def __init__(self, cloud: Cloud, frames: PreparedFrames, measured: Measured, edge: MilledEdge) -> None:
+        self.cloud, self.frames, self.measured, self.edge = cloud, frames, measured, edge
+        self.kind = frames.kind
+        self.s = measured.upper_s
+        self.at = edge.arc_length_mm + measured.shift
+        self.group = cloud.pass_index
+        self.lines = self._lines()
+        self.misfits = [self._misfit(label) for label in frames.order]
+        self.corners: dict[str, Corner] = {}
+
+    def sizes(self) -> dict[str, Quantity]:
+        """Every size along the edge; fills `corners`."""
+        places, angles = self._places(), self._angles()
+        fillets = self._fillets(places, angles, FILLETS) if self.kind == "J" else None
+        value = self._values(places, angles, fillets)
+        slopes = self._derivatives(value)
+        found = {name: self._length(name, one, slopes[name], fillets) for name, one in value.items()}
+        self.corners = {
+            name: Corner(
+                np.stack([found[f"{name}:{axis}"].value for axis in "nm"], axis=1),
+                np.stack([found[f"{name}:{axis}"].u for axis in "nm"], axis=1),
+            )
+            for name in dict.fromkeys(key.split(":")[0] for key in value if ":" in key)
+        }
+        sizes = {name: one for name, one in found.items() if ":" not in name} | self._bevels()
+        sizes["root_face_mm"] = self._root_face(sizes["depth_mm"])
+        low_u = np.stack([self.corners["root"].u_mm[:, 0], sizes["root_face_mm"].u], axis=1)
+        self.corners["lower"] = Corner(np.where(self.edge.seen[:, None], np.zeros((self.at.size, 2)), np.nan), low_u)
+        return {name: sizes[name] for name in Preparation.terms if name in sizes}
+
+    def _misfit(self, label: int) -> Misfit:
+        """What the straight line of a face leaves; no stretch is better than all are: chance may hide it there."""
+        tracked = self.frames.tracked
+        found = misfit_of(self.cloud, tracked.labels, tracked.faces[label], label, self.s, self.at, whole=True)
+        turn, offset = (np.maximum(u, math.sqrt(float(np.mean(u**2)))) for u in (found.turn_u, found.offset_u_mm))
+        return replace(found, turn_u=turn, offset_u_mm=offset)
+
+    def _lines(self) -> list[_Lines]:
+        """Directions, then corners by them, then what their drift along the edge adds (docs/method.md, eq. (7))."""
+        tracked, curve = self.frames.tracked, self.measured.curve
+        sections, courses, angles = [], [], []
+        for label in self.frames.order:
+            face = tracked.faces[label]
+            one = section_lines(
+                face,
+                near_slope(face, self.s, self.group),
+                self.cloud.base_from_profiler,
+                tracked.side,
+                np.full(self.s.size, self.frames.sigma_mm[label]),
+                curve,
+                self.s,
+            )
+            about = float(np.angle(np.nanmean(np.exp(1j * one.angle))))
+            angle = about + wrapped(one.angle - about)
+            sections.append(one)
+            courses.append(fit_course(one.s, angle, one.angle_variance, self.group))
+            angles.append(courses[-1].value(self._safe()))
+        none = [np.zeros(self.s.size)] * len(sections)
+        lines = list(map(_Lines, sections, courses, none, [one.place for one in sections], angles))
+        meets = [_meet(a, b) for a, b in pairwise(lines)]
+        meets.append(np.zeros((self.s.size, 2)))  # the root face hangs on the lower edge, which the curve follows
+        return [self._square(one, meet) for one, meet in zip(lines, meets, strict=True)]
+
+    def _square(self, line: _Lines, meet: Float) -> _Lines:
+        """A face that an oblique profile sees, in the section of the root face's corner; meet (N, 2): a place on it."""
+        across = np.stack([-np.sin(line.angle), np.cos(line.angle)], axis=1)
+        along = np.stack([np.cos(line.angle), np.sin(line.angle)], axis=1)
+        drift = np.stack([self._slope(meet[:, k]) for k in (0, 1)], axis=1)
+        change = line.course.slope(self._safe())
+        lever = ((line.place - meet) * along).sum(axis=1)
+        turn = self._smooth(line.section.run * ((drift * across).sum(axis=1) + lever * change))
+        moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
+        place = line.place - (change * line.section.run * line.section.spread)[:, None] * across
+        place = place - (line.section.s - self.s)[:, None] * moved
+        return _Lines(line.section, line.course, turn, place, line.angle - turn)
+
+    def _safe(self) -> Float:
+        return np.where(np.isfinite(self.s), self.s, 0.0)
+
+    def _slope(self, value: Float) -> Float:
+        good = np.isfinite(value) & np.isfinite(self.s)
+        if good.sum() < 3 or np.ptp(value[good]) == 0.0:
+            return np.zeros(self.s.size)
+        return fit_course(self.s, value, None, self.group).slope(self._safe())
+
+    def _smooth(self, value: Float) -> Float:
+        """A correction (N,) that runs smoothly along the edge."""
+        good = np.isfinite(value) & np.isfinite(self.s)
+        if not good.any():
+            return np.zeros(self.s.size)
+        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        return np.interp(self._safe(), self.s[order], value[order])
+
+    def _places(self) -> list[Float]:
+        return [one.place for one in self.lines]
+
+    def _angles(self) -> list[Float]:
+        return [one.angle for one in self.lines]
+
+    def _values(self, places: list[Float], angles: list[Float], fillets: list[Fillet | None] | None) -> Values:
+        """Lengths in every frame; and corners along normal (n) and across (m) of the section's axes."""
+        upper = np.stack([np.cos(angles[0]), np.sin(angles[0])], axis=1)  # into the plate
+        out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
+        root = np.stack([np.cos(angles[-1]), np.sin(angles[-1])], axis=1)
+        out *= np.sign((out * root).sum(axis=1))[:, None]  # out of the plate
+        meets = [
+            on_line(places[k], angles[k], crossing(places[k], angles[k], places[k + 1], angles[k + 1]))
+            for k in range(len(places) - 1)
+        ]
+        corners = {"upper": meets[0]}
+        found: Values = {}
+        if fillets is not None:
+            corners["root"], found = self._below_fillets(fillets, meets[0], places, angles)
+        else:
+            if len(meets) > 2:
+                corners["middle"] = meets[1]
+            corners["root"] = meets[-1]
+        off = corners["root"] - corners["upper"]
+        found["depth_mm"] = -(off * out).sum(axis=1)
+        found["width_mm"] = -(off * upper).sum(axis=1)
+        if self.kind == "compound":
+            found["lower_bevel_mm"] = ((corners["middle"] - corners["root"]) * out).sum(axis=1)
+        if self.kind == "nose":
+            found["land_mm"] = np.hypot(*(corners["middle"] - corners["root"]).T)
+        for name, place in corners.items():
+            found[f"{name}:n"] = -place[:, 0] * root[:, 1] + place[:, 1] * root[:, 0]
+            found[f"{name}:m"] = (place * root).sum(axis=1)
+        return found
+
+    def _below_fillets(
+        self, fillets: list[Fillet | None], top: Float, places: list[Float], angles: list[Float]
+    ) -> tuple[Float, Values]:
+        """Where land and root face meet (N, 2), root radius and land; top (N, 2): the upper corners."""
+        corner, radius, land = np.full((len(fillets), 2), np.nan), *np.full((2, len(fillets)), np.nan)
+        fall = _fall(angles[0], angles[1], angles[-1])
+        for i, one in enumerate(fillets):
+            if one is None:
+                continue
+            axes = _upper_axes(angles[0][i], angles[-1][i])
+            start = top[i] + one.tangent(float(fall[i])) @ axes
+            way = np.array([math.cos(one.tilt), math.sin(one.tilt)]) @ axes
+            direction = np.array([math.atan2(way[1], way[0])])
+            far = crossing(start[None], direction, places[-1][i : i + 1], angles[-1][i : i + 1])[0]
+            corner[i], radius[i], land[i] = start + far * way, one.radius_mm, far
+        return corner, {"root_radius_mm": radius, "land_mm": land}
+
+    def _fillets(self, places: list[Float], angles: list[Float], count: int) -> list[Fillet | None]:
+        """The fillet of `count` frames at the most, evenly."""
+        tracked, curve = self.frames.tracked, self.measured.curve
+        shown = np.flatnonzero(tracked.seen & np.isfinite(self.s))
+        chosen = shown[np.unique(np.linspace(0, shown.size - 1, count).round().astype(int))]
+        falls = _fall(angles[0], angles[1], angles[-1])
+        top = on_line(places[0], angles[0], crossing(places[0], angles[0], places[1], angles[1]))
+        out: list[Fillet | None] = [None] * len(tracked.seen)
+        start = None
+        for i in chosen:
+            column = np.flatnonzero(np.isin(tracked.labels[i], (FILLET, FLANK)) & self.cloud.keep[i])
+            points = self.cloud.placed(np.full(column.size, i), column)
+            _, place = in_section(points, curve, np.full(column.size, self.s[i]))
+            local = (place - top[i]) @ _upper_axes(angles[0][i], angles[-1][i]).T
+            found = fit_fillet(local, float(falls[i]), self.frames.sigma_mm[FLANK], start)
+            out[int(i)] = found
+            start = start if found is None else found
+        return out
+
+    def _derivatives(self, value: Values) -> dict[str, list[tuple[float, float]]]:
+        """Of every length by each face's direction (mm/rad) and place across it (mm/mm); the frames' medians."""
+        out: dict[str, list[tuple[float, float]]] = {name: [] for name in value}
+        is_j = self.kind == "J"
+        few = self._fillets(self._places(), self._angles(), FEW) if is_j else None
+        before = self._values(self._places(), self._angles(), few)
+        for k, one in enumerate(self.lines):
+            turned, moved = self._angles(), self._places()
+            turned[k] = one.angle + STEP_RAD
+            moved[k] = one.place + STEP_MM * np.stack([-np.sin(one.angle), np.cos(one.angle)], axis=1)
+            by_turn, by_move = (
+                self._values(places, angles, self._fillets(places, angles, FEW) if is_j else None)
+                for places, angles in ((self._places(), turned), (moved, self._angles()))
+            )
+            for name in value:
+                pair = (by_turn[name] - before[name]) / STEP_RAD, (by_move[name] - before[name]) / STEP_MM
+                out[name].append((_typical(pair[0]), _typical(pair[1])))
+        return out
+
+    def _length(
+        self, name: str, value: Float, slopes: list[tuple[float, float]], fillets: list[Fillet | None] | None
+    ) -> Quantity:
+        """A length along the edge."""
+        variance = sum(
+            by_move**2 * one.section.offset_variance for one, (_, by_move) in zip(self.lines, slopes, strict=True)
+        )
+        variance = np.asarray(variance) + 1e-10
+        if fillets is not None:
+            variance = variance + self._fillet_variance(name, fillets)
+        course = fit_course(self.s, value, variance, self.group)
+        along = course.value(self.at)
+        turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
+        bent = [by_move * one.offset_u_mm for one, (_, by_move) in zip(self.misfits, slopes, strict=True)]
+        run = max(abs(_typical(one.section.run)) for one in self.lines)
+        hidden = np.where(self.edge.seen, 0.0, np.nan)
+        return Quantity(
+            along + hidden,
+            {
+                CORNERS: np.hypot(course.u(self.at), LEAST_U_MM),
+                DIRECTIONS: np.hypot.reduce(turned),
+                TANGENT: self.edge.tangent_u * run * np.abs(along),
+                FORM: np.hypot(np.hypot.reduce(bent), FILLET_U_MM if name == "root_radius_mm" else 0.0),
+            },
+        )
+
+    def _fillet_variance(self, name: str, fillets: list[Fillet | None]) -> Float:
+        """What the fit of the fillet leaves open of a length, mm^2."""
+        which = {"depth_mm": 0, "root:m": 0, "root_radius_mm": 1}.get(name)
+        if which is None:
+            return np.zeros(len(fillets))
+        return np.array([math.nan if one is None else one.covariance[which, which] for one in fillets])
+
+    def _bevels(self) -> dict[str, Quantity]:
+        """Bevel angles, from the normal of the upper surface."""
+        names = {"compound": {1: "upper_bevel_deg", 2: "bevel_deg"}}.get(self.kind, {1: "bevel_deg"})
+        out = {}
+        upper, root = self.lines[0], self.lines[-1]
+        for k, name in names.items():
+            one = self.lines[k]
+            directions = [
+                face.course.value(self.at) - np.interp(self.at, *self._sorted(face.turn)) for face in (upper, one, root)
+            ]
+            value = math.pi / 2 - _fall(*directions)
+            run_a, run_b = _typical(upper.section.run), _typical(one.section.run)
+            lever = math.sqrt(max(run_a**2 + run_b**2 - 2 * run_a * run_b * math.sin(_typical(value)), 0.0))
+            sources = {
+                DIRECTIONS: np.hypot(upper.course.u(self.at), one.course.u(self.at)),
+                TANGENT: self.edge.tangent_u * lever,
+                FORM: np.hypot(self.misfits[0].turn_u, self.misfits[k].turn_u),
+            }
+            hidden = np.where(self.edge.seen, 0.0, np.nan)
+            told = {source: u / DEG for source, u in sources.items()}
+            told[DIRECTIONS] = np.hypot(told[DIRECTIONS], LEAST_U_DEG)
+            out[name] = Quantity(value / DEG + hidden, told)
+        return out
+
+    def _sorted(self, value: Float) -> tuple[Float, Float]:
+        good = np.flatnonzero(np.isfinite(self.s) & np.isfinite(value))
+        good = good[np.argsort(self.s[good], kind="stable")]
+        return self.s[good], value[good]
+
+    def _root_face(self, depth: Quantity) -> Quantity:
+        """As that of a milled edge; above a fillet it is the thickness at the edge less the depth."""
+        root = self.edge.root
+        hidden = np.where(self.edge.seen, 0.0, np.nan)
+        if self.kind != "J":
+            return Quantity(root.value + hidden, root.u_by_source)
+        names = dict.fromkeys([*root.u_by_source, *depth.u_by_source])
+        zero = np.zeros(self.at.size)
+        told = {name: np.hypot(*(one.u_by_source.get(name, zero) for one in (root, depth))) for name in names}
+        return Quantity(root.value - depth.value + hidden, told)
+
+
+def _meet(one: _Lines, other: _Lines) -> Float:
+    """Where the lines of two faces meet (N, 2)."""
+    return on_line(one.place, one.angle, crossing(one.place, one.angle, other.place, other.angle))
+
+
+def _upper_axes(upper: float, root: float) -> Float:
+    """Axes (2, 2) of the upper surface in a section: out of its edge, and up; from the directions of both, rad."""
+    out = np.array([-math.cos(upper), -math.sin(upper)])
+    up = np.array([-out[1], out[0]])
+    return np.stack([out, up * math.copysign(1.0, float(up @ [math.cos(root), math.sin(root)]))])
+
+
+def _fall(upper: Float, face: Float, root: Float) -> Float:
+    """Angle of a face below the upper surface, rad: towards the root face, which stands upright on it."""
+    return np.asarray(np.sign(np.sin(root - upper)) * wrapped(face - upper))
+
+
+def _typical(value: Float) -> float:
+    finite = value[np.isfinite(value)]
+    return float(np.median(finite)) if finite.size else 0.0

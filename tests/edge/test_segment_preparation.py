@@ -79,7 +79,7 @@ def test_another_kind_than_is_seen_is_refused(cloud) -> None:
 
 
 def test_a_plate_without_its_upper_surface_in_view_is_refused() -> None:
-    with pytest.raises(InputError, match="upper surface|prepared plate"):
+    with pytest.raises(InputError, match=r"upper surface|prepared plate"):
         segment_preparation(denoise(fuse(read(recording="data/synthetic/raw_edge.h5"))))
 
 
@@ -88,7 +88,7 @@ def test_two_plates_are_refused() -> None:
         segment_preparation(denoise(fuse(read(recording="data/synthetic/groove.h5"))))
 
 
-def test_a_ledge_is_no_bevel() -> None:
+def test_a_short_land_is_told() -> None:
     recipe = {
         "simulator": "swept",
         "part": {"preparation": "nose", "land_mm": 0.2, "spine": {"length_mm": 60}},
@@ -96,13 +96,9 @@ def test_a_ledge_is_no_bevel() -> None:
         "passes": [{"way_mm": [2, 58], "elevation_deg": 50, "aim_mm": [-4, 4]}],
     }
     recording, _ = simulate_swept(SweptRecipe.model_validate(recipe))
-    try:
-        found = segment_preparation(denoise(fuse(recording)))
-    except InputError as error:
-        assert "corner_stands_out_mm" in str(error) or "agreement" in str(error)
-    else:
-        assert found.type == "nose"
-        assert np.nanmedian(np.abs(found.sizes["land_mm"].value - 0.2)) < 0.01
+    found = segment_preparation(denoise(fuse(recording)))
+    assert found.type == "nose"
+    assert np.nanmedian(np.abs(found.sizes["land_mm"].value - 0.2)) < 0.01
 
 
 def test_the_root_face_is_told_from_the_upper_surface(cloud, nose) -> None:

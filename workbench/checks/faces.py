@@ -129,7 +129,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
         f"in {100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
     )
     out = _stands_out(seen, bows.values())
-    ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, a nose (inspect_preparation.json)?"
+    ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
+    ledge += "a nose (inspect_preparation.json)?"
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),

@@ -28,6 +28,7 @@ UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, ar
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
+ASTRAY_MM = 0.1  # of the first lower edge from the second: over some mm it would turn the sections by a degree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     """Estimate the state of a milled edge.
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
-    the lower edge that this gives: a second time changed neither errors nor uncertainties.
+    the lower edge that this gives; a second time, which elsewhere changed neither errors nor uncertainties, where that
+    lower edge followed ends which the likelihood of the frames then tells to be lost.
     """
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
@@ -79,7 +81,15 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
     s[good] = curve.project(lower_edge[good], s_low[good])
     s[~good] = np.nan
-    measured, _, _ = _state(cloud, tracked, curve, s, whole=True)
+    quick = lower_edge
+    measured, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=True)
+    moved = np.linalg.norm(lower_edge - quick, axis=1)[clean]
+    if np.nanmax(moved, initial=0.0) > ASTRAY_MM:
+        good = _sound(cloud, lower_edge, s_low, corners)
+        curve = fit_curve(lower_edge[good], s_low[good], cloud.pass_index[good])
+        s[good] = curve.project(lower_edge[good], s_low[good])
+        s[~good] = np.nan
+        measured, _, _ = _state(cloud, tracked, curve, s, whole=True)
     return measured
 
 

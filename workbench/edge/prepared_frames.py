@@ -26,6 +26,7 @@ SHOWN = 0.5  # share of the profiles that show one reading, for it to be that of
 SURELY = math.log(1.5)  # by which one of two readings' root face lies nearer to the nominal one
 TRIM_MM, TRIM_SHARE = 0.2, 0.15  # left out of a face beside a corner: its rounding; of a narrow one at most this share
 FILLET_MM = 1.0  # likewise of a flank beside its fillet, of which so much may pass for the flank under the noise
+WHOLE = 0.8  # of a flank's usual width
 LEAST_POINTS = 4  # of a face in a profile
 SIDE_MM = 12.0  # of the upper surface only this much serves to measure it
 STRAY_SIGMAS, ROUNDS, LEAST_SIGMA_MM = 3.5, 4, 2e-3
@@ -185,6 +186,9 @@ def _frames(
         if one.arc:
             rows = sorted(one.arc, key=lambda row: row[FIRST])
             labels[i, column[int(rows[0][FIRST]) : int(rows[-1][LAST]) + 1]] = FILLET
+    if kind == "J":
+        seen &= _whole(sums[FLANK], seen)
+        labels[~seen] = 0
     sigma = {label: _noise(sums[label][seen]) for label in order}
     rising = np.ones(n)
     for i in np.flatnonzero(seen).tolist():
@@ -273,6 +277,12 @@ def _noise(sums: Float) -> float:
     left = sums[:, tracking.SZZ] - sums[:, tracking.SXZ] ** 2 / np.maximum(sums[:, tracking.SXX], 1e-12)
     rms = np.sqrt(np.maximum(left, 0.0) / np.maximum(sums[:, tracking.COUNT] - 2.0, 1.0))
     return max(float(np.median(rms)), LEAST_SIGMA_MM) if rms.size else LEAST_SIGMA_MM
+
+
+def _whole(sums: Float, seen: Bool) -> Bool:
+    """Frames (N,) that show as much of a flank as most do: where returns are lost, its line leans on the fillet."""
+    width = np.sqrt(12.0 * sums[:, tracking.SXX] / sums[:, tracking.COUNT])
+    return np.asarray(width > WHOLE * np.median(width[seen])) if seen.any() else seen
 
 
 def _face_lines(sums: Float, seen: Bool) -> FaceLines:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,16 +19,18 @@ from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.refusals import (
     known_well,
     refuse_allowance,
+    refuse_compound,
     refuse_cutter,
     refuse_partial_view,
     refuse_requirement,
     refuse_small_root,
 )
-from workbench.path.section import Bevel, bevel_of, layer_heights, raised
+from workbench.path.section import Bevel, bevel_of, layer_heights, raised, under, upper_bevel
 from workbench.result_files.links import tool_u, turntable_u
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
 
+AFTER_UPPER = "mills the lower bevel of a compound one: the upper bevel of {:g} deg must have been milled before"
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
 
 
@@ -70,6 +72,15 @@ def layers(
         float, Field(gt=0, le=10, description="of the root: the edge is not cut where 1.645 u is more")
     ] = 0.5,
     bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="of the bevel: likewise")] = 1.0,
+    upper_bevel_deg: Annotated[
+        float | None, Field(gt=10, le=75, description="of a compound bevel, its flatter upper bevel; null: none")
+    ] = None,
+    lower_bevel_mm: Annotated[
+        float | None, Field(gt=0, le=50, description="of a compound bevel: height of the lower bevel")
+    ] = None,
+    mill: Annotated[
+        Literal["upper", "lower"], Field(description="which of its bevels this path mills: the upper one first")
+    ] = "lower",
 ) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
@@ -104,6 +115,10 @@ def layers(
         least_seen_share: an edge seen, or known well enough, on less of its length is refused.
         root_tolerance_mm: where the guard band of the edge's place (1.645 u) is larger it is not cut.
         bevel_tolerance_deg: the same of the end face's direction, from which the bevel angle counts.
+        upper_bevel_deg, lower_bevel_mm: of a compound bevel, which is milled by two paths from one scan: root face and
+            bevel angle are those of the lower bevel, at whose height the upper one begins. A steeper upper bevel, a
+            land or a fillet is hollow: a cylindrical cutter would cut into the face below.
+        mill: the upper bevel, or the lower one after it.
 
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
@@ -118,12 +133,18 @@ def layers(
         (5, 1.0)
     """
     refuse_partial_view(edge, least_seen_share)
-    bevel, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
-    refuse_small_root(edge, bevel)
+    lower, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
+    refuse_small_root(edge, lower)
+    upper = upper_bevel(lower, upper_bevel_deg, lower_bevel_mm)
+    bevel = lower if upper is None or mill == "lower" else upper
     chain = chain_u(tool, turntable, robot_accuracy_mm)
     counts = None if finish_allowance_mm > 0.0 else chain  # a measured cut shows what these do
     edge = known_well(edge, bevel, root_tolerance_mm, bevel_tolerance_deg, least_seen_share, counts)
     course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
+    if upper is not None:
+        refuse_compound(course, upper)
+    if upper is not None and mill == "lower":
+        course = under(course, upper)
     at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
     refuse_requirement(course, at, bevel)
     refuse_allowance(course, at, bevel, finish_allowance_mm, depth_of_cut_mm)
@@ -135,20 +156,22 @@ def layers(
     def path(to: Bevel, heights_of: Callable[[Float], Float]) -> Toolpath:
         plan = make_plan(edge, cloud, course, table, to, cutter, air, v_slow_mm_s)
         cut = _cut_layers(plan, heights_of)
+        before = () if bevel is upper or upper is None else (_milled_before(plan, float(plan.stock_mm.max())),)
         return Toolpath(
             cutter=cutter,
             layers=cut,
             travels=travels_of(plan, cut, cutter),
             root_mm=to.root_mm,
-            bevel_deg=bevel_deg,
+            bevel_deg=to.angle / DEG,
             depth_of_cut_mm=depth_of_cut_mm,
             v_slow_mm_s=v_slow_mm_s,
             edge_length_mm=length,
             part=cloud.part,
             source=cloud.source,
             refused=_refused(plan, cut[-1]),
-            warnings=edge.warnings,
+            warnings=(*edge.warnings, *((AFTER_UPPER.format(upper_bevel_deg),) if before else ())),
             evidence=edge.checks,
+            before=before,
             chain=chain,
         )
 
@@ -157,7 +180,8 @@ def layers(
     first = path(
         raised(bevel, finish_allowance_mm), lambda stock: layer_heights(stock, depth_of_cut_mm, finish_allowance_mm)
     )
-    before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in first.layers)
+    earlier = (*first.before, *first.layers)
+    before = tuple(replace(layer, height_mm=layer.height_mm + finish_allowance_mm) for layer in earlier)
     finishing = replace(path(bevel, lambda _: np.array([finish_allowance_mm, 0.0])), before=before)
     return replace(first, finish_allowance_mm=finish_allowance_mm, finishing=finishing)
 
@@ -165,6 +189,13 @@ def layers(
 def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
     """Just over the widest face, in whole mm."""
     return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
+
+
+def _milled_before(plan: Plan, height_mm: float) -> Layer:
+    """What stands no more above the lower bevel once the upper one is milled: all that is this high above it."""
+    s = plan.course.arc_length_mm
+    inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
+    return replace(make_layer(plan, 1, height_mm), cutting=plan.course.seen & inside)
 
 
 def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer, ...]:

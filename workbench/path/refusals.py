@@ -98,6 +98,17 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
 
 
+def refuse_compound(course: Course, upper: Bevel) -> None:
+    """A compound bevel whose lower bevel would reach the stock's upper surface."""
+    thickness = float(course.upper_mm[course.seen, 1].min())
+    if upper.root_mm >= thickness:
+        raise InputError(
+            "lower_bevel_mm",
+            f"leaves nothing to the upper bevel: its plane meets the end face {upper.root_mm:.2f} mm above the lower "
+            f"edge, the stock is {thickness:.2f} mm thick",
+        )
+
+
 def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
     known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.path.course import Course
 from workbench.units import DEG, Float
 
@@ -54,6 +55,37 @@ class Bevel:
 def bevel_of(root_mm: float, bevel_deg: float) -> Bevel:
     """The bevel that is required."""
     return Bevel(root_mm, bevel_deg * DEG)
+
+
+def upper_bevel(lower: Bevel, upper_deg: float | None, lower_mm: float | None) -> Bevel | None:
+    """The upper bevel of a compound one, as far down as its plane meets the end face; None: there is none.
+
+    Its plane runs through the place `lower_mm` above the root face on the lower bevel, (-h tan beta, c + h).
+
+    Raises:
+        InputError: only one of both is given, or the upper bevel is no flatter than the lower one.
+    """
+    if upper_deg is None and lower_mm is None:
+        return None
+    if upper_deg is None or lower_mm is None:
+        given, other = (
+            ("lower_bevel_mm", "upper_bevel_deg") if upper_deg is None else ("upper_bevel_deg", "lower_bevel_mm")
+        )
+        raise InputError(given, f"expected {other} beside it: a compound bevel has both")
+    if upper_deg * DEG <= lower.angle:
+        raise InputError(
+            "upper_bevel_deg",
+            f"expected more than the lower bevel's {lower.angle / DEG:g} deg, found {upper_deg:g}: a steeper upper "
+            "bevel is hollow, a cylindrical cutter would cut into the lower one",
+        )
+    return Bevel(lower.root_mm + lower_mm * (1.0 - math.tan(lower.angle) / math.tan(upper_deg * DEG)), upper_deg * DEG)
+
+
+def under(course: Course, bevel: Bevel) -> Course:
+    """The course under a bevel that was milled before: its face stands for the stock's upper surface."""
+    upper = np.tile([0.0, bevel.root_mm], (len(course.upper_mm), 1))
+    inward = np.tile([-math.sin(bevel.angle), math.cos(bevel.angle)], (len(course.upper_mm), 1))
+    return replace(course, upper_mm=upper, inward=inward)
 
 
 def raised(bevel: Bevel, by_mm: float) -> Bevel:

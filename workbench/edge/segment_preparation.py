@@ -384,7 +384,11 @@ class _Chain:
         course = fit_course(self.s, value, variance, self.group)
         along = course.value(self.at)
         turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
-        bent = [by_move * one.offset_u_mm for one, (_, by_move) in zip(self.misfits, slopes, strict=True)]
+        whole = sum(one.width_mm for one in self.misfits)  # what the sensor errs by walks on between the faces
+        bent = [
+            by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm)
+            for one, (_, by_move) in zip(self.misfits, slopes, strict=True)
+        ]
         run = max(abs(_typical(one.section.run)) for one in self.lines)
         hidden = np.where(self.edge.seen, 0.0, np.nan)
         return Quantity(

@@ -29,6 +29,7 @@ HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which 
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
+FEW = 8  # columns of that surface at least
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
 NEAR_CORNER_MM, LEAST_NEAR, LEAST_SCATTER_MM = 0.25, 3, 1e-4  # returns at a corner
 WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
@@ -391,6 +392,10 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
     pitch = median(np.hypot(np.diff(x[own]), np.diff(z[own])))
     long = max(BESIDE, math.ceil(LONG_MM / max(pitch, 1e-3)))
     run = beyond[SKIP : SKIP + long]
+    if len(run) > FEW:  # a surface that the rays graze has few columns a millimetre
+        far = np.hypot(x[run] - x[run[0]], z[run] - z[run[0]]) >= LONG_MM
+        long = max(FEW, int(np.argmax(far)) + 1) if far.any() else long
+        run = run[:long]
     if len(run) < long or abs(int(run[-1]) - int(end)) > 2 * (long + SKIP):
         return None
     step = np.hypot(np.diff(x[run]), np.diff(z[run]))

@@ -397,7 +397,7 @@ class _Chain:
                 CORNERS: np.hypot(course.u(self.at), LEAST_U_MM),
                 DIRECTIONS: np.hypot.reduce(turned),
                 TANGENT: self.edge.tangent_u * run * np.abs(along),
-                FORM: np.hypot(np.hypot.reduce(bent), FILLET_U_MM if name == "root_radius_mm" else 0.0),
+                FORM: np.hypot(np.hypot.reduce(bent), _fillet_form_mm(name, fillets)),
             },
         )
 
@@ -447,6 +447,17 @@ class _Chain:
         zero = np.zeros(self.at.size)
         told = {name: np.hypot(*(one.u_by_source.get(name, zero) for one in (root, depth))) for name in names}
         return Quantity(root.value - depth.value + hidden, told)
+
+
+def _fillet_form_mm(name: str, fillets: list[Fillet | None] | None) -> float:
+    """Standard uncertainty of a length by the form of the fillets, alike in all frames.
+
+    Where no land is seen, nothing tells its tilt, which moves the place where the fillet ends along the circle.
+    """
+    seen = [one for one in fillets or [] if one is not None]
+    if name == "land_mm" and seen:
+        return float(np.median([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
+    return FILLET_U_MM if name == "root_radius_mm" else 0.0
 
 
 def _meet(one: _Lines, other: _Lines) -> Float:

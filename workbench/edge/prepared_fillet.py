@@ -41,6 +41,11 @@ class Fillet:
         centre = _centre(self.level_mm, self.radius_mm, self.tilt, fall)
         return centre - self.radius_mm * np.array([-math.sin(self.tilt), math.cos(self.tilt)])
 
+    def flank_mm(self, fall: float) -> float:
+        """Length of the flank, down to where the circle touches it."""
+        centre = _centre(self.level_mm, self.radius_mm, self.tilt, fall)
+        return float(centre @ [math.cos(fall), -math.sin(fall)])
+
 
 def fit_fillet(points: Float, fall: float, sigma_mm: float, start: Fillet | None) -> Fillet | None:
     """The fillet of points (n, 2) on flank, fillet and land; fall: of the flank, rad. None: they do not fix one."""

@@ -26,7 +26,7 @@ SHOWN = 0.5  # share of the profiles that show one reading, for it to be that of
 SURELY = math.log(1.5)  # by which one of two readings' root face lies nearer to the nominal one
 TRIM_MM, TRIM_SHARE = 0.2, 0.15  # left out of a face beside a corner: its rounding; of a narrow one at most this share
 FILLET_MM = 1.0  # likewise of a flank beside its fillet, of which so much may pass for the flank under the noise
-WHOLE = 0.8  # of a flank's usual width
+WHOLE = 0.8  # of a flank's usual width, and of the returns on flank and fillet
 LEAST_POINTS = 4  # of a face in a profile
 SIDE_MM = 12.0  # of the upper surface only this much serves to measure it
 STRAY_SIGMAS, ROUNDS, LEAST_SIGMA_MM = 3.5, 4, 2e-3
@@ -60,7 +60,19 @@ def convex_corners(frames: PreparedFrames) -> tuple[tuple[int, int], ...]:
     return tuple(pair for k, pair in enumerate(pairs) if k != hollow)
 
 
-def read_frames(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) -> PreparedFrames:
+@dataclass(frozen=True, slots=True, eq=False)
+class Plates:
+    """What every profile of a cloud was read as."""
+
+    kind: PreparationType
+    share: float  # see PreparedFrames
+    agreement: float
+    side: Int  # (N,) +1: from the upper surface to the root face x rises
+    sense: int  # +1: z counts away from the sensor
+    readings: list[Reading | None]  # of N profiles; None: none of this kind
+
+
+def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) -> Plates:
     """Read every profile; upper_side (3,): a vector in the base that points to the plate's upper side.
 
     Raises:
@@ -77,7 +89,7 @@ def read_frames(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
     kind = max(sorted(kinds), key=kinds.__getitem__)
     chosen = [one if one is not None and one.kind == kind else None for one in mine]
     shows = sum(one is not None for one in mine)
-    return _frames(cloud, kind, (shows / max(enough, 1), kinds[kind] / shows), side, sense, chosen)
+    return Plates(kind, shows / max(enough, 1), kinds[kind] / shows, side, sense, chosen)
 
 
 def _readings(cloud: Cloud, i: int) -> list[Reading]:
@@ -154,26 +166,23 @@ def _is_upper(cloud: Cloud, i: int, one: Reading, upper_side: Float | None) -> b
     return float(one.sense * (slope * ex - ez) @ upper_side) > 0.0
 
 
-def _frames(
-    cloud: Cloud,
-    kind: PreparationType,
-    shares: tuple[float, float],
-    side: Int,
-    sense: int,
-    chosen: list[Reading | None],
-) -> PreparedFrames:
-    """The faces of each chosen profile as lines, their labels, and the end of the root face."""
+def frames_of(cloud: Cloud, plates: Plates, flank_mm: float = math.inf) -> PreparedFrames:
+    """The faces of each profile as lines, their labels, and the end of the root face.
+
+    flank_mm: of a J, length of its flank from the upper corner on; inf: not known.
+    """
+    kind, side = plates.kind, plates.side
     n, columns = cloud.keep.shape
     order = ORDERS[kind]
     labels = np.zeros((n, columns), np.uint8)
     sums = {label: np.full((n, 8), np.nan) for label in order}
     end = np.full((n, 5), np.nan)
     seen = np.zeros(n, bool)
-    for i, one in enumerate(chosen):
+    for i, one in enumerate(plates.readings):
         if one is None:
             continue
         x, z, column = _profile(cloud, i)
-        lines = [_face(x, z, one, k) for k in range(len(one.faces))]
+        lines = [_face(x, z, one, k, flank_mm) for k in range(len(one.faces))]
         if any(line is None for line in lines):
             continue
         seen[i] = True
@@ -218,10 +227,10 @@ def _frames(
         labels,
         np.tile(noise, (n, 1)),
     )
-    return PreparedFrames(kind, *shares, tracked, order, sigma)
+    return PreparedFrames(kind, plates.share, plates.agreement, tracked, order, sigma)
 
 
-def _face(x: Float, z: Float, one: Reading, k: int) -> tuple[Int, Float] | None:
+def _face(x: Float, z: Float, one: Reading, k: int, flank_mm: float) -> tuple[Int, Float] | None:
     """Indices of the points of face k of a reading, its sums (8,) as `geometry.tracking` has them; None: too few."""
     row, last = one.faces[k], len(one.faces) - 1
     lean = math.hypot(1.0, row[SLOPE])
@@ -233,6 +242,7 @@ def _face(x: Float, z: Float, one: Reading, k: int) -> tuple[Int, Float] | None:
         start = max(start, stop - SIDE_MM / lean)
     if one.arc and k == 1:
         stop -= min(FILLET_MM, 0.5 * width_mm(row)) / lean
+        stop = min(stop, start + (flank_mm - TRIM_MM) / lean)
     on = np.arange(int(row[FIRST]), int(row[LAST]) + 1)
     on = on[(one.side * x[on] >= start) & (one.side * x[on] <= stop)]
     slope, offset = float(row[SLOPE]), float(row[OFFSET])

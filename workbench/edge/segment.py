@@ -17,7 +17,7 @@ from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.sizes import corrected_angles, sizes
+from workbench.edge.sizes import corrected_angles, sizes, turned_u
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope
@@ -145,7 +145,7 @@ def milled_edge(
     shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud))
     tangent_u = np.hypot(
         measured.curve.tangent_u(at + measured.shift),
-        math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)),
+        np.hypot(math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)), turned_u(measured, at)),
     )
     beta = corrected_angles(measured, at + measured.shift)[1]
     form = form_of(cloud, tracked, s_low, beta, at)

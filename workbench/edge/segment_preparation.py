@@ -32,7 +32,7 @@ from workbench.edge.form import HIDDEN_RADIUS_MM, Misfit, is_free_end, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.prepared_fillet import Fillet, fit_fillet
-from workbench.edge.prepared_frames import FILLET, FLANK, PreparedFrames, convex_corners, read_frames
+from workbench.edge.prepared_frames import FILLET, FLANK, WHOLE, PreparedFrames, convex_corners, frames_of, read_plates
 from workbench.edge.segment import milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
@@ -110,7 +110,8 @@ def segment_preparation(
     given = checked_limits(limits, "edge.segment_preparation.limits")
     columns = require_columns(cloud, root_nominal_mm, given)
     side = None if upper_side is None else np.array(upper_side)
-    frames = read_frames(cloud, root_nominal_mm, side)
+    plates = read_plates(cloud, root_nominal_mm, side)
+    frames = frames_of(cloud, plates)
     if preparation not in ("auto", frames.kind):
         raise InputError(
             f"{cloud.source}: preparation '{preparation}'",
@@ -123,6 +124,8 @@ def segment_preparation(
         measured = measure_edge(cloud, frames.tracked)
         edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm)
         chain = _Chain(cloud, frames, measured, edge)
+        if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
+            chain = _Chain(cloud, frames_of(cloud, plates, chain.flank_mm()), measured, edge)
         sizes, corners = chain.sizes(), chain.corners
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
@@ -216,6 +219,13 @@ class _Chain:
         low_u = np.stack([self.corners["root"].u_mm[:, 0], sizes["root_face_mm"].u], axis=1)
         self.corners["lower"] = Corner(np.where(self.edge.seen[:, None], np.zeros((self.at.size, 2)), np.nan), low_u)
         return {name: sizes[name] for name in Preparation.terms if name in sizes}
+
+    def flank_mm(self) -> float:
+        """Length of a J's flank, from the upper corner to where the fillet begins: the median of some frames."""
+        fillets = self._fillets(self._places(), self._angles(), FEW)
+        falls = _fall(*(self.lines[k].angle for k in (0, 1, -1)))
+        found = [one.flank_mm(float(falls[i])) for i, one in enumerate(fillets) if one is not None]
+        return float(np.median(found)) if found else math.inf
 
     def _misfit(self, label: int) -> Misfit:
         """What the straight line of a face leaves; no stretch is better than all are: chance may hide it there."""
@@ -336,14 +346,17 @@ class _Chain:
     def _fillets(self, places: list[Float], angles: list[Float], count: int) -> list[Fillet | None]:
         """The fillet of `count` frames at the most, evenly."""
         tracked, curve = self.frames.tracked, self.measured.curve
+        on = np.isin(tracked.labels, (FILLET, FLANK)) & self.cloud.keep
+        number = on.sum(axis=1)
         shown = np.flatnonzero(tracked.seen & np.isfinite(self.s))
+        shown = shown[number[shown] > WHOLE * np.median(number[shown])]  # a part that is lost moves the rest of the fit
         chosen = shown[np.unique(np.linspace(0, shown.size - 1, count).round().astype(int))]
         falls = _fall(angles[0], angles[1], angles[-1])
         top = on_line(places[0], angles[0], crossing(places[0], angles[0], places[1], angles[1]))
         out: list[Fillet | None] = [None] * len(tracked.seen)
         start = None
         for i in chosen:
-            column = np.flatnonzero(np.isin(tracked.labels[i], (FILLET, FLANK)) & self.cloud.keep[i])
+            column = np.flatnonzero(on[i])
             points = self.cloud.placed(np.full(column.size, i), column)
             _, place = in_section(points, curve, np.full(column.size, self.s[i]))
             local = (place - top[i]) @ _upper_axes(angles[0][i], angles[-1][i]).T

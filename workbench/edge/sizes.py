@@ -37,10 +37,7 @@ def sizes(
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
-    frames = np.sort(measured.upper_s[np.isfinite(measured.upper_s)])
-    after = np.searchsorted(frames, s).clip(1, frames.size - 1)
-    seen = np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM
-    loose = np.maximum(sudden(at, root, end_u, seen=seen), end_loose_mm(measured.end, s))
+    seen, loose = _seen(measured, s), loose_mm(measured, at)
     # What obliquity makes of the root face's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
     turns = sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
@@ -60,6 +57,29 @@ def sizes(
         FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
     }
     return Quantity(root, root_u), Quantity(beta, angle)
+
+
+def loose_mm(measured: Measured, at: Float) -> Float:
+    """By how much the end of the root face may be lost, covered or drawn out at arc lengths `at` (m,), mm."""
+    s, course = at + measured.shift, measured.end.course
+    steps = sudden(at, course.value(s), course.u(s), seen=_seen(measured, s))
+    return np.asarray(np.maximum(steps, end_loose_mm(measured.end, s)))
+
+
+def turned_u(measured: Measured, at: Float) -> Float:
+    """Standard uncertainty (m,) of the lower edge's direction where the end of the root face may be lost, rad.
+
+    The lower edge follows that end: where it comes nearer to the corner with the bevel, so does the edge.
+    """
+    turned = np.abs(measured.end.course.slope(at + measured.shift))
+    return np.where(loose_mm(measured, at) > 0.0, turned, 0.0)
+
+
+def _seen(measured: Measured, s: Float) -> Bool:
+    """Whether a frame is near the places s (m,)."""
+    frames = np.sort(measured.upper_s[np.isfinite(measured.upper_s)])
+    after = np.searchsorted(frames, s).clip(1, frames.size - 1)
+    return np.asarray(np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM)
 
 
 def sudden(

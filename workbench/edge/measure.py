@@ -28,7 +28,8 @@ UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, ar
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
-ASTRAY_MM = 0.1  # of the first lower edge from the second: over some mm it would turn the sections by a degree
+# By which the lower edge moves from one round to the next: over some mm it would turn the sections by a degree.
+ASTRAY_MM, MOST_ROUNDS = 0.1, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,15 +82,16 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
     s[good] = curve.project(lower_edge[good], s_low[good])
     s[~good] = np.nan
-    quick = lower_edge
-    measured, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=True)
-    moved = np.linalg.norm(lower_edge - quick, axis=1)[clean]
-    if np.nanmax(moved, initial=0.0) > ASTRAY_MM:
+    for _ in range(MOST_ROUNDS):
+        before = lower_edge
+        measured, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=True)
+        moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
+        if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
+            break
         good = _sound(cloud, lower_edge, s_low, corners)
         curve = fit_curve(lower_edge[good], s_low[good], cloud.pass_index[good])
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
-        measured, _, _ = _state(cloud, tracked, curve, s, whole=True)
     return measured
 
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.groove.plates import measured
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
@@ -70,6 +71,13 @@ def test_an_oblique_scan_of_a_twisted_wavy_plate_tells_its_square_section() -> N
     at = [int(np.argmin(np.linalg.norm(truth.position_mm - place, axis=1))) for place in found.origin_mm]
     for name, most in (("depth_mm", 0.002), ("width_mm", 0.002), ("lower_bevel_mm", 0.002), ("bevel_deg", 0.02)):
         assert np.nanmax(np.abs(found.sizes[name].value - truth.preparation[name][at])) < most, name
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_is_no_plate_is_refused(shape: str) -> None:
+    for seed in range(3):
+        with pytest.raises(InputError):
+            segment_preparation(denoise(fuse(shape_recording(shape, seed))))
 
 
 def test_another_kind_than_is_seen_is_refused(cloud) -> None:

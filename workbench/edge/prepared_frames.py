@@ -166,9 +166,10 @@ def _is_upper(cloud: Cloud, i: int, one: Reading, upper_side: Float | None) -> b
     return float(one.sense * (slope * ex - ez) @ upper_side) > 0.0
 
 
-def frames_of(cloud: Cloud, plates: Plates, flank_mm: float = math.inf) -> PreparedFrames:
+def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float = math.inf) -> PreparedFrames:
     """The faces of each profile as lines, their labels, and the end of the root face.
 
+    rim_mm: how much of the root face's free end, along x, is rounded: its line leaves that out.
     flank_mm: of a J, length of its flank from the upper corner on; inf: not known.
     """
     kind, side = plates.kind, plates.side
@@ -182,7 +183,7 @@ def frames_of(cloud: Cloud, plates: Plates, flank_mm: float = math.inf) -> Prepa
         if one is None:
             continue
         x, z, column = _profile(cloud, i)
-        lines = [_face(x, z, one, k, flank_mm) for k in range(len(one.faces))]
+        lines = [_face(x, z, one, k, rim_mm, flank_mm) for k in range(len(one.faces))]
         if any(line is None for line in lines):
             continue
         seen[i] = True
@@ -230,7 +231,7 @@ def frames_of(cloud: Cloud, plates: Plates, flank_mm: float = math.inf) -> Prepa
     return PreparedFrames(kind, plates.share, plates.agreement, tracked, order, sigma)
 
 
-def _face(x: Float, z: Float, one: Reading, k: int, flank_mm: float) -> tuple[Int, Float] | None:
+def _face(x: Float, z: Float, one: Reading, k: int, rim_mm: float, flank_mm: float) -> tuple[Int, Float] | None:
     """Indices of the points of face k of a reading, its sums (8,) as `geometry.tracking` has them; None: too few."""
     row, last = one.faces[k], len(one.faces) - 1
     lean = math.hypot(1.0, row[SLOPE])
@@ -238,6 +239,8 @@ def _face(x: Float, z: Float, one: Reading, k: int, flank_mm: float) -> tuple[In
     start, stop = _ends(one, k)  # along side * x
     start += trim if k > 0 else 0.0
     stop -= trim if k < last else tracking.CORNER_MARGIN_MM / lean
+    if k == last:
+        stop = max(stop - rim_mm, 0.5 * (start + stop))
     if k == 0:
         start = max(start, stop - SIDE_MM / lean)
     if one.arc and k == 1:

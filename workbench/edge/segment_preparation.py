@@ -120,12 +120,16 @@ def segment_preparation(
     checks = [columns, *_checks(cloud, frames, root_nominal_mm, given)]
     refuse_failed(checks, f"{cloud.source}: no {frames.kind} preparation", "edge.segment_preparation.limits")
     rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
+    rim = rounding.rim_mm
+    if rounding.radius_mm > 0.0:
+        frames = frames_of(cloud, plates, rim)
+        rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, frames.tracked)
         edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm)
         chain = _Chain(cloud, frames, measured, edge)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
-            chain = _Chain(cloud, frames_of(cloud, plates, chain.flank_mm()), measured, edge)
+            chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
         sizes, corners = chain.sizes(), chain.corners
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None

@@ -12,7 +12,7 @@ from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.groove.plates import measured
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
-from workbench.edge import segment_preparation
+from workbench.edge import segment, segment_preparation
 from workbench.edge.prepared_fillet import fit_fillet
 from workbench.edge.prepared_profile import kind_of
 from workbench.errors import InputError, PipelineError
@@ -114,6 +114,18 @@ def test_the_root_face_is_told_from_the_upper_surface(cloud, nose) -> None:
     assert np.array_equal(told.sizes["root_face_mm"].value, nose.sizes["root_face_mm"].value, equal_nan=True)
     with pytest.raises(InputError, match="upper_side"):
         segment_preparation(cloud, upper_side=tuple(-one for one in up))
+
+
+def test_a_long_scan_is_read_in_part(cloud, nose, monkeypatch) -> None:
+    monkeypatch.setattr("workbench.edge.prepared_frames.MOST_FRAMES", 60)
+    found = segment_preparation(cloud)
+    for name, one in nose.sizes.items():
+        assert np.nanmax(np.abs(found.sizes[name].value - one.value) / np.hypot(found.sizes[name].u, one.u)) < 4.0, name
+
+
+def test_what_edge_segment_refuses_points_here(cloud) -> None:
+    with pytest.raises(InputError, match=r"inspect_preparation\.json"):
+        segment(cloud)
 
 
 def test_sizes_are_judged_and_written(cloud, nose) -> None:

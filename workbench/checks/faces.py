@@ -123,7 +123,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
     hollow = share_of([any(turn < -HOLLOW for turn in one.beside.values()) for one in seen])
-    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove or a fillet?"
+    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, "
+    groove += "or a bevel above a land or a fillet (inspect_preparation.json)?"
     on, off, name = max(_goes_on(seen, face) for face in NAMES)
     goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
     goes_on += (

@@ -21,6 +21,7 @@ from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, straight_faces
 from workbench.geometry.faces import FaceLines
 from workbench.units import Bool, Float, Int
 
+MOST_FRAMES = 4000  # evenly, that are read: more tell no more of faces that run smoothly
 LEAST_RETURNS = 40  # of a profile
 SHOWN = 0.5  # share of the profiles that show one reading, for it to be that of the plate
 SURELY = math.log(1.5)  # by which one of two readings' root face lies nearer to the nominal one
@@ -79,12 +80,15 @@ def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
         InputError: no plate with an upper surface, a preparation and a root face is in view, or two readings are
             alike likely.
     """
-    found = [list(one) for one in in_order(lambda i, _: _readings(cloud, i), len(cloud.keep), 1)]
+    read = np.unique(np.linspace(0, len(cloud.keep) - 1, min(len(cloud.keep), MOST_FRAMES)).round().astype(int))
+    found: list[list[Reading]] = [[] for _ in cloud.keep]
+    for i, one in zip(read, in_order(lambda k, _: _readings(cloud, int(read[k])), read.size, 1), strict=True):
+        found[i] = one
     side, sense = _plate(cloud, found, root_nominal_mm, upper_side)
     mine = [
         next((one for one in frame if (one.side, one.sense) == (side[i], sense)), None) for i, frame in enumerate(found)
     ]
-    enough = int((cloud.keep.sum(axis=1) >= LEAST_RETURNS).sum())
+    enough = int((cloud.keep[read].sum(axis=1) >= LEAST_RETURNS).sum())
     kinds = Counter(one.kind for one in mine if one is not None)
     kind = max(sorted(kinds), key=kinds.__getitem__)
     chosen = [one if one is not None and one.kind == kind else None for one in mine]

@@ -66,7 +66,7 @@ def segment_preparation(
     ] = 1.5,
     upper_side: Annotated[
         tuple[float, float, float] | None,
-        Field(description="vector in the base to the plate's upper side; null: by the expected root face"),
+        Field(description="direction to the plate's upper side, in the base; null: by the expected root face"),
     ] = None,
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")

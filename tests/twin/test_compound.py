@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -42,8 +40,8 @@ def planned(raw, mill: str, **changed: object) -> Toolpath:
 def test_both_paths_leave_both_bevels(part, raw) -> None:
     for mill in ("upper", "lower"):
         plan = planned(raw, mill)
-        gate = path.check(plan, *raw)
-        assert gate.passed, gate.reason
+        gate = path.check(plan, *raw, rests_milled=mill == "lower")
+        assert gate.clean, gate.cause
         part, engagement = twin.mill(part, plan)
         assert engagement.warnings == ()
     found = edge.segment_preparation(cloud.denoise(scan.fuse(twin.scan(part))), root_nominal_mm=1.5)
@@ -63,9 +61,31 @@ def test_the_lower_path_begins_under_the_upper_bevel(raw: tuple[RawEdge, object]
     root = 1.5 + 2.0 * (1.0 - np.tan(np.radians(30.0)) / np.tan(np.radians(50.0)))
     assert (upper.root_mm, upper.bevel_deg) == pytest.approx((root, 50.0))
     assert lower.layers[0].height_mm < (root - 1.5) * np.sin(np.radians(30.0))
-    assert any("upper bevel of 50 deg must have been milled" in one for one in lower.warnings)
-    alone = dataclasses.replace(lower, before=())
-    assert sum(layer.cutting.sum() for layer in alone.layers) > 0
+
+
+def test_nothing_shows_that_the_upper_bevel_is_milled(raw) -> None:
+    gate = path.check(planned(raw, "lower"), *raw)
+    assert gate.passed
+    assert not gate.clean
+    assert gate.cause.startswith("NOT CHECKED: that the upper bevel of 50 deg has been milled")
+    assert path.check(planned(raw, "upper"), *raw).clean
+
+
+def test_the_lower_path_leaves_what_the_upper_one_leaves() -> None:
+    clamp = {"from_mm": 16, "to_mm": 20, "reach_in_mm": 30, "reach_out_mm": 6, "height_mm": 12}
+    recipe = {**RECIPE, "part": {**RECIPE["part"], "length_mm": 60, "clamps": [clamp]}}
+    recipe["passes"] = [{**RECIPE["passes"][0], "to_mm": 59}]
+    part = Workpiece(parse_recipe(recipe))
+    points = cloud.denoise(scan.fuse(twin.scan(part)))
+    seen = edge.segment_raw(points, upper_side=[0, 0, 1]), points
+    upper, lower = planned(seen, "upper"), planned(seen, "lower")
+    cut = upper.layers[-1].cutting
+    assert 0 < cut.sum() < cut.size
+    assert not any((layer.cutting & ~cut).any() for layer in lower.layers)
+    for plan in (upper, lower):
+        assert path.check(plan, *seen, rests_milled=True).clean
+        part, engagement = twin.mill(part, plan)
+        assert engagement.warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -74,9 +94,10 @@ def test_the_lower_path_begins_under_the_upper_bevel(raw: tuple[RawEdge, object]
         ({"upper_bevel_deg": 20.0}, "expected more than the lower bevel's 30 deg.*hollow"),
         ({"upper_bevel_deg": None}, "lower_bevel_mm: expected upper_bevel_deg beside it"),
         ({"lower_bevel_mm": None}, "upper_bevel_deg: expected lower_bevel_mm beside it"),
+        ({"upper_bevel_deg": None, "lower_bevel_mm": None, "mill": "upper"}, "mill: 'upper' expects upper_bevel_deg"),
         ({"lower_bevel_mm": 14.0}, "lower_bevel_mm: leaves nothing to the upper bevel"),
     ],
 )
 def test_what_no_cylindrical_cutter_can_mill_is_refused(raw, changed, told) -> None:
     with pytest.raises(InputError, match=told):
-        planned(raw, "lower", **changed)
+        path.layers(*raw, **{**WANTED, **changed})

@@ -84,6 +84,7 @@ class Toolpath:
     claim: Gate | None = None  # what the file that it was read from says of its check; None: nothing
     finish_allowance_mm: float = 0.0  # left on the bevel face for `finishing`, along its normal
     before: tuple[Layer, ...] = ()  # milled earlier along this edge, heights above this path's finished face
+    rests_on: str = ""  # what must have been milled before, by another path: nothing here shows it
     chain: ChainU | None = None  # None: no link is stated
     finishing: Toolpath | None = None  # the pass that takes the allowance, once the cut was measured (path.correct)
 

@@ -76,7 +76,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
             cloud.source,
             "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame",
         )
-    faces = {int(label): _face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
+    faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     return TrackedFaces(
@@ -239,7 +239,7 @@ def _first_sigmas(x: Float32, z: Float32, keep: Bool, states: Float) -> Float:
     return out
 
 
-def _face_lines(sums: Float, seen: Bool) -> FaceLines:
+def face_lines(sums: Float, seen: Bool) -> FaceLines:
     """The kernel's sums (N, 8) of one face as FaceLines."""
     here = seen & (sums[:, tracking.COUNT] >= 3)
     value = np.where(here[:, None], sums, np.nan)

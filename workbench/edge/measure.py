@@ -64,7 +64,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     """Estimate the state of a milled edge.
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
-    the lower edge that this gives; a second time, which elsewhere changed neither errors nor uncertainties, where that
+    the lower edge that this gives; and again, which elsewhere changed neither errors nor uncertainties, where that
     lower edge followed ends which the likelihood of the frames then tells to be lost.
     """
     corners, along = _corners(cloud, tracked)
@@ -89,7 +89,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
             break
         good = _sound(cloud, lower_edge, s_low, corners)
-        curve = fit_curve(lower_edge[good], s_low[good], cloud.pass_index[good])
+        clean = good & ~tracked.end_is_burred
+        curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
     return measured

@@ -11,14 +11,13 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.artefacts.grooves import PreparationType
-from workbench.edge.faces import MAX_LINES, TrackedFaces
+from workbench.edge.faces import MAX_LINES, TrackedFaces, face_lines
 from workbench.edge.identify import crossing, whole_faces
 from workbench.edge.prepared_profile import Reading, readings, width_mm
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, straight_faces
-from workbench.geometry.faces import FaceLines
 from workbench.units import Bool, Float, Int
 
 MOST_FRAMES = 4000  # evenly, that are read: more tell no more of faces that run smoothly
@@ -215,8 +214,8 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         gate = tracking.FINAL_SIGMAS * sigma[ROOT_FACE] + 0.004
         end[i] = tracking.root_end(x, z, keep, float(side[i]), state, row, gate)
         rising[i] = np.sign(side[i] * float(x[int(of_root[tracking.LAST])] - x[int(of_root[tracking.FIRST])]))
-    faces = {label: _face_lines(sums[label], seen) for label in order}
-    nothing = _face_lines(np.full((n, 8), np.nan), np.zeros(n, bool))
+    faces = {label: face_lines(sums[label], seen) for label in order}
+    nothing = face_lines(np.full((n, 8), np.nan), np.zeros(n, bool))
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     noise = [sigma[order[0]], sigma[BEVEL_FACE], sigma[ROOT_FACE], sigma[ROOT_FACE]]
     tracked = TrackedFaces(
@@ -300,18 +299,3 @@ def _whole(sums: Float, seen: Bool) -> Bool:
     """Frames (N,) that show as much of a flank as most do: where returns are lost, its line leans on the fillet."""
     width = np.sqrt(12.0 * sums[:, tracking.SXX] / sums[:, tracking.COUNT])
     return np.asarray(width > WHOLE * np.median(width[seen])) if seen.any() else seen
-
-
-def _face_lines(sums: Float, seen: Bool) -> FaceLines:
-    """Sums (N, 8) of a face in every frame."""
-    value = np.where(seen[:, None], sums, np.nan)
-    columns = np.where(seen[:, None], sums[:, [tracking.FIRST, tracking.LAST]], -1).astype(np.int64)
-    return FaceLines(
-        np.where(seen, sums[:, tracking.COUNT], 0).astype(np.int64),
-        value[:, tracking.X_MEAN],
-        value[:, tracking.Z_MEAN],
-        value[:, tracking.SXX],
-        value[:, tracking.SXZ],
-        value[:, tracking.SZZ],
-        columns,
-    )

@@ -104,8 +104,7 @@ def segment(
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, tracked)
-        ledge_mm = LEDGE * max(stands_out_mm(checks) - EVEN_MM, 0.0)
-        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_mm)
+        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_u_mm(checks))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     return replace(edge, checks=(*edge.checks, *checks))
@@ -120,9 +119,10 @@ def root_width_mm(face: FaceLines) -> float:
     return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
-def stands_out_mm(checks: Sequence[Check]) -> float:
-    """By how much returns at the corner of root face and bevel face stand out of both."""
-    return next((check.value or 0.0 for check in checks if check.name == "corner_stands_out_mm"), 0.0)
+def ledge_u_mm(checks: Sequence[Check]) -> float:
+    """Standard uncertainty of a root face by what stands out of its corner with the bevel face, as checks say."""
+    out = next((check.value or 0.0 for check in checks if check.name == "corner_stands_out_mm"), 0.0)
+    return LEDGE * max(out - EVEN_MM, 0.0)
 
 
 def milled_edge(
@@ -132,7 +132,7 @@ def milled_edge(
     rounding: Rounding,
     robot_noise_mm: float,
     end_u_mm: float,
-    ledge_mm: float = 0.0,
+    ledge_mm: float,
 ) -> MilledEdge:
     """The edge at its stations, from the state that was measured; ledge_mm: u of its corner by what stands out."""
     s_low = measured.s_low

@@ -33,7 +33,7 @@ from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.prepared_fillet import Fillet, fit_fillet
 from workbench.edge.prepared_frames import FILLET, FLANK, WHOLE, PreparedFrames, convex_corners, frames_of, read_plates
-from workbench.edge.segment import milled_edge, root_width_mm
+from workbench.edge.segment import ledge_u_mm, milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
@@ -126,7 +126,7 @@ def segment_preparation(
         rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, frames.tracked)
-        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm)
+        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_u_mm(checks))
         chain = _Chain(cloud, frames, measured, edge)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
@@ -288,11 +288,8 @@ class _Chain:
 
     def _smooth(self, value: Float) -> Float:
         """A correction (N,) that runs smoothly along the edge."""
-        good = np.isfinite(value) & np.isfinite(self.s)
-        if not good.any():
-            return np.zeros(self.s.size)
-        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
-        return np.interp(self._safe(), self.s[order], value[order])
+        at, known = self._sorted(value)
+        return np.interp(self._safe(), at, known) if at.size else np.zeros(self.s.size)
 
     def _places(self) -> list[Float]:
         return [one.place for one in self.lines]

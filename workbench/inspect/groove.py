@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
+    DIRECTIONS,
     END,
     FORM,
     Gate,
@@ -32,11 +33,12 @@ from workbench.units import Float
 
 NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
 # Sources whose names begin so are evaluated from scatter (GUM 4.2).
-TYPE_A = ("faces", "fixed pattern", "corners", END, "directions of the faces", FORM)
+TYPE_A = ("faces", "fixed pattern", "corners", END, DIRECTIONS, FORM)
 LEFT_OUT = (
     *NOT_INCLUDED[:3],
     "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
 )
+LEFT_OUT_OF_PLATES = (*NOT_INCLUDED, "What the side that was scanned does not show: bevels below the root face.")
 
 
 @stage("inspect.groove")
@@ -74,7 +76,7 @@ def groove(
         >>> found.type, len(found.sections)
         ('Y', 9)
     """
-    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, "inspect.groove"))
+    return GrooveInspection(**_judged(groove, nominal or {}, sections, guard_factor, "inspect.groove", LEFT_OUT))
 
 
 @stage("inspect.preparation")
@@ -109,18 +111,25 @@ def preparation(
         >>> found.type, len(found.sections)
         ('nose', 9)
     """
-    judged = _judged(preparation, nominal or {}, sections, guard_factor, "inspect.preparation")
+    judged = _judged(preparation, nominal or {}, sections, guard_factor, "inspect.preparation", LEFT_OUT_OF_PLATES)
     return PreparationInspection(**judged)
 
 
-def _judged(joint: Joint, nominal: Mapping[str, Any], sections: int, guard_factor: float, where: str) -> dict[str, Any]:
+def _judged(
+    joint: Joint,
+    nominal: Mapping[str, Any],
+    sections: int,
+    guard_factor: float,
+    where: str,
+    left_out: tuple[str, ...],
+) -> dict[str, Any]:
     """The fields of a joint's inspection."""
     required = _required(nominal, joint, where)
     at = (np.arange(sections) + 0.5) / sections * float(joint.arc_length_mm[-1])
     inspected = tuple(_section(joint, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
     told = [s for s in inspected if any(value is not None for value in s.values.values())]
     if not told:
-        raise InputError("groove", f"none of {len(inspected)} sections could be measured: is this a groove?")
+        raise InputError(where, f"none of {len(inspected)} sections could be measured: is this such a joint?")
     known = joint.part.hand_eye_u_mm is not None
     return {
         "type": joint.type,
@@ -131,7 +140,7 @@ def _judged(joint: Joint, nominal: Mapping[str, Any], sections: int, guard_facto
         "guard_factor": guard_factor,
         "verdict": worst(s.verdict for s in inspected),
         "reason": _reason(inspected, bool(required)),
-        "uncertainty": Uncertainty(not_included=LEFT_OUT if known else (*LEFT_OUT, NO_HAND_EYE)),
+        "uncertainty": Uncertainty(not_included=left_out if known else (*left_out, NO_HAND_EYE)),
         "size_sources": _sources(joint, at),
         "part": joint.part,
         "warnings": joint.warnings,

@@ -35,6 +35,9 @@ def check(
     penetration_mm: Annotated[
         float, Field(gt=0, le=2, description="how deep the cutter may touch what must remain, besides 3 u of the edge")
     ] = PENETRATION_MM,
+    rests_milled: Annotated[
+        bool, Field(description="the path that this one rests on has been milled: of a compound bevel the upper one's")
+    ] = False,
 ) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
@@ -50,7 +53,8 @@ def check(
     come must come where the plan asks. What the robot gives way was in that measurement; a prediction does not count
     besides. A refused correction refuses the path.
 
-    A `penetration_mm` above 0.05 loosens the check: programs then say so, and the exit status is 1.
+    A `penetration_mm` above 0.05 loosens the check, and so does a path that rests on another one (the lower bevel of a
+    compound one), until `rests_milled` says that it is milled: programs then say so, and the exit status is 1.
 
     Args:
         toolpath: the path.
@@ -61,6 +65,7 @@ def check(
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed.
         penetration_mm: how deep the cutter may touch what must remain.
+        rests_milled: the path that this one rests on has been milled; nothing in the scan of the raw edge shows it.
 
     Raises:
         InputError: the prediction, or the correction, is of another path.
@@ -92,7 +97,8 @@ def check(
             faults,
             collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False),
         )
-    loosened = (*weakened(penetration_mm), *loosened_checks(toolpath))
+    rests = (f"NOT CHECKED: {toolpath.rests_on}",) if toolpath.rests_on and not rests_milled else ()
+    loosened = (*weakened(penetration_mm), *loosened_checks(toolpath), *rests)
     return decision(toolpath, faults, penetration_mm, loosened, unseen_checks(toolpath))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,6 +15,7 @@ from workbench.artefacts import ChainU, Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Course, edge_course
 from workbench.path.make_plan import make_plan, travels_of
+from workbench.path.obstacles import Lift
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.refusals import (
     known_well,
@@ -30,7 +31,7 @@ from workbench.result_files.links import tool_u, turntable_u
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
 
-AFTER_UPPER = "mills the lower bevel of a compound one: the upper bevel of {:g} deg must have been milled before"
+AFTER_UPPER = "that the upper bevel of {:g} deg has been milled, by the path planned for it with the same parameters"
 FLUTE_SPARE_MM = 2.0  # at each end of the widest face, where the flute's length is not given
 
 
@@ -118,7 +119,8 @@ def layers(
         upper_bevel_deg, lower_bevel_mm: of a compound bevel, which is milled by two paths from one scan: root face and
             bevel angle are those of the lower bevel, at whose height the upper one begins. A steeper upper bevel, a
             land or a fillet is hollow: a cylindrical cutter would cut into the face below.
-        mill: the upper bevel, or the lower one after it.
+        mill: the upper bevel, or the lower one after it, which passes above what the upper one's path leaves. Programs
+            of the lower one say NOT CHECKED, with exit status 1, until `path.check` is told that it is milled.
 
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
@@ -136,31 +138,52 @@ def layers(
     lower, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
     refuse_small_root(edge, lower)
     upper = upper_bevel(lower, upper_bevel_deg, lower_bevel_mm)
+    if upper is None and mill == "upper":
+        raise InputError("mill", "'upper' expects upper_bevel_deg and lower_bevel_mm: a compound bevel has both")
     bevel = lower if upper is None or mill == "lower" else upper
     chain = chain_u(tool, turntable, robot_accuracy_mm)
     counts = None if finish_allowance_mm > 0.0 else chain  # a measured cut shows what these do
-    edge = known_well(edge, bevel, root_tolerance_mm, bevel_tolerance_deg, least_seen_share, counts)
-    course = edge_course(edge, key_points(length, lead_mm), smoothing_mm)
-    if upper is not None:
-        refuse_compound(course, upper)
-    if upper is not None and mill == "lower":
-        course = under(course, upper)
-    at = course.seen & (course.arc_length_mm >= 0.0) & (course.arc_length_mm <= length)
-    refuse_requirement(course, at, bevel)
-    refuse_allowance(course, at, bevel, finish_allowance_mm, depth_of_cut_mm)
-    cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, bevel))
-    refuse_cutter(course, at, bevel, cutter, depth_of_cut_mm)
-    air = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm)
-    table = edge_course(edge, edge.arc_length_mm, 0.0)
+    air, points = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm), key_points(length, lead_mm)
+
+    def setting(to: Bevel, beneath: Bevel | None) -> tuple[RawEdge, Course, Cutter]:
+        """The edge as far as it is known well enough, its course with the stock, and the cutter."""
+        known = known_well(edge, to, root_tolerance_mm, bevel_tolerance_deg, least_seen_share, counts)
+        course = edge_course(known, points, smoothing_mm)
+        if upper is not None:
+            refuse_compound(course, upper)
+        course = course if beneath is None else under(course, beneath)
+        at = course.seen & (points >= 0.0) & (points <= length)
+        refuse_requirement(course, at, to)
+        refuse_allowance(course, at, to, finish_allowance_mm, depth_of_cut_mm)
+        cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, to))
+        refuse_cutter(course, at, to, cutter, depth_of_cut_mm)
+        return known, course, cutter
+
+    def plan_of(to: Bevel, of: tuple[RawEdge, Course, Cutter], leave: Sequence[Lift] = ()) -> Plan:
+        known, course, cutter = of
+        table = edge_course(known, known.arc_length_mm, 0.0)
+        return make_plan(known, cloud, course, table, to, cutter, air, v_slow_mm_s, leave)
+
+    beneath = upper if bevel is lower else None
+    of = setting(bevel, beneath)
+    raw = None if upper is None or beneath is None else setting(upper, None)
+    milled = None if upper is None or raw is None else make_layer(plan_of(upper, raw), 1, 0.0).cutting
 
     def path(to: Bevel, heights_of: Callable[[Float], Float]) -> Toolpath:
-        plan = make_plan(edge, cloud, course, table, to, cutter, air, v_slow_mm_s)
+        leave: tuple[Lift, ...] = ()
+        if milled is not None and raw is not None:
+            leave = _not_milled(
+                points, milled, length, float(to.height_mm(raw[1].upper_mm).max()) + clearance_mm, ramp_mm
+            )
+        plan = plan_of(to, of, leave)
         cut = _cut_layers(plan, heights_of)
-        before = () if bevel is upper or upper is None else (_milled_before(plan, float(plan.stock_mm.max())),)
+        before: tuple[Layer, ...] = ()
+        if milled is not None:  # nothing stands there so high above this bevel
+            before = (replace(make_layer(plan, 1, float(plan.stock_mm.max())), cutting=milled),)
         return Toolpath(
-            cutter=cutter,
+            cutter=of[2],
             layers=cut,
-            travels=travels_of(plan, cut, cutter),
+            travels=travels_of(plan, cut, of[2]),
             root_mm=to.root_mm,
             bevel_deg=to.angle / DEG,
             depth_of_cut_mm=depth_of_cut_mm,
@@ -169,9 +192,10 @@ def layers(
             part=cloud.part,
             source=cloud.source,
             refused=_refused(plan, cut[-1]),
-            warnings=(*edge.warnings, *((AFTER_UPPER.format(upper_bevel_deg),) if before else ())),
+            warnings=of[0].warnings,
             evidence=edge.checks,
             before=before,
+            rests_on="" if milled is None else AFTER_UPPER.format(upper_bevel_deg),
             chain=chain,
         )
 
@@ -191,11 +215,13 @@ def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
     return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
 
 
-def _milled_before(plan: Plan, height_mm: float) -> Layer:
-    """What stands no more above the lower bevel once the upper one is milled: all that is this high above it."""
-    s = plan.course.arc_length_mm
-    inside = (s > -1e-6) & (s < plan.length_mm + 1e-6)
-    return replace(make_layer(plan, 1, height_mm), cutting=plan.course.seen & inside)
+def _not_milled(points: Float, milled: Bool, length: float, height_mm: float, ramp_mm: float) -> tuple[Lift, ...]:
+    """Stretches of the edge that the upper bevel's path leaves: the lower one's passes above the stock there."""
+    inside = (points > -1e-6) & (points < length + 1e-6)
+    return tuple(
+        Lift(a, b, height_mm, "the upper bevel is not milled", ramp_mm)
+        for a, b in cut_stretches(points, inside & ~milled)
+    )
 
 
 def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer, ...]:

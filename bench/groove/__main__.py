@@ -7,6 +7,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from bench.groove.table import FAR, print_table
 from workbench.artefacts import SIZES, GrooveInspection, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -18,8 +19,6 @@ from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
 from workbench.units import Float
-
-FAR = 3.0  # standard uncertainties: beyond, it is confidently wrong
 
 
 def main() -> None:
@@ -52,17 +51,7 @@ def main() -> None:
                     if abs(error) > FAR * u:
                         print(f"{simulator} {kind} {seed}: {size} off by {error:.3f}, {abs(error) / u:.1f} u")
     print(f"\n{parts} parts; {sum(refused.values())} refused; {excluded} taken for a type that they are not\n")
-    print("| size | values | median error | p95 error | median u | within 2 u | beyond 3 u |")
-    print("|---|---|---|---|---|---|---|")
-    for size in SIZES:
-        if not found[size]:
-            continue
-        error, u = np.array(found[size]).T
-        z = np.abs(error) / u
-        print(
-            f"| `{size}` | {z.size} | {np.median(error):.3f} | {np.quantile(np.abs(error), 0.95):.3f} | "
-            f"{np.median(u):.3f} | {100 * np.mean(z <= 2):.1f} % | {100 * np.mean(z > FAR):.1f} % |"
-        )
+    print_table(tuple(SIZES), found)
 
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[GrooveInspection, GrooveTruth]:

@@ -96,16 +96,67 @@ def test_two_plates_are_refused() -> None:
         segment_preparation(denoise(fuse(read(recording="data/synthetic/groove.h5"))))
 
 
-def test_a_ledge_is_no_bevel() -> None:
+def scanned(part: dict[str, object], columns: int = 600, pitch_mm: float = 0.045):
+    """A short straight plate of the second simulator, scanned once: cloud and truth."""
     recipe = {
         "simulator": "swept",
-        "part": {"preparation": "nose", "land_mm": 0.2, "spine": {"length_mm": 60}},
-        "scanner": {"columns": 500, "pitch_mm": 0.05},
-        "passes": [{"way_mm": [2, 58], "elevation_deg": 50, "aim_mm": [-4, 4]}],
+        "part": {"spine": {"length_mm": 60}, **part},
+        "scanner": {"columns": columns, "pitch_mm": pitch_mm},
+        "passes": [{"way_mm": [2, 58], "elevation_deg": 48, "lead_deg": 4, "aim_mm": [-4, 4]}],
     }
-    recording, _ = simulate_swept(SweptRecipe.model_validate(recipe))
-    with pytest.raises(InputError, match="corner_stands_out_mm"):
-        segment_preparation(denoise(fuse(recording)))
+    recording, truth = simulate_swept(SweptRecipe.model_validate(recipe))
+    return denoise(fuse(recording)), truth
+
+
+ROUNDED = {"preparation": "bevel", "thickness_mm": 4, "root_mm": 1.1, "bevel_deg": 64, "middle_radius_mm": 0.8}
+BOWED = {"preparation": "bevel", "thickness_mm": 9, "root_mm": 1.8, "bevel_deg": 46, "bevel_bow_mm": -0.2}
+HOLLOW = {
+    "preparation": "compound",
+    "thickness_mm": 7,
+    "root_mm": 3.2,
+    "bevel_deg": 52,
+    "upper_bevel_deg": 24,
+    "lower_bevel_mm": 2.1,
+    "bevel_bow_mm": -0.09,
+}
+FILLED = {"preparation": "nose", "land_mm": 1.5, "middle_radius_mm": 0.8}
+COARSE = {"preparation": "nose", "land_mm": 0.45, "thickness_mm": 12, "root_mm": 4.5, "bevel_deg": 34}
+
+
+@pytest.mark.parametrize(
+    ("part", "pitch_mm", "suspicion"),
+    [
+        ({"preparation": "nose", "land_mm": 0.2}, 0.045, "corner_stands_out_mm"),
+        (ROUNDED, 0.045, r"face_columns|corner_bow|face_bow"),
+        (BOWED, 0.045, r"corner_bow|upper surface"),
+        (HOLLOW, 0.045, r"fillet_misfit_mm|upper surface"),
+        (FILLED, 0.045, "upper surface"),
+        (COARSE, 0.07, r"face_columns|clear of its corners"),
+    ],
+    ids=["ledge", "rounded corner", "bowed bevel", "hollow corner", "filled corner", "few columns"],
+)
+def test_what_is_no_straight_face_is_none(part: dict[str, object], pitch_mm: float, suspicion: str) -> None:
+    cloud, _ = scanned(part, pitch_mm=pitch_mm)
+    with pytest.raises(InputError, match=suspicion):
+        segment_preparation(cloud, root_nominal_mm=part.get("root_mm", 1.5))
+
+
+@pytest.mark.parametrize(("bevel_deg", "radius_mm"), [(40, 0.6), (60, 1.5), (15, 1.0)])
+def test_a_small_fillet_is_told_from_a_corner(bevel_deg: float, radius_mm: float) -> None:
+    """The land of a nose counts to the corner, so that a fillet taken for one would lengthen it."""
+    part = {"preparation": "J", "bevel_deg": bevel_deg, "root_radius_mm": radius_mm, "land_mm": 1.0}
+    found = segment_preparation(scanned(part)[0])
+    assert found.type == "J"
+    for name, exact in (("land_mm", 1.0), ("root_radius_mm", radius_mm), ("bevel_deg", bevel_deg)):
+        one = found.sizes[name]
+        assert np.nanmax(np.abs(one.value - exact) / one.u) < 3.0, name
+        assert np.nanmedian(np.abs(one.value - exact)) < 0.1, name
+
+
+def test_a_corner_with_a_small_radius_is_that_of_a_nose() -> None:
+    found = segment_preparation(scanned({"preparation": "nose", "land_mm": 1.5, "middle_radius_mm": 0.3})[0])
+    assert found.type == "nose"
+    assert np.nanmedian(np.abs(found.sizes["land_mm"].value - 1.5)) < 0.02
 
 
 def test_the_root_face_is_told_from_the_upper_surface(cloud, nose) -> None:

@@ -148,8 +148,7 @@ def corners_check(
     cloud: Cloud, labels: AnyArray, pairs: Sequence[tuple[int, int]], limits: Mapping[str, Bound] | None = None
 ) -> Check:
     """The check that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
-    found = np.flatnonzero(np.all([(labels == label).any(axis=1) for pair in pairs for label in pair], axis=0))
-    rows = found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
+    rows = _sample(labels, [label for pair in pairs for label in pair])
     out = 0.0
     for pair in pairs:
         bows = [bow_of(cloud, labels, rows, label) for label in pair]
@@ -157,6 +156,44 @@ def corners_check(
         out = max(out, _stands_out(seen, bows))
     told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
     return check("corner_stands_out_mm", out, told, given=limits)
+
+
+def bows_check(
+    cloud: Cloud,
+    labels: AnyArray,
+    faces: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    limits: Mapping[str, Bound] | None = None,
+) -> tuple[Check, Check, Check]:
+    """The checks that no face, by its label (N, M), is round, and that no corner of two of them is but a bow.
+
+    The two halves of one arc are chords that differ by d, rad; each bows by d / 8 of its width. A face must show that
+    it bows by less, for which it needs a few returns.
+    """
+    rows = _sample(labels, faces)
+    fewest = min(float(np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1))) for face in faces)
+    few = f"the narrowest face has {fewest:.0f} returns in a profile: too few to tell a face from a rounded corner"
+    bows = {face: bow_of(cloud, labels, rows, face) for face in {*faces, *(label for pair in pairs for label in pair)}}
+    most_bow = max(bows[face].share for face in faces)
+    told = f"a face bows by {100 * most_bow:.0f} % of its width: a fillet, a rounded corner, a bead?"
+    as_arc = 0.0
+    for pair in pairs:
+        seen = [one.turn for i in rows if (one := _corner_of(cloud, labels[i], int(i), pair)) is not None]
+        if seen:
+            as_arc = max(as_arc, *(8.0 * bows[face].most_share / max(float(np.median(seen)), ON) for face in pair))
+    round_ = f"a face bows by {as_arc:.0%} of what would make the corner beside it by itself: a rounded corner, or one "
+    round_ += "face that is not straight?"
+    return (
+        check("face_columns", fewest, few, given=limits),
+        check("face_bow", most_bow, told, given=limits),
+        check("corner_bow", as_arc, round_, given=limits),
+    )
+
+
+def _sample(labels: AnyArray, faces: Sequence[int]) -> AnyArray:
+    """Frames, evenly, that show all of some faces."""
+    found = np.flatnonzero(np.all([(labels == face).any(axis=1) for face in faces], axis=0))
+    return found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
 
 
 def _stands_out(seen: Sequence[_Corner], bows: Iterable[Bow]) -> float:
@@ -196,6 +233,11 @@ class Bow(NamedTuple):
     def share(self) -> float:
         """Of the width; 0 where it is not certain."""
         return 0.0 if abs(self.mm) < max(SURE * self.u_mm, SMALL_BOW_MM) else abs(self.mm) / self.width_mm
+
+    @property
+    def most_share(self) -> float:
+        """Of the width, with its expanded uncertainty; 0 where no face is seen."""
+        return (abs(self.mm) + 2.0 * self.u_mm) / self.width_mm if self.width_mm > 0.0 else 0.0
 
 
 def bow_of(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> Bow:

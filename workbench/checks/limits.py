@@ -180,6 +180,17 @@ LIMITS: dict[str, Limit] = {
         "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the "
         "flatter ones",
     ),
+    "face_columns": Limit(
+        (8.0, 1e5),
+        "of a prepared plate, returns of a profile on its narrowest face, clear of the corners",
+        "fewer do not tell whether it is straight: a rounded corner passes for a face",
+    ),
+    "corner_bow": Limit(
+        0.5,
+        "of a prepared plate, most that a face may bow (at k = 2) over the bow of a chord which makes the corner "
+        "beside it by itself",
+        "faces are flat to a tenth of it; what is cut out of an arc bows by all of it",
+    ),
     "size_scatter": Limit(
         0.15,
         "scatter of the root face's width from frame to frame, over its width; 1.5 columns where that is more",
@@ -242,6 +253,16 @@ LIMITS: dict[str, Limit] = {
         (0.6, 1.0),
         "share of these that show the preparation that most do",
         "as groove_agreement, of one plate",
+    ),
+    "root_extent_mm": Limit(
+        (-0.1, 1.0),
+        "of a prepared plate, width of the root face by its corners less what its returns, clear of them, take up",
+        "good recordings have 0.15 to 0.5; faces that are no neighbours cross elsewhere",
+    ),
+    "fillet_misfit_mm": Limit(
+        0.006,
+        "how far flank and fillet of a J preparation stand off line and circle in the same way in all profiles, rms",
+        "fillets of both simulators leave up to 0.0011; straight faces and bowed flanks taken for them 0.01 and more",
     ),
     "groove_level": Limit(
         0.5,

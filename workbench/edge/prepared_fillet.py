@@ -12,6 +12,7 @@ so that a fillet with its flank and its land has three unknowns: h, R and delta.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +23,10 @@ from workbench.units import DEG, Float
 LAND_TILT = 2.0 * DEG  # standard deviation of delta before anything is seen of it
 LEAST_POINTS = 12
 LOSS_SIGMAS = 3.0
+SHARP_MM = 0.5  # radius of a fillet that passes for a corner: corners of cutters have up to 0.4
 SMALLEST_MM, LARGEST_MM = 0.3, 40.0  # radius
 STEPS = 40
+RUNS = 12  # of points along flank, fillet and land
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +36,16 @@ class Fillet:
     level_mm: float  # h
     radius_mm: float  # R
     tilt: float  # delta, rad
-    covariance: Float  # (3, 3) of level, radius and tilt
+    covariance: Float  # (3, 3) of level, radius and tilt: by noise
     rms_mm: float
+    left_mm: Float  # (RUNS,) mean of what is left in runs of equally many points, from the flank on
+    by_run: Float  # (3, 3) covariance for runs that err by 1 mm, each on its own, mm^-2
+
+    def form_u(self, x_mm: float) -> tuple[float, float, float]:
+        """By how much the land's level at x, its tilt and the radius err where every run does by 1 mm, rms."""
+        at = np.array([[1.0, 0.0, -x_mm], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+        level, tilt, radius = np.sqrt(np.einsum("ki,ij,kj->k", at, self.by_run, at)).tolist()
+        return level, tilt, radius
 
     def tangent(self, fall: float) -> Float:
         """Where the circle touches the land (2,)."""
@@ -52,7 +63,9 @@ def fit_fillet(points: Float, fall: float, sigma_mm: float, start: Fillet | None
     if len(points) < LEAST_POINTS:
         return None
     lowest = -float(np.quantile(points[:, 1], 0.1))
-    begins = [(lowest, 0.5 * lowest, 0.0)] if start is None else [(start.level_mm, start.radius_mm, start.tilt)]
+    begins = [(lowest, radius, 0.0) for radius in (SHARP_MM, 0.5 * lowest)]
+    if start is not None:
+        begins = [(start.level_mm, start.radius_mm, start.tilt)]
 
     def away(unknown: Float) -> Float:
         return np.append(_away(points, unknown, fall) / sigma_mm, unknown[2] / LAND_TILT)
@@ -73,7 +86,17 @@ def fit_fillet(points: Float, fall: float, sigma_mm: float, start: Fillet | None
     except np.linalg.LinAlgError:
         return None
     level, radius, tilt = (float(v) for v in best.x)
-    return Fillet(level, radius, tilt, covariance, rms)
+    runs = np.array_split(left[np.argsort(points[:, 0])], RUNS)
+    by_run = covariance * len(points) / RUNS / max(rms, sigma_mm) ** 2
+    return Fillet(level, radius, tilt, covariance, rms, np.array([np.mean(run) for run in runs]), by_run)
+
+
+def misfit_mm(fillets: Sequence[Fillet]) -> float:
+    """How far flanks and fillets stand off their lines and circles in the same way in all profiles, rms."""
+    left = np.array([one.left_mm for one in fillets])
+    middle = np.median(left, axis=0)
+    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) / 0.6745 / math.sqrt(len(left))
+    return math.sqrt(max(float(np.mean(middle**2 - noise**2)), 0.0))
 
 
 def _centre(level: float, radius: float, tilt: float, fall: float) -> Float:

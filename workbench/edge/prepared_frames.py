@@ -13,13 +13,16 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURF
 from workbench.artefacts.grooves import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces, face_lines
 from workbench.edge.identify import crossing, whole_faces
+from workbench.edge.prepared_fillet import SHARP_MM, fit_fillet
 from workbench.edge.prepared_profile import Reading, readings, width_mm
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
-from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, straight_faces
+from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
 from workbench.units import Bool, Float, Int
 
+FILLETED: tuple[PreparationType, ...] = ("nose", "J")
+FEW_FRAMES = 40  # evenly, by which a nose is told from a J
 MOST_FRAMES = 4000  # evenly, that are read: more tell no more of faces that run smoothly
 LEAST_RETURNS = 40  # of a profile
 SHOWN = 0.5  # share of the profiles that show one reading, for it to be that of the plate
@@ -55,9 +58,14 @@ class PreparedFrames:
 
 def convex_corners(frames: PreparedFrames) -> tuple[tuple[int, int], ...]:
     """Labels of the faces that meet in a corner of the plate, less hollow corners and what meets above a fillet."""
-    pairs = list(pairwise(frames.order))
-    hollow = {"nose": 1, "J": 1}.get(frames.kind)
-    return tuple(pair for k, pair in enumerate(pairs) if k != hollow)
+    pairs = straight_corners(frames)
+    return (pairs[0], pairs[2]) if frames.kind == "nose" else pairs
+
+
+def straight_corners(frames: PreparedFrames) -> tuple[tuple[int, int], ...]:
+    """Labels of the faces that meet in a corner, hollow ones included, less what meets above a fillet."""
+    pairs = tuple(pairwise(frames.order))
+    return pairs[:1] if frames.kind == "J" else pairs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,10 +97,44 @@ def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
     ]
     enough = int((cloud.keep[read].sum(axis=1) >= LEAST_RETURNS).sum())
     kinds = Counter(one.kind for one in mine if one is not None)
+    shows = kinds.total()
     kind = max(sorted(kinds), key=kinds.__getitem__)
+    if kind in FILLETED:  # what is one where the chain has a piece of its fillet, is the other where it has none
+        noses = [one if one is not None and one.kind == "nose" else None for one in mine]
+        kind = "J" if kinds["J"] > kinds["nose"] or _foot_radius_mm(cloud, noses) > SHARP_MM else "nose"
+    if kind == "J":
+        mine = [_above_fillet(one) if one is not None and one.kind == "nose" else one for one in mine]
     chosen = [one if one is not None and one.kind == kind else None for one in mine]
-    shows = sum(one is not None for one in mine)
-    return Plates(kind, shows / max(enough, 1), kinds[kind] / shows, side, sense, chosen)
+    agree = sum(one is not None for one in chosen) / shows
+    return Plates(kind, shows / max(enough, 1), agree, side, sense, chosen)
+
+
+def _above_fillet(one: Reading) -> Reading:
+    """The reading of a nose as that of a J."""
+    upper, flank, land, root = one.faces
+    return one._replace(kind="J", faces=[upper, flank, root], arc=[land])
+
+
+def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
+    """Radius of the fillet between the bevel and the land of a nose; 0: none is told from a corner."""
+    shows = [i for i, one in enumerate(noses) if one is not None]
+    found = []
+    for i in [shows[k] for k in np.unique(np.linspace(0, len(shows) - 1, FEW_FRAMES).round().astype(int))]:
+        one, (x, z, _) = noses[i], _profile(cloud, i)
+        if one is None:
+            raise AssertionError("chosen above")
+        upper, flank, land, _ = one.faces
+        ends = sorted((0.5 * (flank[X0] + flank[X1]), land[X1] if one.side > 0 else land[X0]))
+        on = (x > ends[0]) & (x < ends[1])
+        out, top = one.side * np.array([1.0, upper[SLOPE]]), crossing(upper, flank)
+        axes = np.array([out, one.sense * one.side * np.array([out[1], -out[0]])]) / math.hypot(1.0, upper[SLOPE])
+        place = np.stack([x[on] - top, z[on] - upper[SLOPE] * top - upper[OFFSET]], axis=1) @ axes.T
+        fall = abs(math.atan(flank[SLOPE]) - math.atan(upper[SLOPE]))
+        above = np.arange(int(flank[FIRST]), int(flank[LAST]) + 1)
+        noise = 1.4826 * float(np.median(np.abs(z[above] - flank[SLOPE] * x[above] - flank[OFFSET])))
+        fit = fit_fillet(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), LEAST_SIGMA_MM), None)
+        found.append(0.0 if fit is None else fit.radius_mm)
+    return float(np.median(found)) if found else 0.0
 
 
 def _readings(cloud: Cloud, i: int) -> list[Reading]:
@@ -174,6 +216,9 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
 
     rim_mm: how much of the root face's free end, along x, is rounded: its line leaves that out.
     flank_mm: of a J, length of its flank from the upper corner on; inf: not known.
+
+    Raises:
+        InputError: hardly a profile shows enough of every face.
     """
     kind, side = plates.kind, plates.side
     n, columns = cloud.keep.shape
@@ -197,11 +242,17 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
             labels[i, column[on]] = label
             sums[label][i, tracking.FIRST :] = sorted((column[on[0]], column[on[-1]]))
         if one.arc:
-            rows = sorted(one.arc, key=lambda row: row[FIRST])
-            labels[i, column[int(rows[0][FIRST]) : int(rows[-1][LAST]) + 1]] = FILLET
+            fillet = column[_fillet(x, one)]
+            labels[i, fillet[labels[i, fillet] == 0]] = FILLET
     if kind == "J":
         seen &= _whole(sums[FLANK], seen)
         labels[~seen] = 0
+    if seen.sum() < 2:
+        raise InputError(
+            cloud.source,
+            f"what looks like a {kind} preparation shows all its faces, each with {LEAST_POINTS} returns clear of its "
+            f"corners, in {seen.sum()} profiles only: columns too coarse for it, or another preparation?",
+        )
     sigma = {label: _noise(sums[label][seen]) for label in order}
     rising = np.ones(n)
     for i in np.flatnonzero(seen).tolist():
@@ -269,6 +320,16 @@ def _face(x: Float, z: Float, one: Reading, k: int, rim_mm: float, flank_mm: flo
         if good.all():
             break
     return on, np.array([on.size, mean_x, mean_z, sxx, sxz, szz, 0.0, 0.0])
+
+
+def _fillet(x: Float, one: Reading) -> Int:
+    """Indices of the points of a reading's fillet and land, and of the flank, less what may be a rounded corner."""
+    rows = sorted((one.faces[1], *one.arc), key=lambda row: row[FIRST])
+    on = np.arange(int(rows[0][FIRST]), int(rows[-1][LAST]) + 1)
+    last = one.arc[-1]
+    far = max(one.side * float(last[X0]), one.side * float(last[X1]))
+    trim = min(TRIM_MM, TRIM_SHARE * sum(width_mm(row) for row in one.arc)) / math.hypot(1.0, last[SLOPE])
+    return on[one.side * x[on] < far - trim]
 
 
 def _ends(one: Reading, k: int) -> tuple[float, float]:

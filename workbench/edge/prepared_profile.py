@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from workbench.artefacts.grooves import PreparationType
 from workbench.edge.identify import joined, turn
-from workbench.geometry.chains import COUNT, SLOPE, X0, X1
+from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
 from workbench.units import DEG, Float
 
 LEAST_UPPER_MM, LEAST_UPPER = 1.0, 12  # of an upper surface: length and returns
@@ -25,7 +25,9 @@ LEAST_FALL, MOST_FALL = 5.0 * DEG, 88.0 * DEG  # of a bevel below the upper surf
 LEAST_TURN = 2.5 * DEG  # between two bevels
 LEVEL = 8.0 * DEG  # a land falls by no more
 STEEP, ARC_STEP = 45.0 * DEG, 3.0 * DEG  # a flank falls by more; a fillet's pieces fall less and less, by so much
+ENDS = 30.0 * DEG  # its last piece falls by less: a fillet ends level
 ROUNDED_MM = 0.35  # a shorter line between two faces, which turns as they do, is their rounded corner
+HOLLOW, BESIDE_MM = 12.0 * DEG, 2.0  # turn of a hollow corner, and how far its fillet may part its surfaces
 
 
 class Reading(NamedTuple):
@@ -51,15 +53,16 @@ def _from(order: Sequence[Float], first: int, side: int, sense: int) -> Reading 
     """The plate whose upper surface is `first`; None: it is none."""
     if width_mm(order[first]) < LEAST_UPPER_MM or order[first][COUNT] < LEAST_UPPER:
         return None
-    faces, falls = [order[first]], [0.0]
-    at = first
-    while (found := _next(order, at, side)) is not None:
-        before, at = order[at], found
-        convex = turn(before, order[at], sense) if side > 0 else turn(order[at], before, sense)
-        faces.append(order[at])
-        falls.append(falls[-1] + convex)
+    if first > 0 and _rises(order[first - 1], order[first], side, sense):
+        return None  # the land below a bevel
+    at, falls = [first], [0.0]  # places in the chain of faces that meet, and what they fall below the first one
+    while (found := _next(order, at[-1], side)) is not None:
+        falls.append(falls[-1] + _convex(order[at[-1]], order[found], side, sense))
+        at.append(found)
+    faces = [order[k] for k in at]
     for root in range(len(faces) - 1, 1, -1):
-        if abs(falls[root] - math.pi / 2) < UPRIGHT:
+        stands = at[root] + 1 < len(order) and _rises(faces[root], order[at[root] + 1], side, sense)
+        if abs(falls[root] - math.pi / 2) < UPRIGHT and not stands:
             inner = [k for k in range(1, root) if not _rounds_corner(faces[k], falls[k - 1 : k + 2])]
             kind = kind_of([falls[k] for k in inner])
             if kind == "J":
@@ -68,6 +71,18 @@ def _from(order: Sequence[Float], first: int, side: int, sense: int) -> Reading 
             if kind is not None:
                 return Reading(kind, side, sense, [faces[0], *(faces[k] for k in inner), faces[root]], [])
     return None
+
+
+def _convex(before: Float, after: Float, side: int, sense: int) -> float:
+    """Turn from a face to the next one, rad; positive: convex."""
+    return turn(before, after, sense) if side > 0 else turn(after, before, sense)
+
+
+def _rises(before: Float, after: Float, side: int, sense: int) -> bool:
+    """Whether two surfaces make a hollow corner, or one with a fillet: one of them stands up from the other."""
+    one, other = (before, after) if side > 0 else (after, before)
+    ends = [(row[at], row[SLOPE] * row[at] + row[OFFSET]) for row, at in ((one, X1), (other, X0))]
+    return _convex(before, after, side, sense) < -HOLLOW and math.dist(*ends) < BESIDE_MM
 
 
 def _next(order: Sequence[Float], at: int, side: int) -> int | None:
@@ -95,7 +110,7 @@ def kind_of(falls: Sequence[float]) -> PreparationType | None:
         return None
     if len(falls) > 2:
         less = all(after < before - ARC_STEP for before, after in pairwise(falls))
-        return "J" if less and falls[0] > STEEP and falls[-1] > -LEVEL else None
+        return "J" if less and falls[0] > STEEP and -LEVEL < falls[-1] < ENDS else None
     if falls[0] > MOST_FALL:
         return None
     if len(falls) == 1:

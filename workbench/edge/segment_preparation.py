@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -24,15 +25,24 @@ from workbench.artefacts import (
     Quantity,
 )
 from workbench.checks import checked_limits
-from workbench.checks.faces import corners_check, plates_check, require_columns
+from workbench.checks.faces import bows_check, corners_check, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.form import HIDDEN_RADIUS_MM, Misfit, is_free_end, misfit_of, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.prepared_fillet import Fillet, fit_fillet
-from workbench.edge.prepared_frames import FILLET, FLANK, WHOLE, PreparedFrames, convex_corners, frames_of, read_plates
+from workbench.edge.prepared_fillet import Fillet, fit_fillet, misfit_mm
+from workbench.edge.prepared_frames import (
+    FILLET,
+    FLANK,
+    WHOLE,
+    PreparedFrames,
+    convex_corners,
+    frames_of,
+    read_plates,
+    straight_corners,
+)
 from workbench.edge.segment import ledge_u_mm, milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
@@ -118,7 +128,7 @@ def segment_preparation(
             f"between upper surface and root face the profiles show {WORDS[frames.kind]}: expected {frames.kind}",
         )
     checks = [columns, *_checks(cloud, frames, root_nominal_mm, given)]
-    refuse_failed(checks, f"{cloud.source}: no {frames.kind} preparation", "edge.segment_preparation.limits")
+    refuse_failed(checks, *_refused(cloud, frames))
     rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
     rim = rounding.rim_mm
     if rounding.radius_mm > 0.0:
@@ -130,7 +140,11 @@ def segment_preparation(
         chain = _Chain(cloud, frames, measured, edge)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
+            checks.append(chain.fillet_check(given))
+            refuse_failed(checks, *_refused(cloud, frames))
         sizes, corners = chain.sizes(), chain.corners
+        checks.append(_extent_check(sizes["root_face_mm"], frames, given))
+        refuse_failed(checks, *_refused(cloud, frames))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     return Preparation(
@@ -154,10 +168,15 @@ def segment_preparation(
     )
 
 
+def _refused(cloud: Cloud, frames: PreparedFrames) -> tuple[str, str]:
+    """What is refused, and the parameter that sets limits."""
+    return f"{cloud.source}: no {frames.kind} preparation", "edge.segment_preparation.limits"
+
+
 def _checks(
     cloud: Cloud, frames: PreparedFrames, root_nominal_mm: float, given: Mapping[str, Bound]
 ) -> tuple[Check, ...]:
-    """That the profiles agree, that the root face's end is seen, and that no corner stands out of its faces."""
+    """That the profiles agree, that the root face's end is seen, that faces are straight, corners those of two."""
     tracked = frames.tracked
     found = f"the faces of a prepared plate were found in {100 * frames.share:.0f} % of the profiles: no such plate?"
     agree = f"{100 * frames.agreement:.0f} % of the profiles show {WORDS[frames.kind]}: is it one preparation?"
@@ -173,8 +192,16 @@ def _checks(
         check("preparation_agreement", frames.agreement, agree, given=given),
         check("root_seen_share", seen, ends, given=given),
         check("root_over_nominal", wide, told, given=given),
+        *bows_check(cloud, tracked.labels, frames.order[1:], straight_corners(frames), given),
         corners_check(cloud, tracked.labels, convex_corners(frames), given),
     )
+
+
+def _extent_check(root: Quantity, frames: PreparedFrames, given: Mapping[str, Bound]) -> Check:
+    """The check that the root face by its corners is as wide as its returns lie."""
+    width, seen = _typical(root.value), root_width_mm(frames.tracked.faces[ROOT_FACE])
+    told = f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
+    return check("root_extent_mm", width - seen, f"{told}than those that were measured meets it?", given=given)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,10 +234,10 @@ class _Chain:
     def sizes(self) -> dict[str, Quantity]:
         """Every size along the edge; fills `corners`."""
         places, angles = self._places(), self._angles()
-        fillets = self._fillets(places, angles, FILLETS) if self.kind == "J" else None
-        value = self._values(places, angles, fillets)
+        value = self._values(places, angles, self.fillets if self.kind == "J" else None)
         slopes = self._derivatives(value)
-        found = {name: self._length(name, one, slopes[name], fillets) for name, one in value.items()}
+        form = self._fillet_form_mm(_typical(value["width_mm"]))
+        found = {name: self._length(name, one, slopes[name], form.get(name, 0.0)) for name, one in value.items()}
         self.corners = {
             name: Corner(
                 np.stack([found[f"{name}:{axis}"].value for axis in "nm"], axis=1),
@@ -223,6 +250,38 @@ class _Chain:
         low_u = np.stack([self.corners["root"].u_mm[:, 0], sizes["root_face_mm"].u], axis=1)
         self.corners["lower"] = Corner(np.where(self.edge.seen[:, None], np.zeros((self.at.size, 2)), np.nan), low_u)
         return {name: sizes[name] for name in Preparation.terms if name in sizes}
+
+    @cached_property
+    def fillets(self) -> list[Fillet | None]:
+        """The fillets of a J, in some frames."""
+        return self._fillets(self._places(), self._angles(), FILLETS)
+
+    def fillet_check(self, given: Mapping[str, Bound]) -> Check:
+        """The check that what is measured as a fillet is round."""
+        seen = [one for one in self.fillets if one is not None]
+        if not seen:
+            raise InputError(self.cloud.source, "no profile shows a whole fillet between flank and root face: no J?")
+        off = misfit_mm(seen)
+        told = f"between flank and root face the returns stand off a fillet by {off:.3f} mm, rms: straight faces, "
+        return check("fillet_misfit_mm", off, f"{told}or a flank that is not?", given=given)
+
+    def _fillet_form_mm(self, width_mm: float) -> dict[str, float]:
+        """Standard uncertainty of lengths by the form of the fillets, alike in all frames; width of the preparation.
+
+        Where no land is seen, nothing tells its tilt, which moves the place where the fillet ends along the circle.
+        """
+        if self.kind != "J":
+            return {}
+        seen = [one for one in self.fillets if one is not None]
+        middle = seen[len(seen) // 2]
+        level, tilt, radius = (misfit_mm(seen) * u for u in middle.form_u(width_mm))
+        unseen = _typical(np.array([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
+        return {
+            "depth_mm": level,
+            "root:m": level,
+            "land_mm": math.hypot(unseen, middle.radius_mm * tilt),
+            "root_radius_mm": math.hypot(FILLET_U_MM, radius),
+        }
 
     def flank_mm(self) -> float:
         """Length of a J's flank, from the upper corner to where the fillet begins: the median of some frames."""
@@ -385,16 +444,14 @@ class _Chain:
                 out[name].append((_typical(pair[0]), _typical(pair[1])))
         return out
 
-    def _length(
-        self, name: str, value: Float, slopes: list[tuple[float, float]], fillets: list[Fillet | None] | None
-    ) -> Quantity:
+    def _length(self, name: str, value: Float, slopes: list[tuple[float, float]], fillet_form_mm: float) -> Quantity:
         """A length along the edge."""
         variance = sum(
             by_move**2 * one.section.offset_variance for one, (_, by_move) in zip(self.lines, slopes, strict=True)
         )
         variance = np.asarray(variance) + 1e-10
-        if fillets is not None:
-            variance = variance + self._fillet_variance(name, fillets)
+        if self.kind == "J":
+            variance = variance + self._fillet_variance(name)
         course = fit_course(self.s, value, variance, self.group)
         along = course.value(self.at)
         turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
@@ -411,16 +468,16 @@ class _Chain:
                 CORNERS: np.hypot(course.u(self.at), LEAST_U_MM),
                 DIRECTIONS: np.hypot.reduce(turned),
                 TANGENT: self.edge.tangent_u * run * np.abs(along),
-                FORM: np.hypot(np.hypot.reduce(bent), _fillet_form_mm(name, fillets)),
+                FORM: np.hypot(np.hypot.reduce(bent), fillet_form_mm),
             },
         )
 
-    def _fillet_variance(self, name: str, fillets: list[Fillet | None]) -> Float:
+    def _fillet_variance(self, name: str) -> Float:
         """What the fit of the fillet leaves open of a length, mm^2."""
         which = {"depth_mm": 0, "root:m": 0, "root_radius_mm": 1}.get(name)
         if which is None:
-            return np.zeros(len(fillets))
-        return np.array([math.nan if one is None else one.covariance[which, which] for one in fillets])
+            return np.zeros(len(self.fillets))
+        return np.array([math.nan if one is None else one.covariance[which, which] for one in self.fillets])
 
     def _bevels(self) -> dict[str, Quantity]:
         """Bevel angles, from the normal of the upper surface."""
@@ -461,17 +518,6 @@ class _Chain:
         zero = np.zeros(self.at.size)
         told = {name: np.hypot(*(one.u_by_source.get(name, zero) for one in (root, depth))) for name in names}
         return Quantity(root.value - depth.value + hidden, told)
-
-
-def _fillet_form_mm(name: str, fillets: list[Fillet | None] | None) -> float:
-    """Standard uncertainty of a length by the form of the fillets, alike in all frames.
-
-    Where no land is seen, nothing tells its tilt, which moves the place where the fillet ends along the circle.
-    """
-    seen = [one for one in fillets or [] if one is not None]
-    if name == "land_mm" and seen:
-        return float(np.median([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
-    return FILLET_U_MM if name == "root_radius_mm" else 0.0
 
 
 def _meet(one: _Lines, other: _Lines) -> Float:

@@ -1,0 +1,24 @@
+"""Errors by size, as a table in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+FAR = 3.0  # standard uncertainties: beyond, it is confidently wrong
+
+
+def print_table(sizes: Sequence[str], found: Mapping[str, Sequence[tuple[float, float]]]) -> None:
+    """Errors and standard uncertainties of each size, in mm or deg."""
+    print("| size | values | median error | p95 error | median u | within 2 u | beyond 3 u |")
+    print("|---|---|---|---|---|---|---|")
+    for size in sizes:
+        if not found[size]:
+            continue
+        error, u = np.array(found[size]).T
+        z = np.abs(error) / u
+        print(
+            f"| `{size}` | {z.size} | {np.median(error):.3f} | {np.quantile(np.abs(error), 0.95):.3f} | "
+            f"{np.median(u):.3f} | {100 * np.mean(z <= 2):.1f} % | {100 * np.mean(z > FAR):.1f} % |"
+        )

@@ -88,3 +88,5 @@ def test_types_that_look_alike_from_above_are_all_named() -> None:
     assert possible_types(("square", "round"), False, False) == ("J",)
     assert possible_types(("edge", "round"), False, False) == ("J", "U")
     assert possible_types(("bevel", "round"), False, False) == ()
+    assert possible_types(("edge", "square"), False, False, hides=True) == ("I", "J", "HV", "HY", "K")
+    assert possible_types(("edge", "bevel"), True, False, hides=True) == ("HY", "K")

@@ -171,8 +171,10 @@ def bows_check(
     it bows by less, for which it needs a few returns.
     """
     rows = _sample(labels, faces)
-    fewest = min(float(np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1))) for face in faces)
-    few = f"the narrowest face has {fewest:.0f} returns in a profile: too few to tell a face from a rounded corner"
+    straight = set(faces).intersection(label for pair in pairs for label in pair)
+    counts = [np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1)) for face in straight]
+    fewest = float(min(counts)) if counts and len(rows) else None
+    few = f"the narrowest face has {fewest or 0:.0f} returns in a profile: too few to tell a face from a rounded corner"
     bows = {face: bow_of(cloud, labels, rows, face) for face in {*faces, *(label for pair in pairs for label in pair)}}
     most_bow = max(bows[face].share for face in faces)
     told = f"a face bows by {100 * most_bow:.0f} % of its width: a fillet, a rounded corner, a bead?"

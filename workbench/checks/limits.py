@@ -182,14 +182,15 @@ LIMITS: dict[str, Limit] = {
     ),
     "face_columns": Limit(
         (8.0, 1e5),
-        "of a prepared plate, returns of a profile on its narrowest face, clear of the corners",
+        "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",
         "fewer do not tell whether it is straight: a rounded corner passes for a face",
     ),
     "corner_bow": Limit(
-        0.5,
-        "of a prepared plate, most that a face may bow (at k = 2) over the bow of a chord which makes the corner "
+        0.3,
+        "of those, most that a face may bow (at k = 2) over the bow of a chord which makes the corner "
         "beside it by itself",
-        "faces are flat to a tenth of it; what is cut out of an arc bows by all of it",
+        "faces of good recordings bow by up to 0.14 of it; what is cut out of an arc by all of it, a rounded corner's "
+        "end by half",
     ),
     "size_scatter": Limit(
         0.15,
@@ -263,6 +264,21 @@ LIMITS: dict[str, Limit] = {
         0.006,
         "how far flank and fillet of a J preparation stand off line and circle in the same way in all profiles, rms",
         "fillets of both simulators leave up to 0.0011; straight faces and bowed flanks taken for them 0.01 and more",
+    ),
+    "groove_gap_mm": Limit(
+        15.0,
+        "gap between the plates of a groove",
+        "plates are joined at gaps of up to 10 mm; what lies beside two narrow plates is further apart",
+    ),
+    "bevel_grazing": Limit(
+        8.0,
+        "step of the columns along a bevel of a groove over that along its plate",
+        "the view stands at less than 7 deg to it: where returns end is then where the view grazes the face",
+    ),
+    "fillet_radius_mm": Limit(
+        (1.5, 60.0),
+        "root radius of a U or J groove",
+        "smaller ones are short of returns and come out 0.1 to 0.4 mm too small; the studies have 2 to 8",
     ),
     "groove_level": Limit(
         0.5,

@@ -34,6 +34,12 @@ FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less w
 ASIDE_OF_EDGE_MM = 4.0  # at most, of the first return of such a fillet from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
+ROUNDED_FACE_MM = 1.2  # a shorter line above one that falls more is the rounded upper edge, no face
+SHARED = 2  # returns at a root that may belong to both faces, where there is no gap
+LINKED_MM, SEEN_BELOW = (
+    0.6,
+    8,
+)  # lines and returns so near are one surface; so many returns of one below an edge: a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 
 
@@ -80,7 +86,7 @@ def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tu
     if left is None or right is None:
         return None
     right = _mirrored(right, n)
-    if left.last >= right.last or x[left.upper[-1]] >= x[right.upper[0]]:
+    if left.last > right.last + SHARED or x[left.upper[-1]] >= x[right.upper[0]]:
         return None
     return left, right
 
@@ -129,29 +135,35 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
     on = np.flatnonzero(np.abs(above[: drop + 1]) < ON_MM)
     on = on[on >= start]
     nothing = np.empty(0, np.int64)
-    for number, line in enumerate(lines):
-        fall = level - math.atan(line[SLOPE])
-        # Past the vertical a falling line's slope turns positive: an undercut face that the fan still sees.
-        if line[SLOPE] > 0 and fall < -60.0 * DEG:
-            fall += math.pi
+    falls, rounded = [_fall(level, line) for line in lines], -1
+    for number, (line, fall) in enumerate(zip(lines, falls, strict=True)):
         if line[FIRST] <= start or line[LAST] <= end or fall < LEAST_FALL or abs(above[int(line[LAST])]) < ON_MM:
             continue
         if line[FIRST] > drop + DROP_POINTS:
             break
+        if _rounds_edge(x, y, lines, falls, number):
+            rounded = int(line[LAST])
+            drop = max(drop, rounded)
+            continue
         cross = (line[OFFSET] - plate[OFFSET]) / (plate[SLOPE] - line[SLOPE])
         corner = np.array([cross, plate[SLOPE] * cross + plate[OFFSET]])
         first, last = max(int(line[FIRST]), 0), int(line[LAST])
         if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM or x[end] - cross > NEAR_MM:
             break
-        upper = on[x[on] < cross - TRIM_MM]
+        trim = TRIM_MM  # a rounding takes as much off both faces
+        if rounded >= 0:
+            trim = max(trim, math.hypot(x[rounded] - corner[0], y[rounded] - corner[1]) + 0.5 * TRIM_MM)
+        upper = on[x[on] < cross - trim]
         if upper.size < LEAST_PLATE_POINTS:
             return None
         last, off = _followed(x, y, line, last)
         arc = _fillet(x, y, lines, number, level, fall, last)
+        if not arc.size and _turns_back(x, y, lines, falls, number, last):
+            return None  # the face of a fillet of which too little is seen is no bevel
         face = np.arange(first, last + 1)
         away = np.hypot(x[face] - corner[0], y[face] - corner[1])
         kind: Kind = "square" if fall > SQUARE else "round" if arc.size else "bevel"
-        face = face[(away > TRIM_MM) & (np.abs(off[face]) < ON_MM)]
+        face = face[(away > trim) & (np.abs(off[face]) < ON_MM)]
         if kind == "bevel":
             face = face[:-1]
         if face.size < 3:
@@ -170,7 +182,41 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
     arc = _hidden_fillet(x, y, above, lines, level, end)
     if arc.size:
         return Side("hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), nothing)
+    if _goes_down(x, y, above, end):
+        return None  # a face that could not be read is none that is not seen
     return Side("edge", math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
+
+
+def _fall(level: float, line: Float) -> float:
+    """Angle of a line below its plate, rad."""
+    fall = level - math.atan(line[SLOPE])
+    # Past the vertical a falling line's slope turns positive: an undercut face that the fan still sees.
+    return fall + math.pi if line[SLOPE] > 0 and fall < -60.0 * DEG else fall
+
+
+def _rounds_edge(x: Float, y: Float, lines: Float, falls: list[float], number: int) -> bool:
+    """Whether a short line goes on in a longer one that falls more: a piece of the rounded upper edge."""
+    if number + 1 >= len(lines) or falls[number + 1] < falls[number] + ROUND_TURN:
+        return False
+    (i, j), (k, m) = ((int(line[FIRST]), int(line[LAST])) for line in lines[number : number + 2])
+    length, below = (math.hypot(x[b] - x[a], y[b] - y[a]) for a, b in ((i, j), (k, m)))
+    return length < min(ROUNDED_FACE_MM, below) and math.hypot(x[k] - x[j], y[k] - y[j]) < LINKED_MM
+
+
+def _turns_back(x: Float, y: Float, lines: Float, falls: list[float], number: int, last: int) -> bool:
+    """Whether a face, seen down to return `last`, goes on in another one that falls less."""
+    for line, fall in zip(lines[number + 1 :], falls[number + 1 :], strict=True):
+        first = int(line[FIRST])
+        if first > last - DROP_POINTS and int(line[LAST]) - first >= SEEN_BELOW:
+            near = math.hypot(x[first] - x[last], y[first] - y[last]) < LINKED_MM
+            return near and LEAST_FALL < fall < falls[number] - ROUND_TURN
+    return False
+
+
+def _goes_down(x: Float, y: Float, above: Float, end: int) -> bool:
+    """Whether returns below an upper surface that ends at `end` are one surface with it."""
+    way = np.hypot(np.diff(x[end : end + SEEN_BELOW + 1]), np.diff(y[end : end + SEEN_BELOW + 1]))
+    return way.size == SEEN_BELOW and bool((way < LINKED_MM).all()) and bool(above[end + SEEN_BELOW] < -DROP_MM)
 
 
 def _ends_of(x: Float, above: Float, start: int, over: bool) -> tuple[int, int | None]:

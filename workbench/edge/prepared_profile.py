@@ -23,7 +23,7 @@ PASSED_OVER, FEW = 2, 12  # lines of fewer returns between two faces that meet: 
 UPRIGHT = 10.0 * DEG  # the root face stands upright on the upper surface to within this
 LEAST_FALL, MOST_FALL = 5.0 * DEG, 88.0 * DEG  # of a bevel below the upper surface
 LEAST_TURN = 2.5 * DEG  # between two bevels
-LEVEL = 8.0 * DEG  # a land falls by no more
+LEVEL, TILTED = 8.0 * DEG, 15.0 * DEG  # a land falls by no more, a bevel below a steeper one by no less
 STEEP, ARC_STEP = 45.0 * DEG, 3.0 * DEG  # a flank falls by more; a fillet's pieces fall less and less, by so much
 ENDS = 30.0 * DEG  # its last piece falls by less: a fillet ends level
 ROUNDED_MM = 0.35  # a shorter line between two faces, which turns as they do, is their rounded corner
@@ -117,7 +117,9 @@ def kind_of(falls: Sequence[float]) -> PreparationType | None:
         return "bevel"
     if abs(falls[1]) < LEVEL:
         return "nose"
-    bevels = LEAST_FALL < falls[1] < MOST_FALL and abs(falls[1] - falls[0]) > LEAST_TURN
+    bevels = (LEAST_FALL if falls[1] > falls[0] else TILTED) < falls[1] < MOST_FALL and abs(
+        falls[1] - falls[0]
+    ) > LEAST_TURN
     return "compound" if bevels else None
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Corner, Groove, GrooveType, Quantity
+from workbench.artefacts import Check, Cloud, Corner, Groove, GrooveType, Quantity
 from workbench.checks import checked_limits
+from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
-from workbench.checks.limits import check
-from workbench.edge.groove_frames import Lines, axes, groove_curve, plate_turn, read_frames, side_lines
+from workbench.checks.limits import Bound, check
+from workbench.edge.groove_frames import Lines, ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import BELOW_MM, Kind
 from workbench.edge.segment import laser_plane_u
 from workbench.edge.sizes import end_loose_mm
@@ -33,7 +35,8 @@ FACES = "faces: range noise, form and robot position noise"
 RETURNS = "where the returns end: step and footprint of the columns"
 PATTERN = "fixed pattern of the columns: what every profile repeats"
 DIRECTION = "direction of the groove: robot position noise and hand-eye pose"
-GROOVE_KINDS: dict[str, Literal["A", "B"]] = {FACES: "A", PATTERN: "A", RETURNS: "B", DIRECTION: "B"}
+HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
+GROOVE_KINDS: dict[str, Literal["A", "B"]] = {FACES: "A", PATTERN: "A", RETURNS: "B", DIRECTION: "B", HIDDEN: "B"}
 STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
@@ -43,6 +46,7 @@ TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are l
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
+HIDES = math.tan(12.0 * DEG)  # a view that leans more over an edge hides bevels and flanks that are usual
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
@@ -108,20 +112,8 @@ def segment_groove(
         tilt.u(at + first),
         _lean(cloud, read.frame, curve, s, turn),
     )
-    measured.measure()
-    level = measured.level_share()
-    told = f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
-    checks.append(check("groove_level", level, told, given=given))
-    gap = measured.sizes["gap_mm"]
-    overlap = _typical(-gap.value - 3.0 * gap.u)
-    checks.append(
-        check(
-            "groove_overlap_mm",
-            None if math.isnan(overlap) else overlap,
-            "the plates' roots overlap: no gap, other faces were followed",
-            given=given,
-        )
-    )
+    measured.measure(groove == "auto")
+    checks.extend(_checks(cloud, read, measured, given))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
     seen_s = np.full(len(cloud.keep), np.nan)
@@ -150,6 +142,54 @@ def segment_groove(
     )
 
 
+def _checks(cloud: Cloud, read: ReadFrames, measured: _Measured, given: Mapping[str, Bound]) -> list[Check]:
+    """That what was measured is a groove, that its faces are straight and that their ends were seen."""
+    level = measured.level_share()
+    gap, radius = measured.sizes["gap_mm"], measured.sizes.get("root_radius_mm")
+    overlap, wide = _typical(-gap.value - 3.0 * gap.u), _typical(gap.value)
+    grazing = max(
+        (_typical(one.step / one.edge_step) for one in measured.lines if one.kind == "bevel"), default=math.nan
+    )
+    small = math.nan if radius is None else _typical(radius.value)
+    stands = (
+        f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
+    )
+    far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
+    steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
+    steep += "that nothing tells where it ends; scan it more squarely"
+    short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
+    return [
+        check("groove_level", level, stands, given=given),
+        check(
+            "groove_overlap_mm",
+            _known(overlap),
+            "the plates' roots overlap: no gap, other faces were followed",
+            given=given,
+        ),
+        check("groove_gap_mm", _known(wide), far, given=given),
+        check("bevel_grazing", _known(grazing), steep, given=given),
+        check("fillet_radius_mm", _known(small), short, given=given),
+        *_straight(cloud, read, given),
+    ]
+
+
+def _straight(cloud: Cloud, read: ReadFrames, given: Mapping[str, Bound]) -> tuple[Check, ...]:
+    """The checks that the bevels are straight, and no rounded edges of the plates."""
+    labels = np.zeros(cloud.keep.shape, np.uint8)
+    for plate, sides in ((1, read.sides[0]), (3, read.sides[1])):
+        for i, columns, side in zip(read.frame, read.columns, sides, strict=True):
+            labels[i, columns[side.upper]], labels[i, columns[side.face]] = plate, plate + 1
+    shown = [(plate, kind) for plate, kind in zip((1, 3), read.kinds, strict=True) if kind in ("bevel", "round")]
+    if not shown:
+        return ()
+    corners = [(plate, plate + 1) for plate, kind in shown if kind == "bevel"]
+    return bows_check(cloud, labels, [plate + 1 for plate, _ in shown], corners, given)
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
 def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bool) -> tuple[str, ...]:
     if not alternatives:
         return ()
@@ -157,11 +197,16 @@ def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bo
     return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}",)
 
 
-def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:
+def possible_types(
+    kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool, hides: bool = False
+) -> tuple[GrooveType, ...]:
     """Types whose upper side looks like this, the likeliest first; none: no groove of ISO 9692-1.
 
-    root_face: one is seen; no_root_face: one would be seen if there were one.
+    root_face: one is seen; no_root_face: one would be seen if there were one; hides: the view leans over an edge so far
+    that it may hide a bevel, too.
     """
+    if hides:
+        return (*(seen := possible_types(kinds, root_face, no_root_face)), *_with_a_bevel(seen))
     square = [kind in ("square", "edge") for kind in kinds]
     fillet = "round" in kinds or "hidden" in kinds
     if all(square):  # a steep flank may hide as a square face does, and its fillet with it
@@ -175,10 +220,16 @@ def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool
     return ("Y", "X") if root_face else ("V",) if no_root_face else ("V", "Y", "X")
 
 
+def _with_a_bevel(types: tuple[GrooveType, ...]) -> tuple[GrooveType, ...]:
+    """Types that look as some others do if a plate that shows nothing below its upper surface has a bevel."""
+    bevelled: tuple[GrooveType, ...] = ("HV", "HY", "K") if "I" in types else ("V", "Y", "X") if "HV" in types else ()
+    return tuple(one for one in bevelled if one not in types)
+
+
 def _type(
     cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given
 ) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:
-    possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
+    possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded, measured.hides > HIDES)
     words = {
         "edge": "a square edge",
         "square": "a square face",
@@ -245,8 +296,16 @@ class _Measured:
         self._bevel_shared = 0.0
         self.root_face_seen = self.root_face_excluded = False
 
-    def measure(self) -> None:
-        """Fill `sizes` and `corners`."""
+    @property
+    def hides(self) -> float:
+        """Tangent of the greatest angle at which a face may fall inwards unseen, below an upper surface's end."""
+        return max(
+            (lean for lean, one in zip((-self.lean, self.lean), self.lines, strict=True) if one.kind == "edge"),
+            default=0.0,
+        )
+
+    def measure(self, doubtful: bool) -> None:
+        """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
         left, right = self.lines
         ends = [_typical(one.edge_step) if one.kind in UNSEEN else 0.0 for one in self.lines]
         edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
@@ -314,6 +373,11 @@ class _Measured:
             math.hypot(*(r.run_end for r in roots), edge_u),
             shared,
         )
+        if doubtful and self.hides > HIDES:
+            u = np.full(self.at.size, self.depth * self.hides / math.sqrt(3.0))
+            self.sizes["gap_mm"] = replace(
+                self.sizes["gap_mm"], u_by_source={**self.sizes["gap_mm"].u_by_source, HIDDEN: u}
+            )
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]

@@ -21,7 +21,7 @@ from workbench.units import DEG, AnyArray, Bool, Float
 SAMPLE = 40  # frames with faces
 LEAST_POINTS = 8  # of a face, to tell whether it is straight
 SURE = 3.0  # standard uncertainties by which a bow is one
-SMALL_BOW_MM = 0.03  # no face is straighter than that for certain
+SMALL_BOW_MM, SMALL_BOW = 0.03, 0.03  # no face is straighter for certain; a narrow one than this share of its width
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
@@ -234,7 +234,8 @@ class Bow(NamedTuple):
     @property
     def share(self) -> float:
         """Of the width; 0 where it is not certain."""
-        return 0.0 if abs(self.mm) < max(SURE * self.u_mm, SMALL_BOW_MM) else abs(self.mm) / self.width_mm
+        small = min(SMALL_BOW_MM, SMALL_BOW * self.width_mm)
+        return 0.0 if abs(self.mm) <= max(SURE * self.u_mm, small) else abs(self.mm) / self.width_mm
 
     @property
     def most_share(self) -> float:

@@ -176,7 +176,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "face_bow": Limit(
         0.03,
-        "bow of the root face or the bevel face over its width, where it is certain and more than 0.03 mm",
+        "bow of the root face or the bevel face over its width, where it is certain and, on faces from 1 mm on, more "
+        "than 0.03 mm",
         "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the "
         "flatter ones",
     ),
@@ -264,6 +265,11 @@ LIMITS: dict[str, Limit] = {
         0.006,
         "how far flank and fillet of a J preparation stand off line and circle in the same way in all profiles, rms",
         "fillets of both simulators leave up to 0.0011; straight faces and bowed flanks taken for them 0.01 and more",
+    ),
+    "land_tilt_deg": Limit(
+        8.0,
+        "angle between the land below a fillet and the upper surface",
+        "as of a nose's land; what falls more is a bevel below another one",
     ),
     "groove_gap_mm": Limit(
         15.0,

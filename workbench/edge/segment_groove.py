@@ -46,7 +46,9 @@ TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are l
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
+SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
 HIDES = math.tan(12.0 * DEG)  # a view that leans more over an edge hides bevels and flanks that are usual
+SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
@@ -138,7 +140,7 @@ def segment_groove(
         pass_index=cloud.pass_index,
         part=cloud.part,
         checks=(*cloud.checks, *checks),
-        warnings=_alike(type_, alternatives, declared),
+        warnings=(*_alike(type_, alternatives, declared), *measured.warnings),
     )
 
 
@@ -295,6 +297,7 @@ class _Measured:
         self.slope_u: dict[str, Float] = {}  # (k,) rad, of a face's direction: by the slope of its corner's course
         self._bevel_shared = 0.0
         self.root_face_seen = self.root_face_excluded = False
+        self.warnings: tuple[str, ...] = ()
 
     @property
     def hides(self) -> float:
@@ -353,6 +356,7 @@ class _Measured:
                 (("left", "right")[falls.index(both[0])],),
             )
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
+        roots = self._lit(roots, _typical(width.value), _typical(step.value))
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
         if depths:
             n = len(depths)
@@ -517,6 +521,21 @@ class _Measured:
             np.hypot(c * far_u, d * far * angle_u),
             end * math.cos(mean),
         )
+
+    def _lit(self, roots: list[_Root], width_mm: float, step_mm: float) -> list[_Root]:
+        """The roots, less a lower one that the other plate's root hides: its returns end in the shadow of that.
+
+        The upper root at (b, h) from the lower one lies on the line of sight that ends there; (lean, 1) is the view's.
+        """
+        left, right = roots
+        high = step_mm + _typical(left.depth) - _typical(right.depth)
+        apart = width_mm - _typical(left.run) - _typical(right.run)
+        columns = SHADOW_COLUMNS * max(_typical(one.edge_step) for one in self.lines)
+        if abs(high) > SHADOW_MM and abs(apart - self.lean * high) < columns + SHADOW_FAN * abs(high):
+            unknown = np.full(self.at.size, np.nan)
+            roots[0 if high > 0 else 1] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0)
+            self.warnings = (SHADOW,)
+        return roots
 
     def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
         """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""

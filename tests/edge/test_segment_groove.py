@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.groove.__main__ import errors
-from workbench.artefacts import Groove
+from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.edge.groove_profile import read_profile
@@ -17,6 +17,7 @@ from workbench.synthetic.prism_conditions import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
 from workbench.synthetic.swept.groove_conditions import random_groove_recipe
+from workbench.synthetic.swept.recipe import GrooveRecipe
 
 SEED = 4711
 
@@ -90,3 +91,85 @@ def test_types_that_look_alike_from_above_are_all_named() -> None:
     assert possible_types(("bevel", "round"), False, False) == ()
     assert possible_types(("edge", "square"), False, False, hides=True) == ("I", "J", "HV", "HY", "K")
     assert possible_types(("edge", "bevel"), True, False, hides=True) == ("HY", "K")
+
+
+def test_a_rounded_upper_edge_is_no_bevel() -> None:
+    x = np.linspace(-10.0, 10.0, 640)
+    turned = np.radians(55.0)  # from the plate down to the bevel, by a radius of 0.8 mm
+    begins = 4.0 + 0.8 * np.tan(turned / 2)
+    in_arc = (np.abs(x) <= begins) & (np.abs(x) > begins - 0.8 * np.sin(turned))
+    y = np.where(np.abs(x) > 4.0, 0.0, (np.abs(x) - 4.0) * np.tan(turned))
+    y[in_arc] = np.sqrt(0.8**2 - (begins - np.abs(x[in_arc])) ** 2) - 0.8
+    seen = np.abs(x) > 1.0
+    sides = read_profile(x[seen], y[seen])
+    assert sides is not None
+    for side in sides:
+        assert side.kind == "bevel"
+        assert np.degrees(side.fall) == pytest.approx(55.0, abs=0.5)
+        assert abs(side.corner[0]) == pytest.approx(4.0, abs=0.02)
+
+
+def test_a_fillet_seen_in_part_is_no_bevel() -> None:
+    x = np.linspace(-14.0, 14.0, 900)
+    inwards = 10.0 - np.abs(x)  # from the upper edges; a flank of 80 deg, then an arc of 6 mm
+    flank = -inwards * np.tan(np.radians(80.0))
+    centre = 0.5 + 6.0 * np.sin(np.radians(80.0)), -0.5 * np.tan(np.radians(80.0)) + 6.0 * np.cos(np.radians(80.0))
+    arc = centre[1] - np.sqrt(np.maximum(36.0 - (inwards - centre[0]) ** 2, 0.0))
+    y = np.where(inwards < 0.0, 0.0, np.where(inwards < 0.5, flank, arc))
+    assert read_profile(x[inwards < 1.8], y[inwards < 1.8]) is None
+
+
+def changed(kind: str, part: dict[str, object], lean_deg: float = 0.0) -> tuple[Recording, GrooveTruth]:
+    """A random groove, straight and without clutter, with another part; the view leans over the left plate."""
+    recipe = random_groove_recipe(kind, SEED, clutter=False).model_dump(mode="json")
+    recipe["part"] |= {"spine": {"length_mm": 60.0}, "upper_radius_mm": 0.0, **part}
+    recipe["scanner"] |= {"columns": 640, "pitch_mm": 0.06, "apex_mm": None, "near_mm": 50.0, "far_mm": 400.0}
+    recipe["passes"][0] |= {
+        "way_mm": [2.0, 58.0],
+        "elevation_deg": 90.0 + lean_deg,
+        "oblique_deg": 0.0,
+        "lead_deg": 3.0,
+        "aim_mm": [0.0, 8.0],
+        "follow": "line",
+    }
+    return simulate_groove(GrooveRecipe.model_validate(recipe))
+
+
+def flat(value: float) -> dict[str, float]:
+    return {"start": value, "end": value}
+
+
+def test_a_root_in_the_other_plates_shadow_is_not_told() -> None:
+    part = {
+        "thickness_mm": flat(12.0),
+        "gap_mm": flat(0.0),
+        "misalignment_mm": flat(2.5),
+        "root_face_left_mm": flat(3.0),
+        "root_face_right_mm": flat(3.0),
+        "bevel_left_deg": flat(30.0),
+        "bevel_right_deg": flat(30.0),
+    }
+    recording, truth = changed("Y", part)
+    groove = segment_groove(denoise(fuse(recording)))
+    assert np.isnan(groove.sizes["gap_mm"].value).all()
+    assert np.isnan(groove.sizes["depth_mm"].value).all()
+    assert any("shadow" in warning for warning in groove.warnings)
+    z = [abs(error) / u for _, error, u in errors(inspect_groove(groove), truth)]
+    assert max(z) < 4.0
+
+
+def test_what_lies_under_two_narrow_plates_is_no_groove() -> None:
+    part = {"thickness_mm": flat(8.0), "reach_mm": 9.0, "background_mm": 6.0, "gap_mm": flat(1.0)}
+    recording, _ = changed("V", part)
+    with pytest.raises(InputError, match=r"groove_gap_mm|found none|groove_share|groove_level|nothing is seen"):
+        segment_groove(denoise(fuse(recording)))
+
+
+def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
+    part = {"thickness_mm": flat(8.0), "gap_mm": flat(2.0), "background_mm": 10.0, "misalignment_mm": flat(0.0)}
+    recording, _ = changed("I", part, lean_deg=18.0)
+    cloud = denoise(fuse(recording))
+    seen, said = segment_groove(cloud), segment_groove(cloud, groove="I")
+    assert {"HV", "HY"} <= set(seen.alternatives)
+    assert np.nanmedian(seen.sizes["gap_mm"].u) > 0.5
+    assert np.nanmedian(said.sizes["gap_mm"].u) < 0.2

@@ -195,12 +195,17 @@ def _fall(level: float, line: Float) -> float:
 
 
 def _rounds_edge(x: Float, y: Float, lines: Float, falls: list[float], number: int) -> bool:
-    """Whether a short line goes on in a longer one that falls more: a piece of the rounded upper edge."""
-    if number + 1 >= len(lines) or falls[number + 1] < falls[number] + ROUND_TURN:
+    """Whether a short line goes on in others, each falling more, to a longer one: a piece of the rounded upper edge."""
+    length = [math.hypot(x[int(b)] - x[int(a)], y[int(b)] - y[int(a)]) for a, b in lines[number:, [FIRST, LAST]]]
+    if length[0] > ROUNDED_FACE_MM:
         return False
-    (i, j), (k, m) = ((int(line[FIRST]), int(line[LAST])) for line in lines[number : number + 2])
-    length, below = (math.hypot(x[b] - x[a], y[b] - y[a]) for a, b in ((i, j), (k, m)))
-    return length < min(ROUNDED_FACE_MM, below) and math.hypot(x[k] - x[j], y[k] - y[j]) < LINKED_MM
+    for k in range(number + 1, len(lines)):
+        at, to = int(lines[k - 1, LAST]), int(lines[k, FIRST])
+        if falls[k] < falls[k - 1] + 0.5 * ROUND_TURN or math.hypot(x[to] - x[at], y[to] - y[at]) > LINKED_MM:
+            return False
+        if length[k - number] > length[0] and falls[k] > falls[number] + ROUND_TURN:
+            return True
+    return False
 
 
 def _turns_back(x: Float, y: Float, lines: Float, falls: list[float], number: int, last: int) -> bool:

@@ -298,6 +298,7 @@ class _Measured:
         self._bevel_shared = 0.0
         self.root_face_seen = self.root_face_excluded = False
         self.warnings: tuple[str, ...] = ()
+        self.high = 0.0  # mm by which one root's upper edge lies above the other
 
     @property
     def hides(self) -> float:
@@ -529,6 +530,7 @@ class _Measured:
         """
         left, right = roots
         high = step_mm + _typical(left.depth) - _typical(right.depth)
+        self.high = abs(high)
         apart = width_mm - _typical(left.run) - _typical(right.run)
         columns = SHADOW_COLUMNS * max(_typical(one.edge_step) for one in self.lines)
         if abs(high) > SHADOW_MM and abs(apart - self.lean * high) < columns + SHADOW_FAN * abs(high):
@@ -606,6 +608,8 @@ class _Measured:
 
     def _root_faces(self, roots: list[_Root]) -> None:
         """Root faces that the sensor sees down to their lower edge past the other plate."""
+        if self.warnings:
+            return  # what is seen below the upper root may be the other plate
         gap = _typical(self.sizes["gap_mm"].value)
         for k, (name, one, root) in enumerate(zip(("left", "right"), self.lines, roots, strict=True)):
             if one.kind not in ("bevel", "round"):
@@ -622,8 +626,10 @@ class _Measured:
                 self.root_face_excluded = True
             if shown.sum() < 3 or shown.mean() < SHOWS:
                 continue
-            self.root_face_seen = True
             drop = one.corner[:, 1] - one.lowest[:, 1]
+            if gap < 2.0 * BELOW_MM and _typical(drop) - _typical(root.depth) < self.high + 2.0 * BELOW_MM:
+                continue  # without a gap, what is seen below the upper root is the other plate
+            self.root_face_seen = True
             good = shown & (
                 np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing)
             )

@@ -8,7 +8,7 @@ from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.edge.groove_profile import read_profile
-from workbench.edge.segment_groove import possible_types
+from workbench.edge.segment_groove import possible_types, with_a_bevel
 from workbench.errors import InputError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
@@ -89,8 +89,8 @@ def test_types_that_look_alike_from_above_are_all_named() -> None:
     assert possible_types(("square", "round"), False, False) == ("J",)
     assert possible_types(("edge", "round"), False, False) == ("J", "U")
     assert possible_types(("bevel", "round"), False, False) == ()
-    assert possible_types(("edge", "square"), False, False, hides=True) == ("I", "J", "HV", "HY", "K")
-    assert possible_types(("edge", "bevel"), True, False, hides=True) == ("HY", "K")
+    assert with_a_bevel(("I", "J")) == ("HV", "HY", "K")
+    assert with_a_bevel(("HV", "HY", "K")) == ("V", "Y", "X")
 
 
 def test_a_rounded_upper_edge_is_no_bevel() -> None:
@@ -173,3 +173,5 @@ def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
     assert {"HV", "HY"} <= set(seen.alternatives)
     assert np.nanmedian(seen.sizes["gap_mm"].u) > 0.5
     assert np.nanmedian(said.sizes["gap_mm"].u) < 0.2
+    with pytest.raises(InputError, match="groove 'HV'"):  # of that bevel nothing is measured
+        segment_groove(cloud, groove="HV")

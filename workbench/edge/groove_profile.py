@@ -36,10 +36,8 @@ TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
 ROUNDED_FACE_MM = 1.2  # a shorter line above one that falls more is the rounded upper edge, no face
 SHARED = 2  # returns at a root that may belong to both faces, where there is no gap
-LINKED_MM, SEEN_BELOW = (
-    0.6,
-    8,
-)  # lines and returns so near are one surface; so many returns of one below an edge: a face
+LINKED_MM = 0.6  # lines and returns so near are one surface
+SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 
 

@@ -117,10 +117,8 @@ def kind_of(falls: Sequence[float]) -> PreparationType | None:
         return "bevel"
     if abs(falls[1]) < LEVEL:
         return "nose"
-    bevels = (LEAST_FALL if falls[1] > falls[0] else TILTED) < falls[1] < MOST_FALL and abs(
-        falls[1] - falls[0]
-    ) > LEAST_TURN
-    return "compound" if bevels else None
+    least = LEAST_FALL if falls[1] > falls[0] else TILTED
+    return "compound" if least < falls[1] < MOST_FALL and abs(falls[1] - falls[0]) > LEAST_TURN else None
 
 
 def width_mm(row: Float) -> float:

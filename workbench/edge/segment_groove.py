@@ -199,16 +199,11 @@ def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bo
     return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}",)
 
 
-def possible_types(
-    kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool, hides: bool = False
-) -> tuple[GrooveType, ...]:
+def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:
     """Types whose upper side looks like this, the likeliest first; none: no groove of ISO 9692-1.
 
-    root_face: one is seen; no_root_face: one would be seen if there were one; hides: the view leans over an edge so far
-    that it may hide a bevel, too.
+    root_face: one is seen; no_root_face: one would be seen if there were one.
     """
-    if hides:
-        return (*(seen := possible_types(kinds, root_face, no_root_face)), *_with_a_bevel(seen))
     square = [kind in ("square", "edge") for kind in kinds]
     fillet = "round" in kinds or "hidden" in kinds
     if all(square):  # a steep flank may hide as a square face does, and its fillet with it
@@ -222,8 +217,11 @@ def possible_types(
     return ("Y", "X") if root_face else ("V",) if no_root_face else ("V", "Y", "X")
 
 
-def _with_a_bevel(types: tuple[GrooveType, ...]) -> tuple[GrooveType, ...]:
-    """Types that look as some others do if a plate that shows nothing below its upper surface has a bevel."""
+def with_a_bevel(types: tuple[GrooveType, ...]) -> tuple[GrooveType, ...]:
+    """Types that look as some others do if a plate that shows nothing below its upper surface has a bevel.
+
+    Nobody can declare one: nothing of that bevel is measured.
+    """
     bevelled: tuple[GrooveType, ...] = ("HV", "HY", "K") if "I" in types else ("V", "Y", "X") if "HV" in types else ()
     return tuple(one for one in bevelled if one not in types)
 
@@ -231,7 +229,8 @@ def _with_a_bevel(types: tuple[GrooveType, ...]) -> tuple[GrooveType, ...]:
 def _type(
     cloud: Cloud, kinds: tuple[Kind, Kind], measured: _Measured, groove: Given
 ) -> tuple[GrooveType, tuple[GrooveType, ...], bool]:
-    possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded, measured.hides > HIDES)
+    possible = possible_types(kinds, measured.root_face_seen, measured.root_face_excluded)
+    hidden = with_a_bevel(possible) if measured.hides > HIDES else ()
     words = {
         "edge": "a square edge",
         "square": "a square face",
@@ -243,7 +242,7 @@ def _type(
     if not possible:
         raise InputError(cloud.source, f"{shown}: no groove of ISO 9692-1")
     if groove == "auto":
-        return possible[0], possible[1:], False
+        return possible[0], (*possible[1:], *hidden), False
     if groove not in possible:
         root = ", a root face is seen" if measured.root_face_seen else ""
         raise InputError(f"{cloud.source}: groove '{groove}'", f"{shown}{root}: expected {' or '.join(possible)}")

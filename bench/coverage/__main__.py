@@ -8,11 +8,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.coverage.measure import Result, measure
+from bench.coverage.measure import Result, Task, measure, measure_task
 from bench.coverage.parts import ANALYTIC, SWEPT
 from bench.coverage.table import tables, worst
 
-Task = tuple[str, int, Path | None]
 FIRST_SEED = 3_000_000  # seeds below 10,000 are for developing
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "coverage.md"
 MARKS = ("<!-- tables: begin -->\n", "<!-- tables: end -->")
@@ -44,8 +43,9 @@ def main(arguments: list[str] | None = None) -> int:
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m bench.coverage", description=__doc__)
     parser.add_argument("--parts", type=int, default=200, help="parts a condition (200)")
-    parser.add_argument("--simulator", choices=("analytic", "swept", "both"), default="both")
-    parser.add_argument(
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--simulator", choices=("analytic", "swept", "both"), default="both")
+    which.add_argument(
         "--conditions",
         nargs="+",
         choices=(*ANALYTIC, *SWEPT),
@@ -82,11 +82,7 @@ def results_of(tasks: list[Task], jobs: int) -> Iterator[Result]:
         yield from (measure(*task) for task in tasks)
         return
     with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        yield from pool.imap(_measure, tasks)
-
-
-def _measure(task: Task) -> Result:
-    return measure(*task)
+        yield from pool.imap(measure_task, tasks)
 
 
 if __name__ == "__main__":

@@ -47,6 +47,14 @@ class Result:
     covered: float = math.nan  # raw edge: share of the seen edge that was measured
 
 
+Task = tuple[str, int, Path | None]  # condition, seed, folder for recordings
+
+
+def measure_task(task: Task) -> Result:
+    """`measure` for a pool, whose processes do not find what stands in a package's `__main__`."""
+    return measure(*task)
+
+
 def measure(condition: str, seed: int, kept: Path | None) -> Result:
     """Simulate (or fetch) a part, measure it and compare."""
     recording, truth = part(condition, seed, kept)

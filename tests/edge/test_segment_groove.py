@@ -119,6 +119,16 @@ def test_a_fillet_seen_in_part_is_no_bevel() -> None:
     assert read_profile(x[inwards < 1.8], y[inwards < 1.8]) is None
 
 
+def test_a_steep_face_of_which_a_few_returns_are_seen_is_not_taken_for_square() -> None:
+    x = np.linspace(-14.0, 14.0, 281)
+    inwards = 4.0 - np.abs(x)
+    y = np.where(inwards < 0.0, 0.0, -inwards * np.tan(np.radians(80.0))) - np.where(x > 0.0, 0.5, 0.0)
+    for falls, kinds in ((0.0, ["edge", "edge"]), (0.35, None)):  # mm by which returns of a bevel of 10 deg are seen
+        seen = inwards < np.where(x < 0.0, falls, 0.0)
+        sides = read_profile(x[seen], y[seen])
+        assert (None if sides is None else [side.kind for side in sides]) == kinds
+
+
 def changed(kind: str, part: dict[str, object], lean_deg: float = 0.0) -> tuple[Recording, GrooveTruth]:
     """A random groove, straight and without clutter, with another part; the view leans over the left plate."""
     recipe = random_groove_recipe(kind, SEED, clutter=False).model_dump(mode="json")
@@ -175,3 +185,23 @@ def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
     assert np.nanmedian(said.sizes["gap_mm"].u) < 0.2
     with pytest.raises(InputError, match="groove 'HV'"):  # of that bevel nothing is measured
         segment_groove(cloud, groove="HV")
+
+
+def test_a_flank_that_the_view_may_hide_is_in_u() -> None:
+    part = {
+        "thickness_mm": flat(12.0),
+        "gap_mm": flat(1.5),
+        "root_face_left_mm": flat(3.0),
+        "root_face_right_mm": flat(3.0),
+        "bevelled": "left",
+        "bevel_left_deg": flat(6.0),
+        "root_radius_mm": 0.5,
+        "misalignment_mm": flat(0.0),
+    }
+    recording, truth = changed("J", part, lean_deg=11.0)
+    groove = segment_groove(denoise(fuse(recording)))
+    assert groove.type == "I"
+    assert "J" in groove.alternatives
+    rows = [(error, u) for size, error, u in errors(inspect_groove(groove), truth) if size == "gap_mm"]
+    assert all(abs(error) > 0.3 for error, _ in rows)
+    assert all(abs(error) < 2.0 * u for error, u in rows)

@@ -37,6 +37,7 @@ ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
 ROUNDED_FACE_MM = 1.2  # a shorter line above one that falls more is the rounded upper edge, no face
 SHARED = 2  # returns at a root that may belong to both faces, where there is no gap
 LINKED_MM = 0.6  # lines and returns so near are one surface
+STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two surfaces further
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 
@@ -180,7 +181,7 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
     arc = _hidden_fillet(x, y, above, lines, level, end)
     if arc.size:
         return Side("hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), nothing)
-    if _goes_down(x, y, above, end):
+    if _goes_down(x, y, above, level, end):
         return None  # a face that could not be read is none that is not seen
     return Side("edge", math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
 
@@ -216,10 +217,18 @@ def _turns_back(x: Float, y: Float, lines: Float, falls: list[float], number: in
     return False
 
 
-def _goes_down(x: Float, y: Float, above: Float, end: int) -> bool:
-    """Whether returns below an upper surface that ends at `end` are one surface with it."""
-    way = np.hypot(np.diff(x[end : end + SEEN_BELOW + 1]), np.diff(y[end : end + SEEN_BELOW + 1]))
-    return way.size == SEEN_BELOW and bool((way < LINKED_MM).all()) and bool(above[end + SEEN_BELOW] < -DROP_MM)
+def _goes_down(x: Float, y: Float, above: Float, level: float, end: int) -> bool:
+    """Whether returns below an upper surface that ends at `end` are one surface with it, and no square face."""
+    dx, dy = x[end + 1 : end + SEEN_BELOW + 1] - x[end], y[end + 1 : end + SEEN_BELOW + 1] - y[end]
+    if dx.size < SEEN_BELOW:
+        return False
+    if (np.hypot(np.diff(dx, prepend=0.0), np.diff(dy, prepend=0.0)) < LINKED_MM).all():
+        return bool(above[end + SEEN_BELOW] < -DROP_MM)
+    across = (dx * math.cos(level) + dy * math.sin(level))[:DROP_POINTS]  # of a steep face only a few are seen
+    low = above[end] - above[end + 1 : end + DROP_POINTS + 1]
+    way = np.hypot(np.diff(across, prepend=0.0), np.diff(low, prepend=0.0))
+    down = (np.diff(low, prepend=0.0) > 0.0).all() and (way < STEEP_STEP_MM).all() and low[-1] > DROP_MM
+    return bool(down and math.atan2(low[-1], across[-1]) < SQUARE)
 
 
 def _ends_of(x: Float, above: Float, start: int, over: bool) -> tuple[int, int | None]:
@@ -298,7 +307,7 @@ def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
     for k in range(last + 1, min(x.size, last + 60)):
         off = np.array([x[k] - x[last], y[k] - y[last]])
         a, b = float(off @ across), float(off @ up)
-        if abs(a) > ASIDE_MM or b > low + 0.05 or b < low - 1.5:
+        if abs(a) > ASIDE_MM or b > low + 0.05 or b < low - STEEP_STEP_MM:
             break
         if b < -BELOW_MM:
             found.append(k)

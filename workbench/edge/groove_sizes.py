@@ -1,0 +1,444 @@
+"""Sizes and corners of a groove along it, from both plates' lines in every profile, each with u by source."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.artefacts import Corner, Quantity
+from workbench.edge.groove_frames import Lines
+from workbench.edge.groove_profile import BELOW_MM
+from workbench.edge.sizes import end_loose_mm
+from workbench.errors import InputError
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.gaps import covered
+from workbench.geometry.silhouette import CELL_MM, Ends, find_end
+from workbench.units import DEG, Bool, Float, Int
+
+WAVE_MM = 20.0  # of length, for each degree of a rough course
+LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
+# Sources of uncertainty (GUM 4.2, 4.3).
+FACES = "faces: range noise, form and robot position noise"
+RETURNS = "where the returns end: step and footprint of the columns"
+PATTERN = "fixed pattern of the columns: what every profile repeats"
+DIRECTION = "direction of the groove: robot position noise and hand-eye pose"
+HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
+STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
+END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
+LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
+LEAST_ENDS, LEAST_TOGETHER = 6, 0.25  # profiles that show an end, and their share that agrees on it
+TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are lost; so many in a row are one tack weld
+SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
+CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
+SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
+SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
+HIDES = math.tan(5.0 * DEG)  # a view that leans more over an edge hides bevels: ISO 9692-1, steep-flanked V
+UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
+PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
+
+
+class GrooveSizes:
+    """Sizes and corners of a groove at stations, from both plates' lines in every profile."""
+
+    def __init__(
+        self,
+        lines: list[Lines],
+        s: Float,
+        group: Int,
+        at: Float,
+        skew: float,
+        direction_u: Float,
+        tilt_u: Float,
+        lean: float,
+    ) -> None:
+        self.lines, self.s, self.group, self.at, self.lean = lines, s, group, at, lean
+        self.tilt_u = tilt_u
+        self.scale_u = skew * direction_u + direction_u**2  # relative error of lengths in the section plane
+        self.turn_u = skew * direction_u + 0.5 * direction_u**2  # rad, of angles, likewise
+        self.sizes: dict[str, Quantity] = {}
+        self.corners: dict[str, Corner] = {}
+        self.upper: dict[str, tuple[_Course, _Course]] = {}
+        self.slope_u: dict[str, Float] = {}  # (k,) rad, of a face's direction: by the slope of its corner's course
+        self._bevel_shared = 0.0
+        self.root_face_seen = self.root_face_excluded = False
+        self.shadowed = False  # whether one root lies in the other plate's shadow
+        self.high = 0.0  # mm by which one root's upper edge lies above the other
+
+    @property
+    def hides(self) -> float:
+        """Tangent of the greatest angle at which a face may fall inwards unseen, below an upper surface's end."""
+        return max(
+            (lean for lean, one in zip((-self.lean, self.lean), self.lines, strict=True) if one.kind == "edge"),
+            default=0.0,
+        )
+
+    @property
+    def hides_bevels(self) -> bool:
+        """Whether a bevel that is usual may be hidden."""
+        return self.hides > HIDES
+
+    def measure(self, doubtful: bool) -> None:
+        """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
+        left, right = self.lines
+        ends = [typical(one.edge_step) if one.kind in UNSEEN else 0.0 for one in self.lines]
+        edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
+        hidden = np.zeros(self.at.size)
+        for one, end in zip(self.lines, ends, strict=True):
+            if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
+                place = one.corner[:, 0].copy()
+                near = self._together(place, np.isfinite(place) & np.isfinite(self.s), 2.0 * end)
+                one.corner[~near] = np.nan
+                hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
+        self.lines = [self._turned(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
+        left, right = self.lines
+        wide = [one.corner_variance[:, 0] for one in self.lines]
+        width = self._course(-right.corner[:, 0] - left.corner[:, 0], wide[0] + wide[1])
+        shared = self._shared(*wide)
+        self._mm("width_mm", width.value + hidden, width.u, edge_u, shared)
+        step = self._course(
+            right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1]
+        )
+        lever = np.abs(width.value) * self.tilt_u
+        high = self._shared(*(one.corner_variance[:, 1] for one in self.lines))
+        self._mm("misalignment_mm", step.value, np.hypot(step.u, lever), 0.0, high)
+        self.misalignment = step.value
+        falls = [self._fall(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
+        both = [fall for fall in falls if fall is not None]
+        if len(both) == 2:
+            value = self._course(
+                math.pi + right.face + left.face,
+                left.face_variance + right.face_variance,
+                0.5 * (left.face_s + right.face_s),
+            )
+            self._deg(
+                "included_deg",
+                value.value,
+                value.u,
+                self._shared(left.face_variance, right.face_variance),
+                ("left", "right"),
+            )
+        elif both and "hidden" not in (left.kind, right.kind):
+            self._deg(
+                "included_deg",
+                math.pi / 2 - both[0][0],
+                both[0][1],
+                self._bevel_shared,
+                (("left", "right")[falls.index(both[0])],),
+            )
+        roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
+        roots = self._lit(roots, typical(width.value), typical(step.value))
+        depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
+        if depths:
+            n = len(depths)
+            self._mm(
+                "depth_mm",
+                np.asarray(sum(d.depth for d in depths)) / n,
+                np.sqrt(sum(d.depth_u**2 for d in depths)) / n,
+                math.hypot(*(d.depth_end for d in depths)) / n,
+                high,
+            )
+        square = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind == "square"]
+        told = [depth for depth in (*square, *(typical(d.depth) for d in depths)) if math.isfinite(depth)]
+        self.depth = max(told, default=LEAST_DEPTH_MM)
+        along_ray = max(told, default=math.inf) * (self.hides + SHADOW_FAN)
+        reach = min(along_ray, typical(width.value))  # of a hidden face, inwards
+        self._mm(
+            "gap_mm",
+            width.value + hidden - sum(r.run for r in roots),
+            np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
+            math.hypot(*(r.run_end for r in roots), edge_u),
+            shared,
+        )
+        if doubtful and self.hides_bevels:
+            u = np.full(self.at.size, reach / math.sqrt(3.0))
+            self.sizes["gap_mm"] = replace(
+                self.sizes["gap_mm"], u_by_source={**self.sizes["gap_mm"].u_by_source, HIDDEN: u}
+            )
+        round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
+        if round_:
+            radius = [self._course(one.radius, one.radius_variance) for one in round_]
+            n = len(radius)
+            self._mm(
+                "root_radius_mm",
+                np.asarray(sum(r.value for r in radius)) / n,
+                np.sqrt(sum(r.u**2 for r in radius)) / n,
+                0.0,
+                self._shared(*(one.radius_variance for one in round_)) / n,
+                FORM_U_MM * max(typical(one.radius_lever) if one.kind == "hidden" else 0.0 for one in round_),
+            )
+        self._corners(roots)
+        self._root_faces(roots)
+
+    def level_share(self) -> float:
+        """How much higher one plate stands than the other, over the groove's depth."""
+        return typical(np.abs(self.misalignment)) / max(self.depth, 1e-3)
+
+    def _turned(self, name: str, one: Lines) -> Lines:
+        """The lines with their directions in the section plane.
+
+        A profile that stands obliquely goes along the groove as it crosses a face. Where the face comes nearer along
+        the groove, as it does where plates drift, its line is turned: by the face's slope along the groove times how
+        far the profile goes along it. The slope is that of the upper corner's course.
+        """
+        a, b = (self._course(one.corner[:, k], one.corner_variance[:, k]) for k in (0, 1))
+        self.upper[name] = a, b
+        da, db = (np.where(np.isfinite(self.s), each.smooth.slope(np.nan_to_num(self.s)), np.nan) for each in (a, b))
+        plate, face = (
+            angle - way * (np.cos(angle) * db - np.sin(angle) * da)
+            for angle, way in ((one.plate, one.plate_way), (one.face, one.face_way))
+        )
+        ways = [typical(np.abs(way)) for way in (one.plate_way, one.face_way) if np.isfinite(way).any()]
+        self.slope_u[name] = math.hypot(*ways) * np.hypot(a.smooth.slope_u(self.at), b.smooth.slope_u(self.at))
+        return replace(one, plate=plate, face=face)
+
+    def _course(self, value: Float, variance: Float, s: Float | None = None) -> _Course:
+        """The course of single profiles' values, at s (n,) each; NaN where none that agrees with it is near."""
+        s = self.s if s is None else s
+        good = np.isfinite(value) & np.isfinite(self.s) & np.isfinite(s) & np.isfinite(variance)
+        if good.sum() < LEAST_ENDS:
+            raise InputError(
+                "groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, found {good.sum()}"
+            )
+        spread = np.abs(value - np.median(value[good]))
+        good = self._smooth(
+            value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good])))
+        )
+        if good.sum() < LEAST_ENDS:
+            raise InputError("groove", "its faces lie at another place in every profile: no groove?")
+        course = fit_course(s[good], value[good], variance[good], self.group[good])
+        hidden = ~covered(np.where(good, self.s, np.nan), self.group, self.at)
+        return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at), course)
+
+    def _smooth(self, value: Float, good: Bool, step: float) -> Bool:
+        """Profiles (n,) of `good` whose values lie within TOGETHER_STEPS of one smooth course."""
+        wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
+        off = value - np.median(value[good])
+        for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0)):
+            near = good & (np.abs(off) < wide * max(step, 0.02))
+            if near.sum() < max(LEAST_ENDS, 2 * degree):
+                break
+            off = value - np.polynomial.Polynomial.fit(self.s[near], value[near], degree)(self.s)
+        return np.asarray(good & (np.abs(off) < TOGETHER_STEPS * step))
+
+    def _shared(self, *variances: Float) -> float:
+        """What the columns' fixed pattern leaves of the sum of single profiles' variances: standard deviation."""
+        pattern = max(one.pattern for one in self.lines)
+        return math.sqrt(pattern * sum(typical(v) for v in variances))
+
+    def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
+        self.sizes[name] = Quantity(
+            value,
+            {
+                FACES: np.hypot(faces, math.hypot(LEAST_U_MM, form)),
+                PATTERN: np.full(value.size, pattern),
+                RETURNS: np.full(value.size, returns),
+                DIRECTION: np.abs(value) * self.scale_u,
+            },
+        )
+
+    def _deg(self, name: str, value: Float, u: Float, pattern: float, sides: tuple[str, ...]) -> None:
+        self.sizes[name] = Quantity(
+            value / DEG,
+            {
+                FACES: np.hypot(u / DEG, LEAST_U_DEG),
+                PATTERN: np.full(value.size, pattern / DEG),
+                DIRECTION: np.hypot(len(sides) * self.turn_u, np.hypot.reduce([self.slope_u[k] for k in sides])) / DEG,
+            },
+        )
+
+    def _fall(self, name: str, one: Lines) -> tuple[Float, Float] | None:
+        """Angle of a bevel or flank below its plate, and u (k,), rad; None: it has none."""
+        if one.kind not in ("bevel", "round"):
+            return None
+        fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
+        self._bevel_shared = self._shared(one.plate_variance, one.face_variance)
+        self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared, (name,))
+        return fall.value, fall.u
+
+    def _root(self, one: Lines, fall: tuple[Float, Float] | None) -> _Root:
+        """The root's upper edge, from the upper corner: how far below and how far inwards."""
+        zero = np.zeros(self.at.size)
+        if one.kind not in PREPARED:
+            return _Root(zero, zero, 0.0, zero, zero, 0.0)
+        off = one.last - one.corner
+        if one.kind != "bevel":
+            low = one.corner[:, 1] - one.bottom
+            depth = self._course(low, one.corner_variance[:, 1] + one.bottom_variance)
+            run, run_u, step = self._end(off[:, 0], one)
+            return _Root(depth.value, depth.u, 0.0, run, run_u, STEP_SHARE * step)
+        if fall is None:
+            raise AssertionError("a bevel has an angle")
+        way = np.stack([np.cos(one.face), np.sin(one.face)], axis=1)
+        low = (off * way).sum(axis=1)
+        shown = np.isfinite(one.root_a)
+        if shown.mean() > SHOWS:  # a root face is seen: the bevel ends where it meets that
+            low = np.where(shown, (one.root_a - one.corner[:, 0]) / way[:, 0], np.nan)
+            step = typical(one.step)
+            near = self._together(low, shown & np.isfinite(self.s), step)
+            far = far_u = np.full(self.at.size, np.nan)
+            if near.any():
+                course = self._course(np.where(near, low, np.nan), (one.sigma / way[:, 0]) ** 2)
+                hidden = ~covered(np.where(near, self.s, np.nan), self.group, self.at)
+                far, far_u = np.where(hidden, np.nan, course.value), course.u
+        else:
+            far, far_u, step = self._end(low, one)
+        angle, angle_u = fall
+        c, d, end = np.cos(angle), np.sin(angle), STEP_SHARE * step
+        mean = typical(angle)
+        return _Root(
+            far * d,
+            np.hypot(d * far_u, c * far * angle_u),
+            end * math.sin(mean),
+            far * c,
+            np.hypot(c * far_u, d * far * angle_u),
+            end * math.cos(mean),
+        )
+
+    def _lit(self, roots: list[_Root], width_mm: float, step_mm: float) -> list[_Root]:
+        """The roots, less a lower one that the other plate's root hides: its returns end in the shadow of that.
+
+        The upper root at (b, h) from the lower one lies on the line of sight that ends there; (lean, 1) is the view's.
+        """
+        left, right = roots
+        high = step_mm + typical(left.depth) - typical(right.depth)
+        self.high = abs(high)
+        apart = width_mm - typical(left.run) - typical(right.run)
+        columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.lines)
+        if abs(high) > SHADOW_MM and abs(apart - self.lean * high) < columns + SHADOW_FAN * abs(high):
+            unknown = np.full(self.at.size, np.nan)
+            roots[0 if high > 0 else 1] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0)
+            self.shadowed = True
+        return roots
+
+    def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
+        """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""
+        good = np.isfinite(low) & np.isfinite(self.s) & np.isfinite(one.step)
+        good = self._together(low, good, typical(one.step))
+        if not good.any():
+            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan), typical(one.step)
+        return self._silhouette(low, one.step, one.sigma, good)
+
+    def _together(self, low: Float, good: Bool, step: float) -> Bool:
+        """Profiles (n,) whose ends follow one smooth course: a tack weld, or lost returns, end a face earlier.
+
+        None where too few agree: the end is then not measured.
+        """
+        if good.sum() < LEAST_ENDS:
+            return np.zeros(good.size, bool)
+        near = self._smooth(low, good, step)
+        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        lost = ~near[order]
+        run = np.convolve(lost, np.ones(LOST_RUN), "same") >= LOST_RUN  # its flanks hide the end in part
+        for place in self.s[order][run]:
+            near &= np.abs(self.s - place) > LOST_BESIDE_MM
+        enough = near.sum() >= max(LEAST_ENDS, LEAST_TOGETHER * good.sum())
+        return np.asarray(near & enough)
+
+    def _silhouette(self, low: Float, step: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
+        order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
+        s, low, step = self.s[order], low[order], step[order]
+        rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
+        ends = Ends(
+            s,
+            low,
+            step,
+            np.full(s.size, sigma),
+            np.full(s.size, 0.05),
+            np.ones(s.size),
+            np.full(s.size, np.nan),
+            np.full(s.size, np.nan),
+            np.zeros(s.size),
+        )
+        found = find_end(ends, rough)
+        near = np.full(self.s.size, np.nan)
+        near[order] = s
+        hidden = ~covered(near, self.group, self.at)
+        for place in found.s[found.contradicted]:
+            hidden |= np.abs(self.at - place) < CELL_MM
+        value = np.where(hidden, np.nan, found.course.value(self.at))
+        return value, np.hypot(found.course.u(self.at), end_loose_mm(found, self.at)), float(np.median(step))
+
+    def _corners(self, roots: list[_Root]) -> None:
+        """Upper corners from their own courses; roots from these."""
+        for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
+            a, b = self.upper[name]
+            place = np.stack([a.value, b.value], axis=1)
+            end = math.hypot(END_SHARE * typical(one.edge_step), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
+            u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
+            self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
+            if one.kind in PREPARED:
+                low = place + np.stack([root.run, -root.depth], axis=1)
+                low_u = np.stack(
+                    [
+                        np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
+                        np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2),
+                    ],
+                    axis=1,
+                )
+                self.corners[f"{name}_root"] = Corner(low * [mirror, 1.0], low_u)
+
+    def _root_faces(self, roots: list[_Root]) -> None:
+        """Root faces that the sensor sees down to their lower edge past the other plate."""
+        if self.shadowed:
+            return  # what is seen below the upper root may be the other plate
+        gap = typical(self.sizes["gap_mm"].value)
+        for k, (name, one, root) in enumerate(zip(("left", "right"), self.lines, roots, strict=True)):
+            if one.kind not in ("bevel", "round"):
+                continue
+            towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
+            column = typical(one.step) * abs(math.cos(typical(one.face)))
+            shown = np.isfinite(one.lowest).all(axis=1) & np.isfinite(self.s)
+            if (
+                one.kind == "bevel"
+                and towards > SURE_LEAN
+                and SURE_FACE_MM * towards > SURE_STEPS * column
+                and shown.mean() < 0.05
+            ):
+                self.root_face_excluded = True
+            if shown.sum() < 3 or shown.mean() < SHOWS:
+                continue
+            drop = one.corner[:, 1] - one.lowest[:, 1]
+            if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < self.high + 2.0 * BELOW_MM:
+                continue  # without a gap, what is seen below the upper root is the other plate
+            self.root_face_seen = True
+            good = shown & (
+                np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing)
+            )
+            if good.sum() < 3 or towards <= 0.0:
+                continue
+            far, far_u, step = self._silhouette(drop, one.spacing, one.sigma, good)
+            face = far - root.depth
+            clear = gap / towards - typical(np.abs(self.misalignment))
+            if typical(face) < 2.0 * BELOW_MM or typical(face) + CLEAR_MM > clear:
+                continue
+            size = f"root_face_{name}_mm"
+            self._mm(size, face, np.hypot(far_u, root.depth_u), math.hypot(STEP_SHARE * step, root.depth_end), 0.0)
+            upper = self.corners[f"{name}_root"]
+            u = np.stack([upper.u_mm[:, 0], np.hypot(upper.u_mm[:, 1], self.sizes[size].u)], axis=1)
+            self.corners[f"{name}_lower"] = Corner(upper.section_mm - np.stack([0.0 * face, face], axis=1), u)
+
+
+class _Course:
+    """Values along the groove and their u (k,), at its stations."""
+
+    def __init__(self, value: Float, u: Float, smooth: Course) -> None:
+        self.value, self.u, self.smooth = value, u, smooth
+
+
+class _Root:
+    """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end."""
+
+    def __init__(
+        self, depth: Float, depth_u: Float, depth_end: float, run: Float, run_u: Float, run_end: float
+    ) -> None:
+        self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
+        self.run, self.run_u, self.run_end = run, run_u, run_end
+
+
+def typical(value: Float) -> float:
+    """Median of the finite values; NaN where there is none."""
+    finite = value[np.isfinite(value)]
+    return float(np.median(finite)) if finite.size else math.nan

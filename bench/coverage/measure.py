@@ -19,7 +19,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.poses import rotation_from_vector
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic.surface import build_surface
+from workbench.synthetic.surface import build_surface, pose
 from workbench.units import DEG, Bool, Float
 
 BOUNDARY_MM = 1.0  # this near to the end of a hidden stretch either answer is right
@@ -177,7 +177,7 @@ def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
     """
     if hasattr(truth, "upper_position_mm"):
         return truth.position_mm, truth.normal, truth.across, truth.upper_position_mm
-    width = truth.thickness_mm / math.cos(truth.recipe.part.end_face_tilt_deg * DEG)
+    width = truth.thickness_mm / (truth.across @ pose(truth.recipe.part.base_from_part)[:3, 2])
     upper = truth.position_mm + width[:, None] * truth.across
     waves = build_surface(truth.recipe.part, truth.recipe.seed).roughness
     if not len(waves):

@@ -33,10 +33,7 @@ COMPARED = Path(__file__).parents[1] / "compare" / "data"
 GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipeline that have no defaults
     "cloud.crop": {"low_mm": [-1e5, -1e5, -1e5], "high_mm": [1e5, 1e5, 1e5]},
     "cloud.downsample": {"voxel_mm": 0.5},
-    "cloud.register": {
-        "reference": str(PIPELINES.parent / "data" / "synthetic" / "milled_edge.laz"),
-        "least_overlap": 0.01,
-    },
+    "cloud.register": {"reference": str(PIPELINES.parent / "data" / "synthetic" / "raw_edge.laz")},
     "compare.mesh": {"mesh": str(COMPARED / "wedge.obj")},
     "compare.reference_fits": {"points": [str(COMPARED / "sphere.ds")], "shape": "sphere"},
 }

@@ -30,8 +30,9 @@ def hills(u, w):
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_slopes_are_those_of_the_body(curve):
-    surface = cut_part(curve, hills, end_face_tilt_deg=3)
+@pytest.mark.parametrize("twist_deg", [0.0, 15.0])
+def test_slopes_are_those_of_the_body(curve, twist_deg):
+    surface = cut_part(curve, hills, end_face_tilt_deg=3, end_face_twist_deg=twist_deg)
     rng, step, on_cut = np.random.default_rng(0), 1e-6, 0
     for u, h, z in zip(rng.uniform(2, 38, 60), rng.uniform(-6, 1, 60), rng.uniform(1, 8, 60), strict=True):
         _, face, *slopes = raycast.body(surface, u, h, z)
@@ -43,10 +44,10 @@ def test_slopes_are_those_of_the_body(curve):
 
 
 @pytest.mark.parametrize("curve", CURVES)
-@pytest.mark.parametrize("roughness_mm", [0.0, 0.1])
-def test_rays_stop_where_the_body_begins(curve, roughness_mm):
+@pytest.mark.parametrize(("roughness_mm", "twist_deg"), [(0.0, 0.0), (0.1, 0.0), (0.0, 12.0)])
+def test_rays_stop_where_the_body_begins(curve, roughness_mm, twist_deg):
     """The first point with F <= 0 on each ray, found by looking every 0.005 mm; grazing rays among them."""
-    surface = cut_part(curve, hills, roughness_mm=roughness_mm)
+    surface = cut_part(curve, hills, roughness_mm=roughness_mm, end_face_twist_deg=twist_deg)
     rng, hits, late = np.random.default_rng(1), 0, 0
     ways = np.arange(0, 30, 0.005)
     for _ in range(40):

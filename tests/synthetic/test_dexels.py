@@ -17,7 +17,7 @@ def lines(floor=-50.0):
     base = np.zeros((SIZE[0], 3))
     base[:, 0] = np.linspace(-4, 4, SIZE[0])
     along = np.tile([0.0, 1.0, 0.0], (SIZE[0], 1)), np.tile([0.0, 0.0, 1.0], (SIZE[0], 1))
-    return Lines(base, *along, -3.0, 0.1, np.full(SIZE[1], floor))
+    return Lines(base, *along, -3.0, 0.1, np.full(SIZE, floor))
 
 
 def swept(frames, positions, step=0.1, radius=RADIUS, floor=-50.0, start=np.inf):

@@ -46,16 +46,16 @@ def plan_curve(curve, u):
 
 
 @pytest.mark.parametrize("curve", CURVES)
-@pytest.mark.parametrize("tilt_deg", [0.0, 4.0])
+@pytest.mark.parametrize(("tilt_deg", "twist_deg"), [(0.0, 0.0), (4.0, 0.0), (-2.0, 20.0)])
 @pytest.mark.parametrize("u", [11.0, 47.3, 80.0])
-def test_section_plane_cuts_root_and_bevel_as_ordered(curve, tilt_deg, u):
+def test_section_plane_cuts_root_and_bevel_as_ordered(curve, tilt_deg, twist_deg, u):
     """Rays in the section plane meet two straight lines: the root's width and the bevel's angle are the recipe's."""
-    surface = build_surface(part_of(curve, end_face_tilt_deg=tilt_deg))
+    surface = build_surface(part_of(curve, end_face_tilt_deg=tilt_deg, end_face_twist_deg=twist_deg))
     tangent = (plan_curve(curve, u + 1e-5) - plan_curve(curve, u - 1e-5)) / 2e-5
     tangent /= np.linalg.norm(tangent)
     outward = np.array([tangent[1], -tangent[0], 0.0])  # t = up x outward
     origin = np.array([*plan_curve(curve, u), 0.0])
-    tilt = math.radians(tilt_deg)
+    tilt = math.radians(tilt_deg + twist_deg * (u / LENGTH - 0.5))
     normal = math.cos(tilt) * outward - math.sin(tilt) * np.array([0, 0, 1.0])
     across = math.cos(tilt) * np.array([0, 0, 1.0]) + math.sin(tilt) * outward
     near = np.array([origin[0], origin[1], outward[0], outward[1]])
@@ -94,8 +94,10 @@ def test_projection_is_the_nearest_point_of_the_edge(curve):
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_gradient_of_the_body_matches_differences(curve):
-    surface = build_surface(part_of(curve, end_face_tilt_deg=3, burrs=[{"from_mm": 20, "to_mm": 60}], roughness_mm=0.2))
+@pytest.mark.parametrize("twist_deg", [0.0, -25.0])
+def test_gradient_of_the_body_matches_differences(curve, twist_deg):
+    face = {"end_face_tilt_deg": 3, "end_face_twist_deg": twist_deg, "roughness_mm": 0.2}
+    surface = build_surface(part_of(curve, burrs=[{"from_mm": 20, "to_mm": 60}], **face))
     rng, step = np.random.default_rng(6), 1e-6
     for u, h, z in rng.uniform((5, -12, -2), (85, 3, 10), (200, 3)):
         _, face, *slopes = raycast.body(surface, u, h, z)

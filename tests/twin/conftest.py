@@ -20,6 +20,8 @@ CURVES = {
     "concave": {"curve": {"shape": "arc", "radius_mm": 300, "sense": "concave"}},
     "wavy": {"curve": {"shape": "wavy", "amplitude_mm": 3, "wavelength_mm": 150, "phase_deg": 40}},
     "leaning": {"end_face_tilt_deg": 4},
+    # A cylinder of radius r cuts a face that turns by c rad/mm too deep by r c^2 w^2 / 2, w from the axis of turning.
+    "twisted": {"end_face_tilt_deg": -2, "end_face_twist_deg": 4},
 }
 LEAD_MM, CLEAR_MM = 8.0, 12.0
 

@@ -27,7 +27,7 @@ class Lines(NamedTuple):
     up: Float  # (U, 3) unit, the plane's outward normal
     w_first: float
     w_step: float
-    floor: Float  # (W,) height at which a line leaves the part below
+    floor: Float  # (U, W) height at which a line leaves the part below
 
 
 class Sweep(NamedTuple):
@@ -78,8 +78,8 @@ def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, ra
                 below = max(below, -beyond / ba)
         elif beyond > 0.0:
             continue
-        if below < above and below < height[column, row] and above > lines.floor[row]:
-            height[column, row] = max(below, lines.floor[row])
+        if below < above and below < height[column, row] and above > lines.floor[column, row]:
+            height[column, row] = max(below, lines.floor[column, row])
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from workbench.geometry.poses import inverse
 from workbench.synthetic import raycast
 from workbench.synthetic.dexels import Lines, Sweep, cut_lines
-from workbench.synthetic.surface import build_surface, clamp_boxes, course_values, edge_frames, pose
+from workbench.synthetic.surface import build_surface, clamp_boxes, course_values, edge_frames, end_face_axes, pose
 from workbench.synthetic.workpiece import CONVERGING, Cut, Workpiece
 from workbench.units import Float, Int
 
@@ -26,8 +26,8 @@ _NEAR_MM = 0.05  # a ray starts this far above the highest place that its line c
 
 def new_cut(surface: raycast.Surface, root_mm: float, bevel: float) -> Cut:
     """Nothing cut yet: lines from beyond the root face's lower edge to beyond the bevel's upper edge."""
-    columns, upwards = math.ceil(surface.length / U_STEP_MM) + 1, surface.tilt_cos * math.cos(bevel)
-    upper_edge = (surface.top - surface.tilt_cos * root_mm) / (upwards + surface.tilt_sin * math.sin(bevel))
+    columns, tilt = math.ceil(surface.length / U_STEP_MM) + 1, surface.tilt + surface.twist * _ends(surface)
+    upper_edge = float(np.max((surface.top - np.cos(tilt) * root_mm) / np.cos(bevel - tilt)))
     first = -root_mm * math.cos(bevel) - _BESIDE_MM
     rows = max(2, math.ceil((upper_edge + _BESIDE_MM - first) / W_STEP_MM) + 1)
     uncut = np.full((columns, rows), np.inf)
@@ -38,20 +38,26 @@ def lines_of(surface: raycast.Surface, cut: Cut) -> Lines:
     """The lines in the part's frame, and where each leaves the part through the lower surface."""
     edge, cosine, sine = edge_frames(surface, cut.u), math.cos(cut.bevel), math.sin(cut.bevel)
     outward, up = edge[:, :3, 0], edge[:, :3, 2]
-    n = surface.tilt_cos * outward - surface.tilt_sin * up
-    m = surface.tilt_cos * up + surface.tilt_sin * outward
+    n, m = end_face_axes(surface, cut.u, outward, up)
     base, across, normal = edge[:, :3, 3] + cut.root_mm * m, cosine * m - sine * n, cosine * n + sine * m
-    floor = np.full(len(cut.w_mm), -np.inf)
-    if normal[0, 2] > 0.0:  # else the lines leave the part elsewhere
-        through = cut.w_mm > -cut.root_mm * cosine  # the others pass beside it
-        floor[through] = -(base[0, 2] + cut.w_mm[through] * across[0, 2]) / normal[0, 2]
+    rises = normal[:, 2, None]
+    down = -(base[:, 2, None] + cut.w_mm * across[:, 2, None]) / np.where(rises > 0.0, rises, 1.0)
+    # Where a normal does not rise, its line leaves the part elsewhere; the first lines pass beside the part.
+    floor = np.where((rises > 0.0) & (cut.w_mm > -cut.root_mm * cosine), down, -np.inf)
     return Lines(base, across, normal, cut.w_first_mm, cut.w_step_mm, floor)
 
 
 def ceiling_mm(surface: raycast.Surface, cut: Cut) -> float:
     """A height over the bevel plane that no material reaches."""
-    corner = math.sin(cut.bevel) * (surface.top / surface.tilt_cos - cut.root_mm)
+    steepest = float(np.min(np.cos(surface.tilt + surface.twist * _ends(surface))))
+    corner = math.sin(cut.bevel) * (surface.top / steepest - cut.root_mm)
     return max(corner, 0.0) + surface.reserve + _ABOVE_MM
+
+
+def _ends(surface: raycast.Surface) -> Float:
+    """u where the end face's tilt is least or greatest, and where it is nothing if that lies between."""
+    upright = -surface.tilt / surface.twist if surface.twist else 0.0
+    return np.array([0.0, surface.length, min(max(upright, 0.0), surface.length)])
 
 
 def raw_heights_mm(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
@@ -65,13 +71,12 @@ def raw_heights_mm(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
 
 def _smooth_heights(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
     """As `raw_heights_mm`, without roughness and burrs: where each line crosses the end face or the upper surface."""
-    rise = lines.up[0, 2]
+    rise = lines.up[:, 2, None]
     height = np.asarray(np.broadcast_to(cut.w_mm * math.tan(cut.bevel), (len(cut.u), len(cut.w_mm))))
-    if rise <= 0.0:  # the end face leans further than the bevel
-        return height
     thickness = course_values(surface.thickness, cut.u)
     above = lines.base[:, 2, None] + cut.w_mm * lines.across[:, 2, None]
-    return np.asarray(np.minimum(height, (thickness[:, None] - above) / rise))
+    to_upper = (thickness[:, None] - above) / np.where(rise > 0.0, rise, 1.0)
+    return np.where(rise > 0.0, np.minimum(height, to_upper), height)  # else the end face leans further than the bevel
 
 
 # Whether the cutter runs into a clamp or the table: what a real cell would not forgive.
@@ -249,7 +254,8 @@ class Stock:
         """u and height over the bevel plane (k, 2) of points (k, 3) in the part's frame."""
         s, cut = self.surface, self._cut
         u, h = raycast.project_all(s, points).T[:2]
-        g, v = h * s.tilt_cos - points[:, 2] * s.tilt_sin, points[:, 2] * s.tilt_cos + h * s.tilt_sin
+        cosine, sine = np.cos(s.tilt + s.twist * u), np.sin(s.tilt + s.twist * u)
+        g, v = h * cosine - points[:, 2] * sine, points[:, 2] * cosine + h * sine
         return np.stack([u, math.cos(cut.bevel) * g + math.sin(cut.bevel) * (v - cut.root_mm)], axis=1)
 
 

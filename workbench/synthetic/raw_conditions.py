@@ -56,6 +56,12 @@ def rough(rng: Generator, document: Document) -> None:
     document["part"]["roughness_mm"] = 0.3
 
 
+def twist(rng: Generator, document: Document) -> None:
+    """The end face turns about the edge by up to 30 deg in 150 mm."""
+    straight(rng, document)
+    document["part"]["end_face_twist_deg"] = rng.uniform(-30, 30) * min(1.0, document["part"]["length_mm"] / 150)
+
+
 def burrs(rng: Generator, document: Document) -> None:
     """One to four of them, at either edge of the end face."""
     straight(rng, document)
@@ -112,6 +118,7 @@ RAW_CONDITIONS: dict[str, Condition] = {
     "raw_missing_20": raw(milled.missing),
     "raw_clamps": raw(milled.clamps),
     "raw_rough": rough,
+    "raw_twist": twist,
     "raw_burrs": burrs,
     "raw_below": below,
     "raw_two_pass": two_pass,

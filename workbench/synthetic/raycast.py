@@ -27,7 +27,7 @@ NOTHING, ROOT, BEVEL, UPPER, LOWER, END, CLAMP, TABLE = range(8)
 
 _ON_FACE_MM = 1e-9
 _OFFSET_MM = 0.02  # shadow rays start this far off the surface
-_OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
+OUTREACH_MM = 15.0  # rays are followed from this far in front of the end face
 CUT_REACH_MM = 3.0  # `CutTerms.relax` holds for steps up to this
 _EVEN = 0.952  # a greater `CutTerms.relax` speaks of a cut face with slopes below 0.03: there Newton's steps are good
 _DAMPED = 0.95
@@ -63,8 +63,10 @@ class Surface(NamedTuple):
     wave_phase: float
     length: float
     width: float
+    tilt: float  # rad, of the end face at u = 0, outwards towards its upper side
     tilt_cos: float
     tilt_sin: float
+    twist: float  # rad/mm: the tilt rises by it along u
     milled: bool
     thickness: CourseTerms
     root: CourseTerms
@@ -101,6 +103,14 @@ def course(c: CourseTerms, u: float) -> tuple[float, float]:
         value += c[2] * math.sin(angle)
         slope += c[2] * c[3] * math.cos(angle)
     return value, slope
+
+
+@kernel
+def lean(s: Surface, u: float) -> tuple[float, float]:
+    """Cosine and sine of the end face's tilt at u."""
+    if s.twist == 0.0:
+        return s.tilt_cos, s.tilt_sin
+    return math.cos(s.tilt + s.twist * u), math.sin(s.tilt + s.twist * u)
 
 
 @kernel
@@ -201,7 +211,9 @@ def _cut(c: CutTerms, u: float, g: float, v: float) -> tuple[float, float, float
 def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, float, float]:
     """F at a point, the face that F comes from, and F's derivatives by u, h and z."""
     thick, thick_u = course(s.thickness, u)
-    g, v = h * s.tilt_cos - z * s.tilt_sin, z * s.tilt_cos + h * s.tilt_sin
+    tilt_cos, tilt_sin = lean(s, u)
+    g, v = h * tilt_cos - z * tilt_sin, z * tilt_cos + h * tilt_sin
+    g_u, v_u = -v * s.twist, g * s.twist
     best, face, fu, fh, fz = -z, LOWER, 0.0, 0.0, -1.0
     root, root_u, sine, cosine, bevel_u = 0.0, 0.0, 0.0, 1.0, 0.0
     if s.milled:
@@ -211,17 +223,17 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
         f = cosine * g + sine * (v - root)
         if f > best:
             best, face = f, BEVEL
-            fu = bevel_u * (cosine * (v - root) - sine * g) - sine * root_u
-            fh, fz = cosine * s.tilt_cos + sine * s.tilt_sin, sine * s.tilt_cos - cosine * s.tilt_sin
+            fu = bevel_u * (cosine * (v - root) - sine * g) - sine * root_u + cosine * g_u + sine * v_u
+            fh, fz = cosine * tilt_cos + sine * tilt_sin, sine * tilt_cos - cosine * tilt_sin
     if s.cut.height.shape[0] > 0:
         f, f_u, f_g, f_v = _cut(s.cut, u, g, v)
         if f > best:
-            best, face, fu = f, BEVEL, f_u
-            fh, fz = f_g * s.tilt_cos + f_v * s.tilt_sin, f_v * s.tilt_cos - f_g * s.tilt_sin
+            best, face, fu = f, BEVEL, f_u + f_g * g_u + f_v * v_u
+            fh, fz = f_g * tilt_cos + f_v * tilt_sin, f_v * tilt_cos - f_g * tilt_sin
     bump, bump_u, bump_q = 0.0, 0.0, 0.0
     if s.burrs.shape[0] > 0:
-        along_bevel = cosine * s.tilt_cos + sine * s.tilt_sin
-        corner = (root * sine - thick * (sine * s.tilt_cos - cosine * s.tilt_sin)) / along_bevel
+        along_bevel = cosine * tilt_cos + sine * tilt_sin
+        corner = (root * sine - thick * (sine * tilt_cos - cosine * tilt_sin)) / along_bevel
         bump, bump_u, bump_q = _ridge(s, 1, u, h - corner)
     if z - thick - bump > best:
         best, face, fu, fh, fz = z - thick - bump, UPPER, -thick_u - bump_u, -bump_q, 1.0
@@ -231,8 +243,8 @@ def body(s: Surface, u: float, h: float, z: float) -> tuple[float, int, float, f
         rough, rough_u, rough_q = _rough(s, u, v)
         bump, bump_u, bump_q = burr + rough, burr_u + rough_u, burr_q + rough_q
     if g - bump > best:
-        best, face, fu = g - bump, ROOT, -bump_u
-        fh, fz = s.tilt_cos - bump_q * s.tilt_sin, -s.tilt_sin - bump_q * s.tilt_cos
+        best, face, fu = g - bump, ROOT, g_u - bump_u - bump_q * v_u
+        fh, fz = tilt_cos - bump_q * tilt_sin, -tilt_sin - bump_q * tilt_cos
     if -u > best:
         best, face, fu, fh, fz = -u, END, -1.0, 0.0, 0.0
     if u - s.length > best:
@@ -251,7 +263,7 @@ def _along(p: Vector, d: Vector, a: float) -> Vector:
 def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) -> tuple[float, float]:
     """The stretch of a ray in which it can meet the plate: below its top, above its bottom, close to its end face."""
     along = d[0] * near[2] + d[1] * near[3]
-    gap = (o[0] - near[0]) * near[2] + (o[1] - near[1]) * near[3] - _OUTREACH_MM
+    gap = (o[0] - near[0]) * near[2] + (o[1] - near[1]) * near[3] - OUTREACH_MM
     for rate, value in ((along, gap), (d[2], o[2] - s.top - 1.0), (-d[2], -o[2] - 1.0)):
         if abs(rate) < 1e-15:
             if value > 0.0:
@@ -272,7 +284,7 @@ def _hollow(s: Surface) -> float:
         bend = abs(s.wave_amplitude) * s.wave_number**2
     else:
         return 0.0
-    return bend / max(1.0 - _OUTREACH_MM * bend, 0.2)
+    return bend / max(1.0 - OUTREACH_MM * bend, 0.2)
 
 
 @kernel
@@ -326,12 +338,13 @@ def enter(
         slope = fu * (d[0] * tx + d[1] * ty) + fh * (d[0] * ty - d[1] * tx) + fz * d[2]
         if abs(f) < _ON_FACE_MM or (a == lo and f < 0.0):
             steep = math.sqrt(fu * fu + fh * fh + fz * fz)
-            return a, face, u, z * s.tilt_cos + h * s.tilt_sin, -slope / (steep * norm)
+            tilt_cos, tilt_sin = lean(s, u)
+            return a, face, u, z * tilt_cos + h * tilt_sin, -slope / (steep * norm)
         if cut and face == BEVEL:
             a += _step_to_cut(s.cut, u, f, slope, norm)
         else:
             sideways = abs(d[0] * tx + d[1] * ty) + 0.05 * norm
-            a += _step(s, f, slope, norm, hollow * sideways * sideways)
+            a += _step(s, f, slope, norm, (hollow * sideways + 2.0 * abs(s.twist) * norm) * sideways)
     return math.inf, NOTHING, 0.0, 0.0, 0.0
 
 

@@ -109,6 +109,7 @@ class Part(Strict):
     root_mm: Along = Course(start=1.5, end=1.5)
     bevel_deg: Along = Course(start=40.0, end=40.0)
     end_face_tilt_deg: Annotated[float, Field(ge=-20, le=20)] = 0.0
+    end_face_twist_deg: Annotated[float, Field(ge=-30, le=30)] = 0.0
     roughness_mm: Annotated[float, Field(ge=0, le=0.3)] = 0.0
     plate_width_mm: Positive = 200.0
     table_gap_mm: NonNegative | None = None

@@ -24,6 +24,8 @@ def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.
     burrs = np.array(
         [[float(b.edge == "upper"), b.from_mm, b.to_mm, b.height_mm, b.width_mm] for b in part.burrs]
     ).reshape(-1, 5)
+    twist = part.end_face_twist_deg * DEG / length
+    tilt = part.end_face_tilt_deg * DEG - 0.5 * twist * length
     return raycast.Surface(
         bend=_BENDS[curve.shape],
         curvature=bend if curve.sense == "convex" else -bend,
@@ -32,8 +34,10 @@ def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.
         wave_phase=curve.phase_deg * DEG,
         length=length,
         width=part.plate_width_mm,
-        tilt_cos=math.cos(part.end_face_tilt_deg * DEG),
-        tilt_sin=math.sin(part.end_face_tilt_deg * DEG),
+        tilt=tilt,
+        tilt_cos=math.cos(tilt),
+        tilt_sin=math.sin(tilt),
+        twist=twist,
         milled=part.kind == "milled",
         thickness=_course(part.thickness_mm, length),
         root=_course(part.root_mm, length),
@@ -42,9 +46,9 @@ def build_surface(part: Part, seed: int = 0, cut: Cut | None = None) -> raycast.
         rough_reach=float(np.sum(rough[:, 0])),
         burrs=burrs,
         top=part.thickness_mm.highest + sum(b.height_mm for b in part.burrs),
-        relax=_safe_step(rough, burrs),
+        relax=_safe_step(rough, burrs, abs(twist) * (part.thickness_mm.highest + raycast.OUTREACH_MM)),
         reserve=float(2 * np.sum(rough[:, 0]) + np.sum(burrs[:, 3])),
-        cut=raycast.UNCUT if cut is None else cut.terms,
+        cut=raycast.UNCUT if cut is None else cut.terms(twist),
     )
 
 
@@ -69,6 +73,12 @@ def edge_frames(surface: raycast.Surface, u: Float) -> Float:
     frames[:, 2, 2] = frames[:, 3, 3] = 1.0
     frames[:, 0, 3], frames[:, 1, 3] = x, y
     return frames
+
+
+def end_face_axes(surface: raycast.Surface, u: Float, outward: Float, up: Float) -> tuple[Float, Float]:
+    """n and m (n, 3) at u (n,): the end face's outward normal, and the direction across it from the lower edge."""
+    tilt = (surface.tilt + surface.twist * u)[:, None]
+    return np.cos(tilt) * outward - np.sin(tilt) * up, np.cos(tilt) * up + np.sin(tilt) * outward
 
 
 def arc_length(surface: raycast.Surface, u: Float) -> Float:
@@ -109,7 +119,7 @@ def _roughness(greatest: float, rng: np.random.Generator) -> Float:
     return np.stack([amplitude, wave * np.cos(direction), wave * np.sin(direction), phase], axis=1)
 
 
-def _safe_step(rough: Float, burrs: Float) -> float:
+def _safe_step(rough: Float, burrs: Float, turning: float) -> float:
     """1 / (a bound on |grad F|), so that a step of that share of F never jumps through a wall; 0 for a smooth part."""
     if len(rough) + len(burrs) == 0:
         return 0.0
@@ -117,4 +127,5 @@ def _safe_step(rough: Float, burrs: Float) -> float:
     if len(burrs):
         along = np.pi * burrs[:, 3] / (burrs[:, 2] - burrs[:, 1])
         steepest += np.max(np.hypot(0.86 * burrs[:, 3] / burrs[:, 4], along))
+    steepest += turning
     return float(1.0 / math.hypot(1.05, steepest))

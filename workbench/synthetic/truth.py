@@ -14,7 +14,7 @@ from workbench.strict_json import read_json
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
-from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, pose
+from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, end_face_axes, pose
 from workbench.synthetic.workpiece import Cut, Workpiece, profile_sizes
 from workbench.units import DEG, Bool, Float
 
@@ -104,14 +104,15 @@ def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None, cut:
     u = np.linspace(0.0, part.length_mm, round(part.length_mm / STATION_MM) + 1)
     base_from_edge = pose(part.base_from_part) @ edge_frames(surface, u)
     outward, up = base_from_edge[:, :3, 0], base_from_edge[:, :3, 2]
+    normal, across = end_face_axes(surface, u, outward, up)
     root, bevel_deg = _as_ordered(surface, u) if cut is None else profile_sizes(cut, u)
     return Truth(
         recipe=recipe,
         arc_length_mm=arc_length(surface, u),
         position_mm=base_from_edge[:, :3, 3],
         tangent=base_from_edge[:, :3, 1],
-        normal=surface.tilt_cos * outward - surface.tilt_sin * up,
-        across=surface.tilt_cos * up + surface.tilt_sin * outward,
+        normal=normal,
+        across=across,
         root_mm=root,
         bevel_deg=bevel_deg,
         thickness_mm=course_values(surface.thickness, u),

@@ -47,9 +47,8 @@ class Cut:
         """w (W,) of the rows."""
         return np.asarray(self.w_first_mm + np.arange(self.height_mm.shape[1]) * self.w_step_mm)
 
-    @property
-    def terms(self) -> CutTerms:
-        """The cut as the ray kernels see it."""
+    def terms(self, twist: float) -> CutTerms:
+        """The cut as the ray kernels see it, on an end face that turns by `twist` rad/mm."""
         height = self._even_height()
         return CutTerms(
             height,
@@ -59,7 +58,7 @@ class Cut:
             self.root_mm,
             math.cos(self.bevel),
             math.sin(self.bevel),
-            self._safe_share(height),
+            self._safe_share(height, abs(twist) * float(np.ptp(self.w_mm) + np.abs(self.root_mm))),
         )
 
     def _even_height(self) -> Float:
@@ -72,13 +71,14 @@ class Cut:
         beside = np.where(np.any(on_face, axis=1, keepdims=True), nearest, above)
         return np.minimum(self.height_mm, np.maximum(self.stock_mm + _CLEAR_MM, beside))
 
-    def _safe_share(self, height: Float) -> Float:
+    def _safe_share(self, height: Float, turning: float) -> Float:
         """Per column 1 / (a bound on the gradient of the height over the cut face), as far as a step may go."""
         along, up = np.zeros(len(height)), np.max(np.abs(np.diff(height, axis=1)), axis=1) / self.w_step_mm
         along[:-1] = np.max(np.abs(np.diff(height, axis=0)), axis=1) / self.u_step_mm
         near = 2 * math.ceil(CONVERGING * CUT_REACH_MM / self.u_step_mm) + 3
         steepest = np.hypot(
-            CONVERGING * scipy.ndimage.maximum_filter1d(along, near), scipy.ndimage.maximum_filter1d(up, near)
+            CONVERGING * (scipy.ndimage.maximum_filter1d(along, near) + turning),
+            scipy.ndimage.maximum_filter1d(up, near),
         )
         return np.asarray(1.0 / (1.05 * np.hypot(1.0, steepest)))
 

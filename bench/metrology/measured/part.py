@@ -27,7 +27,7 @@ from workbench.synthetic.workpiece import Workpiece
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
 
-SHAPES = ("raw_straight", "raw_arc", "raw_wavy")
+SHAPES = ("raw_straight", "raw_arc", "raw_wavy", "raw_twist")
 ALLOWANCE_MM = 0.5
 LARGEST_TOOL_ERROR_MM = 0.6
 HAND_EYE_MM = 0.4  # root mean square of its length

@@ -10,7 +10,7 @@ import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.limits import most
-from workbench.edge.groove_profile import TRIM_MM, Kind, Side, read_profile, upwards
+from workbench.edge.groove_profile import TRIM_MM, Kind, Side, is_read, read_profile, upwards
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
@@ -82,7 +82,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     up = upwards([p[0] for p in some], [p[1] for p in some])
     if up == 0.0:
         raise InputError(cloud.source, "expected two plates with a groove between them: nothing is seen below them")
-    read = [read_profile(x, up * z) for x, z, _ in profiles]
+    read = [one if one and is_read(one) else None for one in (read_profile(x, up * z) for x, z, _ in profiles)]
     both = [one for one in read if one is not None]
     share = len(both) / max(len(frames), 1)
     if not both:

@@ -16,8 +16,9 @@ import numpy as np
 from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
 from workbench.units import DEG, Bool, Float, Int
 
-# edge: nothing is seen below the upper surface; hidden: a fillet, but not the flank above it
-Kind = Literal["edge", "square", "bevel", "round", "hidden"]
+# edge: nothing is seen below the upper surface; hidden: a fillet, but not the flank above it; unread: a face that is
+# too steep, low or curved to read
+Kind = Literal["edge", "square", "bevel", "round", "hidden", "unread"]
 
 LEAST_PLATE_MM, LEAST_PLATE_POINTS = 1.5, 12
 PARALLEL = 8.0 * DEG  # plates that meet at more are no butt joint
@@ -31,7 +32,7 @@ LEAST_WHOLE = 60  # returns of a line that is one face in spite of a gap
 NEAR_MM = 2.0  # of a face from the corner at which it starts, with the edge's rounding
 ROUND_TURN, ROUND_END = 6.0 * DEG, 45.0 * DEG  # a fillet turns by more, and comes to fall by less than
 FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less where they are the fillet's
-ASIDE_OF_EDGE_MM = 4.0  # at most, of the first return of such a fillet from the upper surface's end
+ASIDE_OF_EDGE_MM = 4.0  # at most, of a face, or the first return of such a fillet, from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
 ROUNDED_FACE_MM = 1.2  # a shorter line above one that falls more is the rounded upper edge, no face
@@ -70,7 +71,16 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
     if abs(turn) > PARALLEL:
         return None
     # What lost returns cut in two is one surface; plates in line over a gap without returns are not: tried next.
-    return _both_sides(x, y, lines, long, True) or _both_sides(x, y, lines, long, False)
+    goes_on = _both_sides(x, y, lines, long, True)
+    if goes_on is not None and is_read(goes_on):
+        return goes_on
+    ends = _both_sides(x, y, lines, long, False)
+    return ends if goes_on is None or (ends is not None and is_read(ends)) else goes_on
+
+
+def is_read(sides: tuple[Side, Side]) -> bool:
+    """Whether the faces of both plates could be read."""
+    return "unread" not in (sides[0].kind, sides[1].kind)
 
 
 def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tuple[Side, Side] | None:
@@ -147,8 +157,10 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         cross = (line[OFFSET] - plate[OFFSET]) / (plate[SLOPE] - line[SLOPE])
         corner = np.array([cross, plate[SLOPE] * cross + plate[OFFSET]])
         first, last = max(int(line[FIRST]), 0), int(line[LAST])
-        if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM or x[end] - cross > NEAR_MM:
+        if math.hypot(x[first] - corner[0], y[first] - corner[1]) > NEAR_MM:
             break
+        if not -ASIDE_OF_EDGE_MM < x[end] - cross < NEAR_MM:
+            break  # the other plate's face
         trim = TRIM_MM  # a rounding takes as much off both faces
         if rounded >= 0:
             trim = max(trim, math.hypot(x[rounded] - corner[0], y[rounded] - corner[1]) + 0.5 * TRIM_MM)
@@ -181,9 +193,8 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
     arc = _hidden_fillet(x, y, above, lines, level, end)
     if arc.size:
         return Side("hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), nothing)
-    if _goes_down(x, y, above, level, end):
-        return None  # a face that could not be read is none that is not seen
-    return Side("edge", math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
+    kind = "unread" if _goes_down(x, y, above, level, end) else "edge"
+    return Side(kind, math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
 
 
 def _fall(level: float, line: Float) -> float:

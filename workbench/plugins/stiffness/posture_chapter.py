@@ -228,9 +228,12 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
     ]
     kept = [row for row in kept if np.isfinite(row[1]).any()]
+    angles = {"cutter rotation": made.cutter_rotation[loaded], "turntable": made.turntable[loaded]}
+    turned = {name: _from_start(angle) for name, angle in angles.items()} if found.mode != "constant" else {}
+    rows = len(kept) + bool(turned)
     with pieces.styled():
-        figure = Figure(figsize=(10, 4.6 + 1.2 * len(kept)), layout="constrained")
-        top, below, *others = figure.subplots(2 + len(kept), 1, sharex=True, height_ratios=(2, 1, *[1] * len(kept)))
+        figure = Figure(figsize=(10, 3.4 + 1.2 * rows), layout="constrained")
+        top, *others = np.ravel(figure.subplots(1 + rows, 1, sharex=True, height_ratios=(2, *[1] * rows)))
         for name, case in found.cases.items():
             if case is not None and not (name == "best" and found.mode == "constant"):
                 top.plot(case.displacement_mm, lw=1, label=name)
@@ -239,18 +242,19 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         top.set_ylabel("displacement,\nmm")
         top.set_ylim(0, top.get_ylim()[1])
         top.legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        for angle, name in ((made.cutter_rotation, "cutter rotation"), (made.turntable, "turntable")):
-            below.plot(_from_start(angle[loaded]), lw=1, label=name)
-        below.set_ylabel("from its\nstart, °")
-        below.set_ylim(min(-1.0, below.get_ylim()[0]), max(1.0, below.get_ylim()[1]))  # a constant angle is a line
-        below.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        for axes, (name, values, limit) in zip(others, kept, strict=True):
+        if turned:
+            for name, angle in turned.items():
+                others[0].plot(angle, lw=1, label=name)
+            others[0].set_ylabel("from its\nstart, °")
+            others[0].set_ylim(min(-1.0, others[0].get_ylim()[0]), max(1.0, others[0].get_ylim()[1]))
+            others[0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        for axes, (name, values, limit) in zip(others[bool(turned) :], kept, strict=True):
             axes.plot(values, lw=1.1)
             axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="required")
             axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))
             axes.set_ylabel(name)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        (others or [below])[-1].set_xlabel("points that cut, in the order of motion")
+        [top, *others][-1].set_xlabel("points that cut, in the order of motion")
         figure.align_ylabels()
         return pieces.svg(figure)
 

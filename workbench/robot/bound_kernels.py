@@ -6,6 +6,8 @@ Arrays are passed whole, with indices: a slice of an array costs as much as the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workbench.kernels import kernel
@@ -16,6 +18,22 @@ SECTION = 0.6180339887498949  # golden
 FAR_MM = 1e9  # farther apart than anything
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
+
+
+class Scene(NamedTuple):
+    """A robot's axes at zero, the turntable's pose, and the S volumes and P pairs of `BoundingVolumes`."""
+
+    axes: AnyArray  # (6, 3) unit
+    points: AnyArray  # (6, 3) mm
+    table: AnyArray  # (4, 4) at angle 0
+    link: AnyArray
+    solid: AnyArray
+    ends: AnyArray
+    radius: AnyArray
+    pose: AnyArray
+    half: AnyArray
+    around: AnyArray  # (S,) radius of the sphere around each volume
+    pairs: AnyArray
 
 
 @kernel(error_model="numpy")
@@ -40,110 +58,88 @@ def _place(
 
 
 @kernel(error_model="numpy")
+def _room(scene: Scene) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]:
+    """Room for motions of links, for turns of joints and table, and for what `_place` places."""
+    count = len(scene.link)
+    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
+    turn[8] = scene.table[:3]
+    return motion, turn, np.empty((count, 2, 3)), np.empty((count, 3, 4)), np.empty((count, 3))
+
+
+@kernel(error_model="numpy")
 def bound_kernel(
-    axes: AnyArray,
-    points: AnyArray,
+    scene: Scene,
     joints: AnyArray,
-    table: AnyArray,
     turned: AnyArray,
-    link: AnyArray,
-    solid: AnyArray,
-    ends: AnyArray,
-    radius: AnyArray,
-    pose: AnyArray,
-    half: AnyArray,
-    around: AnyArray,
-    pairs: AnyArray,
     most: float,
 ) -> AnyArray:
-    """See `clearance_bound_mm`; `around` (S,): radius of the sphere around each volume; `most` is enough to know."""
+    """See `clearance_bound_mm`; `most` is enough to know."""
     found = np.empty(len(joints))
-    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
-    turn[8] = table[:3]
-    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    motion, turn, at, placed, middle = _room(scene)
+    # Taken out of the scene once: in the loop that would be counted for every posture.
+    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, solid, ends, pose)
-        found[n] = _smallest(at, placed, middle, radius, half, around, solid, pairs, most)
+        found[n] = _smallest(at, placed, middle, scene, 0, len(scene.pairs), most)
     return found
 
 
 @kernel(error_model="numpy")
 def pairs_kernel(
-    axes: AnyArray,
-    points: AnyArray,
+    scene: Scene,
     joints: AnyArray,
-    table: AnyArray,
     turned: AnyArray,
-    link: AnyArray,
-    solid: AnyArray,
-    ends: AnyArray,
-    radius: AnyArray,
-    pose: AnyArray,
-    half: AnyArray,
-    around: AnyArray,
-    pairs: AnyArray,
 ) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
-    found, middles = np.zeros((len(joints), len(pairs))), np.zeros((len(joints), len(link), 3))
-    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
-    turn[8] = table[:3]
-    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
+    motion, turn, at, placed, middle = _room(scene)
+    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, solid, ends, pose)
         middles[n] = middle
-        for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], FAR_MM)
+        for i in range(len(scene.pairs)):
+            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, FAR_MM)
     return found, middles
 
 
 @kernel(error_model="numpy")
 def near_kernel(
-    axes: AnyArray,
-    points: AnyArray,
+    scene: Scene,
     joints: AnyArray,
-    table: AnyArray,
     turned: AnyArray,
-    link: AnyArray,
-    solid: AnyArray,
-    ends: AnyArray,
-    radius: AnyArray,
-    pose: AnyArray,
-    half: AnyArray,
-    around: AnyArray,
-    pairs: AnyArray,
     least: float,
 ) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least`."""
     start = least + 1e-6  # what is farther apart need not be known
-    found = np.zeros((len(joints), len(pairs)), np.bool_)
-    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
-    turn[8] = table[:3]
-    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
+    motion, turn, at, placed, middle = _room(scene)
+    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, solid, ends, pose)
-        for i in range(len(pairs)):
-            found[n, i] = _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], start) <= least
+        for i in range(len(scene.pairs)):
+            found[n, i] = (
+                _smallest(
+                    at,
+                    placed,
+                    middle,
+                    scene,
+                    i,
+                    i + 1,
+                    start,
+                )
+                <= least
+            )
     return found
 
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    axes: AnyArray,
-    points: AnyArray,
+    scene: Scene,
     joints: AnyArray,
-    table: AnyArray,
     turned: AnyArray,
-    link: AnyArray,
-    solid: AnyArray,
-    ends: AnyArray,
-    radius: AnyArray,
-    pose: AnyArray,
-    half: AnyArray,
-    around: AnyArray,
-    pairs: AnyArray,
     outer: AnyArray,
     moves: AnyArray,
     least: float,
@@ -151,9 +147,8 @@ def swept_kernel(
     """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved."""
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
-    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
-    turn[8] = table[:3]
-    at, placed, middle = np.empty((len(link), 2, 3)), np.empty((len(link), 3, 4)), np.empty((len(link), 3))
+    motion, turn, at, placed, middle = _room(scene)
+    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
     first, last = np.zeros(64, np.int64), np.zeros(64, np.int64)
     for n in range(count):
@@ -169,11 +164,19 @@ def swept_kernel(
                 _move(motion, turn, axes, points, joints[n], turned[n], m)
                 _place(at, placed, middle, motion, link, solid, ends, pose)
                 _axes_there(motion, axes, points, lever)
-                for i in range(len(pairs)):
-                    moved = _moved(outer[i], moves, i, lever, reach, middle, around) / (1.0 - total)
+                for i in range(len(scene.pairs)):
+                    moved = _moved(outer[i], moves, i, lever, reach, middle, scene.around) / (1.0 - total)
                     need = least + moved
                     if (
-                        _smallest(at, placed, middle, radius, half, around, solid, pairs[i : i + 1], need + 1e-6)
+                        _smallest(
+                            at,
+                            placed,
+                            middle,
+                            scene,
+                            i,
+                            i + 1,
+                            need + 1e-6,
+                        )
                         <= need
                     ):
                         free = False
@@ -251,15 +254,14 @@ def _smallest(
     at: AnyArray,
     placed: AnyArray,
     middle: AnyArray,
-    radius: AnyArray,
-    half: AnyArray,
-    around: AnyArray,
-    solid: AnyArray,
-    pairs: AnyArray,
+    scene: Scene,
+    first: int,
+    last: int,
     best: float,
 ) -> float:
-    """The smallest distance of all pairs below `best`, or one that is 0 or less; what is surely farther is left out."""
-    for i in range(len(pairs)):
+    """The smallest distance of pairs [first, last) below `best`, or one of 0 or less; what is farther is left out."""
+    radius, half, around, solid, pairs = scene.radius, scene.half, scene.around, scene.solid, scene.pairs
+    for i in range(first, last):
         a, b = pairs[i, 0], pairs[i, 1]
         reach = best + around[a] + around[b]
         x, y, z = middle[a, 0] - middle[b, 0], middle[a, 1] - middle[b, 1], middle[a, 2] - middle[b, 2]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import BOX, CYLINDER, FAR_MM, NONE, bound_kernel, near_kernel, pairs_kernel
+from workbench.robot.bound_kernels import BOX, CYLINDER, FAR_MM, NONE, Scene, bound_kernel, near_kernel, pairs_kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
@@ -52,6 +52,23 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     )
 
 
+def scene(cell: Cell, volumes: BoundingVolumes) -> Scene:
+    """The cell and its volumes as the kernels see them."""
+    return Scene(
+        cell.chain.axes,
+        cell.chain.points_mm,
+        turntable_pose(cell, 0.0),
+        volumes.link,
+        volumes.solid,
+        volumes.ends_mm,
+        volumes.radius_mm,
+        volumes.pose,
+        volumes.half_mm,
+        volumes.around_mm,
+        volumes.pairs,
+    )
+
+
 def clearance_bound_mm(
     cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM
 ) -> Float:
@@ -61,67 +78,24 @@ def clearance_bound_mm(
     farther apart than `most_mm` need not be known, and takes less time.
     """
     q = np.ascontiguousarray(joints, float).reshape(-1, 6)
-    v, table = volumes, np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
-    return np.asarray(
-        bound_kernel(
-            cell.chain.axes,
-            cell.chain.points_mm,
-            q,
-            turntable_pose(cell, 0.0),
-            table,
-            v.link,
-            v.solid,
-            v.ends_mm,
-            v.radius_mm,
-            v.pose,
-            v.half_mm,
-            v.around_mm,
-            v.pairs,
-            most_mm,
-        )
-    )
+    table = np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
+    return np.asarray(bound_kernel(scene(cell, volumes), q, table, most_mm))
 
 
 def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> Bool:
     """Which pairs (n, P) are not proven to keep apart at joint angles (n, 6) and turntable angles (n,), rad."""
-    v, least = volumes, cell.margin_mm + SAFE_MM
+    least = cell.margin_mm + SAFE_MM
     return np.asarray(
         near_kernel(
-            cell.chain.axes,
-            cell.chain.points_mm,
-            np.ascontiguousarray(joints, float),
-            turntable_pose(cell, 0.0),
-            np.ascontiguousarray(turntable, float),
-            v.link,
-            v.solid,
-            v.ends_mm,
-            v.radius_mm,
-            v.pose,
-            v.half_mm,
-            v.around_mm,
-            v.pairs,
-            least,
+            scene(cell, volumes), np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float), least
         )
     )
 
 
 def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:
     """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,)."""
-    v = volumes
     found, middles = pairs_kernel(
-        cell.chain.axes,
-        cell.chain.points_mm,
-        np.ascontiguousarray(joints, float),
-        turntable_pose(cell, 0.0),
-        np.ascontiguousarray(turntable, float),
-        v.link,
-        v.solid,
-        v.ends_mm,
-        v.radius_mm,
-        v.pose,
-        v.half_mm,
-        v.around_mm,
-        v.pairs,
+        scene(cell, volumes), np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float)
     )
     return np.asarray(found), np.asarray(middles)
 

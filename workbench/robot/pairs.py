@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.robot.bound_kernels import swept_kernel
-from workbench.robot.bounds import bounding_volumes
+from workbench.robot.bounds import bounding_volumes, scene
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import joint_axes
@@ -74,22 +74,11 @@ class Pairs:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
             table: (c,) rad, standing.
         """
-        v, chain = self.volumes, self.cell.chain
         return np.asarray(
             swept_kernel(
-                chain.axes,
-                chain.points_mm,
+                scene(self.cell, self.volumes),
                 np.ascontiguousarray(joints, float),
-                turntable_pose(self.cell, 0.0),
                 np.ascontiguousarray(table, float),
-                v.link,
-                v.solid,
-                v.ends_mm,
-                v.radius_mm,
-                v.pose,
-                v.half_mm,
-                v.around_mm,
-                v.pairs,
                 self.outer,
                 self.joints,
                 self.cell.margin_mm + OFF_MM,

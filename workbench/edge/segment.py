@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
@@ -17,6 +15,7 @@ from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
 from workbench.edge.sizes import corrected_angles, sizes, turned_u
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
@@ -42,23 +41,12 @@ ROUNDED = (
 def segment(
     cloud: Cloud,
     *,
-    root_nominal_mm: Annotated[
-        float, Field(gt=0, le=50, description="expected root face, tells the faces apart")
-    ] = 1.5,
-    bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
-    ] = 0.07,
-    end_u_mm: Annotated[
-        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
-    ] = 0.0,
-    most_radius_mm: Annotated[
-        float, Field(ge=0.01, le=0.8, description="greatest radius of the lower edge, where the view shows none")
-    ] = HIDDEN_RADIUS_MM,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of the checks of the faces by name (docs/checks.md)"),
-    ] = {},  # noqa: B006  (never changed)
+    root_nominal_mm: RootNominal = 1.5,
+    bevel_nominal_deg: BevelNominal = 40.0,
+    robot_noise_mm: RobotNoise = 0.07,
+    end_u_mm: EndU = 0.0,
+    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 

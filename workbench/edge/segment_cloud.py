@@ -15,6 +15,7 @@ from workbench.checks import NOT_JUDGED
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
+from workbench.edge.parameters import BevelNominal, RootNominal
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised, recovered_grid
@@ -49,10 +50,8 @@ MOST_PASS_NOISE_MM = 0.02
 def segment_cloud(
     points: PointSet,
     *,
-    root_nominal_mm: Annotated[
-        float, Field(gt=0, le=50, description="expected root face, tells the faces apart")
-    ] = 1.5,
-    bevel_nominal_deg: Annotated[float, Field(ge=20, le=70, description="expected bevel angle, likewise")] = 40.0,
+    root_nominal_mm: RootNominal = 1.5,
+    bevel_nominal_deg: BevelNominal = 40.0,
     robot_noise_mm: Annotated[
         float, Field(ge=0, le=5, description="standard deviation of the positions that the cloud was fused with")
     ] = 0.07,

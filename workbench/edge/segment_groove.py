@@ -17,6 +17,7 @@ from workbench.checks.limits import Bound, check
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes, typical
+from workbench.edge.parameters import Limits, RobotNoise
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, doubtful_slope
@@ -34,13 +35,8 @@ def segment_groove(
     cloud: Cloud,
     *,
     groove: Annotated[Given, Field(description="type by ISO 9692-1, or `auto`: by the evidence")] = "auto",
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
-    ] = 0.07,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of the checks of the groove by name (docs/checks.md)"),
-    ] = {},  # noqa: B006  (never changed)
+    robot_noise_mm: RobotNoise = 0.07,
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
 

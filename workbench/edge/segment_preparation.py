@@ -32,6 +32,7 @@ from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.form import HIDDEN_RADIUS_MM, Misfit, is_free_end, misfit_of, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
 from workbench.edge.prepared_fillet import Fillet, fit_fillet, misfit_mm
 from workbench.edge.prepared_frames import (
     FILLET,
@@ -78,19 +79,10 @@ def segment_preparation(
         tuple[float, float, float] | None,
         Field(description="direction to the plate's upper side, in the base; null: by the expected root face"),
     ] = None,
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
-    ] = 0.07,
-    end_u_mm: Annotated[
-        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
-    ] = 0.0,
-    most_radius_mm: Annotated[
-        float, Field(ge=0.01, le=0.8, description="greatest radius of the lower edge, where the view shows none")
-    ] = HIDDEN_RADIUS_MM,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of the checks of the faces by name (docs/checks.md)"),
-    ] = {},  # noqa: B006  (never changed)
+    robot_noise_mm: RobotNoise = 0.07,
+    end_u_mm: EndU = 0.0,
+    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Preparation:
     """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
 

@@ -16,6 +16,7 @@ from workbench.checks.faces import plates_check
 from workbench.edge.form import HIDDEN_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
+from workbench.edge.parameters import EndU, Limits, RobotNoise
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
@@ -44,22 +45,15 @@ def segment_raw(
     z_away: Annotated[
         bool | None, Field(description="does z count away from the sensor; null: from what lies beside the end face")
     ] = None,
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis")
-    ] = 0.07,
-    end_u_mm: Annotated[
-        float, Field(ge=0, le=5, description="declared standard uncertainty of the lower edge that no frame shows")
-    ] = 0.0,
+    robot_noise_mm: RobotNoise = 0.07,
+    end_u_mm: EndU = 0.0,
     robot_drift_u_mm: Annotated[
         float, Field(ge=0, le=5, description="declared standard uncertainty of places by the robot's slow errors")
     ] = 0.0,
     most_radius_mm: Annotated[
         float, Field(ge=0.01, le=0.8, description="greatest radius of the plate's edges, where the view shows none")
     ] = HIDDEN_RADIUS_MM,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of the checks of the edge by name (docs/checks.md)"),
-    ] = {},  # noqa: B006  (never changed)
+    limits: Limits = {},  # noqa: B006  (never changed)
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 

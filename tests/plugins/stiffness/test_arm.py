@@ -8,7 +8,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector
-from workbench.plugins.stiffness.arm import CAUSES, displacements, fast_arm, traverse
+from workbench.plugins.stiffness.arm import CAUSES, LoadedPath, displacements, fast_arm, traverse
 from workbench.plugins.stiffness.elastic import give_way
 from workbench.robot import Cell, forward_kinematics, inverse_kinematics, within_limits
 from workbench.units import Float
@@ -101,10 +101,9 @@ def test_traverse_is_the_mean_over_explicit_poses(cell: Cell, table_a1: Float) -
     )
     force = rng.normal(size=(3, 4, 3)) * 50
     load = cutter[..., :3, 3] + rng.normal(size=(3, 4, 3))
+    path = LoadedPath(cell.flange_from_cutter, cutter, load, force)
     for shoulder, elbow in BRANCHES:
-        mean, said = traverse(
-            arm, K, cell.flange_from_cutter, cutter, load, force, angles, shoulder=shoulder, elbow=elbow
-        )
+        mean, said = traverse(arm, K, path, angles, shoulder=shoulder, elbow=elbow)
         for t, angle in enumerate(angles):
             turned = cutter @ pose_from(rotation_from_vector(np.array([0, 0, angle])), np.zeros(3))
             flange = (turned @ inverse(cell.flange_from_cutter)).reshape(-1, 4, 4)
@@ -113,7 +112,7 @@ def test_traverse_is_the_mean_over_explicit_poses(cell: Cell, table_a1: Float) -
             )
             assert np.allclose(mean[:, t], found.reshape(3, 4).mean(axis=1), rtol=1e-10)
             assert (said[:, t] == one.reshape(3, 4).max(axis=1)).all()
-    assert (traverse(arm, K, cell.flange_from_cutter, cutter, load, force, angles)[1] == 0).any()
+    assert (traverse(arm, K, path, angles)[1] == 0).any()
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from workbench.plugins.stiffness.arm import (
     MOST_POSES,
     Arm,
     GeneralArm,
+    LoadedPath,
     arm_of,
     displacements,
     fast_arm,
@@ -61,7 +62,7 @@ def test_the_traversal_is_the_kernels(cell: Cell) -> None:
     load, acts = cutter[..., :3, 3], np.random.default_rng(5).normal(0, 50, (2, 3, 3))
     angles = np.radians([0, 60, -90])
     for shoulder, elbow in BRANCHES:
-        given = (K, cell.flange_from_cutter, cutter, load, acts, angles)
+        given = (K, LoadedPath(cell.flange_from_cutter, cutter, load, acts), angles)
         fast, said = traverse(arm, *given, shoulder=shoulder, elbow=elbow)
         slow, told = traverse(general, *given, shoulder=shoulder, elbow=elbow)
         assert (said == told).all()

@@ -10,7 +10,7 @@ plane a point is the complex number z + i x, which a turn q about y multiplies b
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,15 @@ from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
 FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # indices of `arm.CAUSES`
 STRETCHED = 1e-6  # smallest singular value of the Jacobian, lengths in m, below which a posture is singular
+
+
+class LoadedPath(NamedTuple):
+    """Where the cutter stands at p path points for each of a turntable angles, and what pushes it there."""
+
+    flange_from_cutter: Float  # (4, 4)
+    base_from_cutter: Float  # (a, p, 4, 4) at rotation 0
+    load_mm: Float  # (a, p, 3) where the force acts, in the base
+    force_n: Float  # (a, p, 3) base axes
 
 
 @dataclass(eq=False)
@@ -106,23 +115,14 @@ class GeneralArm:
             both += [moved, said.astype(float)]
         return both[0], both[1].astype(np.uint8), both[2], both[3].astype(np.uint8)
 
-    def traverse(
-        self,
-        stiffness: Float,
-        flange_from_cutter: Float,
-        base_from_cutter: Float,
-        load_mm: Float,
-        force_n: Float,
-        angles: Float,
-        first: int,
-    ) -> tuple[Float, AnyArray]:
+    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
         """As `arm.traverse`: mean displacement (a, t) and the worst that is said of it, of the better flip."""
-        tables, points = base_from_cutter.shape[:2]
+        tables, points = path.base_from_cutter.shape[:2]
         turns = np.tile(np.eye(4), (len(angles), 1, 1))
         turns[:, 0, 0], turns[:, 0, 1] = np.cos(angles), -np.sin(angles)
         turns[:, 1, 0], turns[:, 1, 1] = np.sin(angles), np.cos(angles)
-        flange = base_from_cutter[:, :, None] @ turns @ inverse(flange_from_cutter)
-        tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (load_mm, force_n))
+        flange = path.base_from_cutter[:, :, None] @ turns @ inverse(path.flange_from_cutter)
+        tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (path.load_mm, path.force_n))
         one, said, other, flipped = (
             part.reshape(tables, points, len(angles))
             for part in self.displacements(stiffness, flange.reshape(-1, 4, 4), tip, force, first)
@@ -261,26 +261,14 @@ def displacements(
 
 
 def traverse(
-    arm: AnyArm,
-    stiffness: Float,
-    flange_from_cutter: Float,
-    base_from_cutter: Float,
-    load_mm: Float,
-    force_n: Float,
-    angles: Float,
-    *,
-    shoulder: int = 0,
-    elbow: int = 0,
+    arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float, *, shoulder: int = 0, elbow: int = 0
 ) -> tuple[Float, AnyArray]:
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
     Args:
         arm: the robot.
         stiffness: (6,) Nm/rad.
-        flange_from_cutter: (4, 4).
-        base_from_cutter: (a, p, 4, 4) poses of the cutter at rotation 0, for a turntable angles and p path points.
-        load_mm: (a, p, 3) where the force acts, in the base.
-        force_n: (a, p, 3) base axes.
+        path: for a turntable angles and p points.
         angles: (t,) rotations of the cutter about its axis, rad.
         shoulder: as in `displacements`; one branch all along the path.
         elbow: likewise.
@@ -290,58 +278,39 @@ def traverse(
         the wrist's two flips, each kept all along the path, the better one.
     """
     if isinstance(arm, GeneralArm):
-        return arm.traverse(
-            stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles, 4 * shoulder + 2 * elbow
-        )
-    told = _in_arm_frame(arm, stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles)
+        return arm.traverse(stiffness, path, angles, 4 * shoulder + 2 * elbow)
+    told = _in_arm_frame(arm, stiffness, path, angles)
     return traverse_kernel(*(*told, *_signs(arm, shoulder, elbow)))  # type: ignore[no-untyped-call, no-any-return]
 
 
-def lowest_displacements(
-    arm: AnyArm,
-    stiffness: Float,
-    flange_from_cutter: Float,
-    base_from_cutter: Float,
-    load_mm: Float,
-    force_n: Float,
-    angles: Float,
-) -> Float:
+def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
     """The least displacement (a, p), mm, over all rotations and branches; inf: no posture. Arguments as `traverse`."""
     if isinstance(arm, GeneralArm):
-        at, load, force = (part.reshape(-1, 1, *part.shape[2:]) for part in (base_from_cutter, load_mm, force_n))
-        known = stiffness, flange_from_cutter, at, load, force, angles
-        found = [arm.traverse(*known, 4 * s + 2 * e) for s, e in BRANCHES]
+        single = LoadedPath(path.flange_from_cutter, *(part.reshape(-1, 1, *part.shape[2:]) for part in path[1:]))
+        found = [arm.traverse(stiffness, single, angles, 4 * s + 2 * e) for s, e in BRANCHES]
         least = [np.where(said == 0, mean, np.inf).min(axis=1) for mean, said in found]
-        return np.asarray(np.min(least, axis=0).reshape(base_from_cutter.shape[:2]))
-    told = _in_arm_frame(arm, stiffness, flange_from_cutter, base_from_cutter, load_mm, force_n, angles)
-    best = np.full(base_from_cutter.shape[:2], np.inf)
+        return np.asarray(np.min(least, axis=0).reshape(path.base_from_cutter.shape[:2]))
+    told = _in_arm_frame(arm, stiffness, path, angles)
+    best = np.full(path.base_from_cutter.shape[:2], np.inf)
     for shoulder, elbow in BRANCHES:
         lowest_kernel(*(*told, *_signs(arm, shoulder, elbow), best))  # type: ignore[no-untyped-call]
     return best
 
 
-def _in_arm_frame(
-    arm: Arm,
-    stiffness: Float,
-    flange_from_cutter: Float,
-    base_from_cutter: Float,
-    load_mm: Float,
-    force_n: Float,
-    angles: Float,
-) -> tuple[Any, ...]:
+def _in_arm_frame(arm: Arm, stiffness: Float, path: LoadedPath, angles: Float) -> tuple[Any, ...]:
     """The arguments of `traverse` as the kernels take them."""
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
-    cutter_from_flange = inverse(flange_from_cutter)
+    cutter_from_flange = inverse(path.flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
     return (
         arm.lengths,
         arm.limits,
         _springs(stiffness),
-        turn @ base_from_cutter[..., :3, :3],
-        base_from_cutter[..., :3, 3] @ turn.T + shift,
-        load_mm @ turn.T + shift,
-        force_n @ turn.T,
+        turn @ path.base_from_cutter[..., :3, :3],
+        path.base_from_cutter[..., :3, 3] @ turn.T + shift,
+        path.load_mm @ turn.T + shift,
+        path.force_n @ turn.T,
         (*map(float, wrist), *map(float, axis)),
         np.cos(angles),
         np.sin(angles),

@@ -98,17 +98,9 @@ class _Costs:
         """Displacement (a, t), mm, at point i; only turntable angles `rows` (a,) are looked at."""
         cell, tables = self.examiner.cell, self.grid.tables
         found = np.full((len(tables), len(self.grid.rotations)), np.inf)
-        cutter, load, force = placed(cell, self.examiner.points.only(np.array([i])), tables[rows])
+        path = placed(cell, self.examiner.points.only(np.array([i])), tables[rows])
         moved, said = traverse(
-            self.examiner.arm,
-            self.stiffness,
-            cell.flange_from_cutter,
-            cutter,
-            load,
-            force,
-            self.grid.rotations,
-            shoulder=self.shoulder,
-            elbow=self.elbow,
+            self.examiner.arm, self.stiffness, path, self.grid.rotations, shoulder=self.shoulder, elbow=self.elbow
         )
         found[rows] = np.where(said == 0, moved, np.inf)
         if self.closed_off is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import AnyArray, Cell, Float, Int, inverse
-from workbench.plugins.stiffness.arm import BRANCHES, CAUSES, AnyArm, lowest_displacements, traverse
+from workbench.plugins.stiffness.arm import BRANCHES, CAUSES, AnyArm, LoadedPath, lowest_displacements, traverse
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
 
@@ -51,28 +51,25 @@ def traversal(
     arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float
 ) -> Traversal:
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
-    cutter, load, force = placed(cell, points, tables)
-    found = [
-        traverse(arm, stiffness, cell.flange_from_cutter, cutter, load, force, rotations, shoulder=s, elbow=e)
-        for s, e in BRANCHES
-    ]
+    path = placed(cell, points, tables)
+    found = [traverse(arm, stiffness, path, rotations, shoulder=s, elbow=e) for s, e in BRANCHES]
     mean, said = (np.array(part) for part in zip(*found, strict=True))
     return Traversal(rotations, tables, mean * (len(points.layer) / len(points.loaded)), said)
 
 
 def lowest(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float) -> Float:
     """The least displacement (n, a) of each loaded point, over all rotations and branches: no law can do better."""
-    loaded = points.loaded
-    cutter, load, force = (part[:, loaded] for part in placed(cell, points, tables))
-    return lowest_displacements(arm, stiffness, cell.flange_from_cutter, cutter, load, force, rotations).T
+    path = placed(cell, points, tables)
+    loaded = LoadedPath(path.flange_from_cutter, *(part[:, points.loaded] for part in path[1:]))
+    return lowest_displacements(arm, stiffness, loaded, rotations).T
 
 
-def placed(cell: Cell, points: PathPoints, tables: Float) -> tuple[Float, Float, Float]:
-    """Poses of the cutter (a, n, 4, 4), loaded points and forces (a, n, 3) in the base, for turntable angles."""
+def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
+    """The path where the turntable brings it, for each of its angles (a,)."""
     turned = points.turned(cell, tables)[:, None]
     at = turned @ points.base_from_point
     force = (turned[..., :3, :3] @ points.force_n[..., None])[..., 0]
-    return at @ points.point_from_tip, at[..., :3, 3], force
+    return LoadedPath(cell.flange_from_cutter, at @ points.point_from_tip, at[..., :3, 3], force)
 
 
 def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table: Float) -> Float:

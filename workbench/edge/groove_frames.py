@@ -39,6 +39,7 @@ class ReadFrames:
     kinds: tuple[Kind, Kind]
     up: float  # 1 where z counts out of the plates
     share: float  # of the profiles that have enough returns
+    unread: float  # share of those with two plates of which a face could not be read
     agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
 
 
@@ -82,7 +83,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     up = upwards([p[0] for p in some], [p[1] for p in some])
     if up == 0.0:
         raise InputError(cloud.source, "expected two plates with a groove between them: nothing is seen below them")
-    read = [one if one and is_read(one) else None for one in (read_profile(x, up * z) for x, z, _ in profiles)]
+    seen = [read_profile(x, up * z) for x, z, _ in profiles]
+    read = [one if one and is_read(one) else None for one in seen]
     both = [one for one in read if one is not None]
     share = len(both) / max(len(frames), 1)
     if not both:
@@ -105,6 +107,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         (left, right),
         up,
         share,
+        sum(one is not None and not is_read(one) for one in seen) / max(len(frames), 1),
         min(agree_left, agree_right),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,24 +41,23 @@ UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fill
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
 
+class View(NamedTuple):
+    """How the scanner stands to the groove, and what is known of the groove's direction at k stations."""
+
+    skew: float  # tangent of the angle between the laser plane's normal and the groove
+    lean: float  # how far the range axis goes right a mm upwards
+    direction_u: Float  # (k,) rad, of the groove's direction
+    tilt_u: Float  # (k,) rad, of the plates' about it
+
+
 class GrooveSizes:
     """Sizes and corners of a groove at stations, from both plates' lines in every profile."""
 
-    def __init__(
-        self,
-        lines: list[Lines],
-        s: Float,
-        group: Int,
-        at: Float,
-        skew: float,
-        direction_u: Float,
-        tilt_u: Float,
-        lean: float,
-    ) -> None:
-        self.lines, self.s, self.group, self.at, self.lean = lines, s, group, at, lean
-        self.tilt_u = tilt_u
-        self.scale_u = skew * direction_u + direction_u**2  # relative error of lengths in the section plane
-        self.turn_u = skew * direction_u + 0.5 * direction_u**2  # rad, of angles, likewise
+    def __init__(self, source: str, lines: list[Lines], s: Float, group: Int, at: Float, view: View) -> None:
+        self.source, self.lines, self.s, self.group, self.at, self.lean = source, lines, s, group, at, view.lean
+        self.tilt_u, u = view.tilt_u, view.direction_u
+        self.scale_u = view.skew * u + u**2  # relative error of lengths in the section plane
+        self.turn_u = view.skew * u + 0.5 * u**2  # rad, of angles, likewise
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
         self.upper: dict[str, tuple[_Course, _Course]] = {}
@@ -200,14 +200,15 @@ class GrooveSizes:
         good = np.isfinite(value) & np.isfinite(self.s) & np.isfinite(s) & np.isfinite(variance)
         if good.sum() < LEAST_ENDS:
             raise InputError(
-                "groove", f"expected at least {LEAST_ENDS} profiles that show all its faces, found {good.sum()}"
+                self.source,
+                f"groove: expected at least {LEAST_ENDS} profiles that show all its faces, found {good.sum()}",
             )
         spread = np.abs(value - np.median(value[good]))
         good = self._smooth(
             value, good, float(np.median(spread[good])) + 3.0 * math.sqrt(float(np.median(variance[good])))
         )
         if good.sum() < LEAST_ENDS:
-            raise InputError("groove", "its faces lie at another place in every profile: no groove?")
+            raise InputError(self.source, "groove: its faces lie at another place in every profile: no groove?")
         course = fit_course(s[good], value[good], variance[good], self.group[good])
         hidden = ~covered(np.where(good, self.s, np.nan), self.group, self.at)
         return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at), course)

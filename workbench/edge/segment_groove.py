@@ -16,7 +16,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import Kind
-from workbench.edge.groove_sizes import GrooveSizes, typical
+from workbench.edge.groove_sizes import GrooveSizes, View, typical
 from workbench.edge.parameters import Limits, RobotNoise
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
@@ -62,10 +62,11 @@ def segment_groove(
     """
     read = read_frames(cloud)
     kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
-    share = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles: no groove?"
+    share = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles"
+    share += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
     mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
     checks = [
-        check("groove_share", read.share, share, given=given),
+        check("groove_share", read.share, f"{share}: no groove?", given=given),
         check("groove_agreement", read.agreement, mixed, given=given),
     ]
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
@@ -75,16 +76,13 @@ def segment_groove(
     length = float(np.nanmax(s) - np.nanmin(s))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
     first = float(np.nanmin(s))
-    measured = GrooveSizes(
-        lines,
-        s,
-        cloud.pass_index[read.frame],
-        at + first,
+    view = View(
         _skew(cloud, curve, s, read.frame),
+        _lean(cloud, read.frame, curve, s, turn),
         _direction_u(cloud, curve, at + first, robot_noise_mm),
         tilt.u(at + first),
-        _lean(cloud, read.frame, curve, s, turn),
     )
+    measured = GrooveSizes(cloud.source, lines, s, cloud.pass_index[read.frame], at + first, view)
     measured.measure(groove == "auto")
     checks.extend(_checks(cloud, read, measured, given))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")

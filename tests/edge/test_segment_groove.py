@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.groove.__main__ import errors
+from bench.groove.__main__ import errors, measured
 from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -206,3 +206,23 @@ def test_a_flank_that_the_view_may_hide_is_in_u() -> None:
     rows = [(error, u) for size, error, u in errors(inspect_groove(groove), truth) if size == "gap_mm"]
     assert all(abs(error) > 0.3 for error, _ in rows)
     assert all(abs(error) < 2.0 * u for error, u in rows)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        ("K", 605),  # three returns on a steep bevel
+        ("K", 722),  # no gap: the last returns of a square face were the other plate's
+        ("J", 720),  # a flank of 0.4 mm above a fillet of 5.5 mm
+        ("J", 725),  # likewise
+    ],
+)
+def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
+    inspection, truth = measured("odd", kind, seed)
+    assert kind in (inspection.type, *inspection.alternatives)
+    assert max(abs(error) / u for _, error, u in errors(inspection, truth)) < 3.5
+
+
+def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
+    with pytest.raises(InputError, match="groove_share"):
+        measured("odd", "J", 722)

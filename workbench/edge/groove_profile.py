@@ -35,8 +35,11 @@ FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less w
 ASIDE_OF_EDGE_MM = 4.0  # at most, of a face, or the first return of such a fillet, from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
 ROUNDED_MM = 0.5  # the greatest rounding of an edge that is followed
+ROUND_MORE = 0.5  # of the seen pieces of a rounding: so much more of it lies within ON_MM of the face
+FLANK_MM, FLANK_SHARE = 1.0, 0.25  # a shorter flank, in itself or beside its fillet's chord, tells no angle
+FLAT_MM = 0.3  # returns that leave a bevel for so long are no noise
 ROUNDED_FACE_MM = 1.2  # a shorter line above one that falls more is the rounded upper edge, no face
-SHARED = 2  # returns at a root that may belong to both faces, where there is no gap
+SHARED = 2  # returns at a root that may belong to both plates, where there is no gap
 LINKED_MM = 0.6  # lines and returns so near are one surface
 STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two surfaces further
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
@@ -163,21 +166,23 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
             break  # the other plate's face
         trim = TRIM_MM  # a rounding takes as much off both faces
         if rounded >= 0:
-            trim = max(trim, math.hypot(x[rounded] - corner[0], y[rounded] - corner[1]) + 0.5 * TRIM_MM)
+            away = math.hypot(x[rounded] - corner[0], y[rounded] - corner[1])
+            trim = max(trim, away + max(0.5 * TRIM_MM, ROUND_MORE * away))
         upper = on[x[on] < cross - trim]
         if upper.size < LEAST_PLATE_POINTS:
             return None
         last, off = _followed(x, y, line, last)
         arc = _fillet(x, y, lines, number, level, fall, last)
-        if not arc.size and _turns_back(x, y, lines, falls, number, last):
+        if not arc.size and (_turns_back(x, y, lines, falls, number, last) or _flattens(x, y, level, fall, last)):
             return None  # the face of a fillet of which too little is seen is no bevel
         face = np.arange(first, last + 1)
-        away = np.hypot(x[face] - corner[0], y[face] - corner[1])
+        # By the columns, not by the returns: on a face along the rays noise would choose which of them count.
+        away = np.abs(x[face] - corner[0]) * math.hypot(1.0, line[SLOPE])
         kind: Kind = "square" if fall > SQUARE else "round" if arc.size else "bevel"
         face = face[(away > trim) & (np.abs(off[face]) < ON_MM)]
-        if kind == "bevel":
-            face = face[:-1]
-        if face.size < 3:
+        if kind != "round":
+            face = face[:-SHARED]
+        if face.size < 3 or (kind == "round" and _short(x, y, face, arc)):
             break
         innermost = int(arc[-1]) if arc.size else last
         step = _step(x, y, face if not arc.size else arc)
@@ -226,6 +231,24 @@ def _turns_back(x: Float, y: Float, lines: Float, falls: list[float], number: in
             near = math.hypot(x[first] - x[last], y[first] - y[last]) < LINKED_MM
             return near and LEAST_FALL < fall < falls[number] - ROUND_TURN
     return False
+
+
+def _flattens(x: Float, y: Float, level: float, fall: float, last: int) -> bool:
+    """Whether the returns next to a bevel's last one fall less than it, though they fall: a small fillet."""
+    to = slice(last + 1, last + 1 + SEEN_BELOW)
+    dx, dy = x[to] - x[last], y[to] - y[last]
+    linked = np.cumprod(np.hypot(np.diff(dx, prepend=0.0), np.diff(dy, prepend=0.0)) < LINKED_MM).astype(bool)
+    near = linked & (np.hypot(dx, dy) < ROUNDED_FACE_MM)
+    if near.sum() < DROP_POINTS or math.hypot(dx[near][-1], dy[near][-1]) < FLAT_MM:
+        return False
+    falls = level - math.atan2(dy[near][-1], dx[near][-1])
+    return LEAST_FALL < falls < fall - ROUND_TURN
+
+
+def _short(x: Float, y: Float, flank: Int, arc: Int) -> bool:
+    """Whether a flank is too short beside its fillet to be told from more of it."""
+    length, chord = (math.hypot(x[on[-1]] - x[on[0]], y[on[-1]] - y[on[0]]) for on in (flank, arc))
+    return length < max(FLANK_MM, FLANK_SHARE * chord)
 
 
 def _goes_down(x: Float, y: Float, above: Float, level: float, end: int) -> bool:

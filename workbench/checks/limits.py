@@ -241,6 +241,11 @@ LIMITS: dict[str, Limit] = {
         "share of the profiles in which two plates with a groove between them were found",
         "a groove is there all along the plates",
     ),
+    "groove_told_share": Limit(
+        (0.34, 1.0),
+        "share of the groove's length at which its width is told",
+        "what is told here and there only may be anything: spatter, a step between plates that touch",
+    ),
     "groove_agreement": Limit(
         (0.6, 1.0),
         "share of the profiles with a face that show the kind of face that most do, of the worse plate",

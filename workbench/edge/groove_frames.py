@@ -60,6 +60,7 @@ class Lines:
     last: Float  # (n, 2) innermost return of the plate
     step: Float  # (n,) from there to the next column
     edge_step: Float  # (n,) from the upper surface's last return to the next column
+    rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
     radius: Float  # (n,) of the fillet; NaN where there is none
     radius_variance: Float
@@ -401,6 +402,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         last,
         value["step"],
         value["edge_step"],
+        float(np.median([side.rounded_mm for side in read.sides[which]])),
         max(noise_f * across, LEAST_SIGMA_MM),
         value["radius"],
         value["radius_v"],

@@ -59,6 +59,7 @@ class Side:
     end: int  # of the upper surface: its innermost return
     last: int  # innermost return of upper surface, face or fillet
     step_mm: float  # from there to the next column, along the face
+    rounded_mm: float  # how far a rounded edge is seen beyond the upper surface, along it; below which nothing is seen
     below: Int  # returns of the root face
 
 
@@ -132,6 +133,7 @@ def _mirrored(side: Side, n: int) -> Side:
         n - side.end,
         n - side.last,
         side.step_mm,
+        side.rounded_mm,
         n - side.below[::-1],
     )
 
@@ -187,19 +189,23 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         innermost = int(arc[-1]) if arc.size else last
         step = _step(x, y, face if not arc.size else arc)
         below = nothing if kind == "square" else _root_face(x, y, level, innermost)
-        return Side(kind, fall, corner, upper, face, arc, end, innermost, step, below)
+        return Side(kind, fall, corner, upper, face, arc, end, innermost, step, 0.0, below)
     upper = on[x[on] < x[end] - TRIM_MM]
     if upper.size < LEAST_PLATE_POINTS:
         return None
     step = _step(x, y, upper)
+    level_end = end
     while end + 1 < x.size and x[end + 1] - x[end] < 2.5 * step and above[end + 1] > -ROUNDED_MM:
         end += 1  # round the edge, down to where it turns away
     corner = np.array([x[end], plate[SLOPE] * x[end] + plate[OFFSET]])
+    beyond = float(x[end] - x[level_end])
     arc = _hidden_fillet(x, y, above, lines, level, end)
     if arc.size:
-        return Side("hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), nothing)
+        return Side(
+            "hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), beyond, nothing
+        )
     kind = "unread" if _goes_down(x, y, above, level, end) else "edge"
-    return Side(kind, math.nan, corner, upper, nothing, nothing, end, end, step, nothing)
+    return Side(kind, math.nan, corner, upper, nothing, nothing, end, end, step, beyond, nothing)
 
 
 def _fall(level: float, line: Float) -> float:

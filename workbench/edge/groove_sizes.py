@@ -36,7 +36,9 @@ SHOWS = 0.5  # share of the profiles that show a root face, for it to be measure
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
 SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
-HIDES = math.tan(5.0 * DEG)  # a view that leans more over an edge hides bevels: ISO 9692-1, steep-flanked V
+GRAZING_DEG = 6.0  # between face and ray: less returns nothing
+STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V); small ones that are not seen beside a plate
+USUAL_DEG = 18.0  # whose bevel is seen would be unusual
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
@@ -68,23 +70,22 @@ class GrooveSizes:
         self.high = 0.0  # mm by which one root's upper edge lies above the other
 
     @property
-    def hides(self) -> float:
-        """Tangent of the greatest angle at which a face may fall inwards unseen, below an upper surface's end."""
-        return max(
-            (lean for lean, one in zip((-self.lean, self.lean), self.lines, strict=True) if one.kind == "edge"),
-            default=0.0,
-        )
+    def hidden_deg(self) -> float:
+        """The greatest angle at which a face may fall inwards, below an upper surface's end, without returns."""
+        leans = zip((-self.lean, self.lean), self.lines, strict=True)
+        return max((math.atan(lean) / DEG + GRAZING_DEG for lean, one in leans if one.kind == "edge"), default=0.0)
 
     @property
     def hides_bevels(self) -> bool:
-        """Whether a bevel that is usual may be hidden."""
-        return self.hides > HIDES
+        """Whether a plate may have a bevel that is not seen: a steep one, or beside a bevel one of usual size."""
+        bevelled = any(one.kind in PREPARED for one in self.lines)
+        return self.hidden_deg > (USUAL_DEG if bevelled else STEEP_DEG)
 
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
         left, right = self.lines
         ends = [typical(one.edge_step) if one.kind in UNSEEN else 0.0 for one in self.lines]
-        edge_u = math.hypot(*(END_SHARE * end for end in ends), *(ROUNDED_U_MM for end in ends if end))
+        edge_u = math.hypot(*map(_edge_u, self.lines))
         hidden = np.zeros(self.at.size)
         for one, end in zip(self.lines, ends, strict=True):
             if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
@@ -143,7 +144,7 @@ class GrooveSizes:
         square = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind == "square"]
         told = [depth for depth in (*square, *(typical(d.depth) for d in depths)) if math.isfinite(depth)]
         self.depth = max(told, default=LEAST_DEPTH_MM)
-        along_ray = max(told, default=math.inf) * (self.hides + SHADOW_FAN)
+        along_ray = max(told, default=math.inf) * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN)
         reach = min(along_ray, typical(width.value))  # of a hidden face, inwards
         self._mm(
             "gap_mm",
@@ -367,7 +368,7 @@ class GrooveSizes:
         for name, one, root, mirror in zip(("left", "right"), self.lines, roots, (1.0, -1.0), strict=True):
             a, b = self.upper[name]
             place = np.stack([a.value, b.value], axis=1)
-            end = math.hypot(END_SHARE * typical(one.edge_step), ROUNDED_U_MM) if one.kind in UNSEEN else 0.0
+            end = _edge_u(one)
             u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in PREPARED:
@@ -437,6 +438,17 @@ class _Root:
     ) -> None:
         self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
         self.run, self.run_u, self.run_end = run, run_u, run_end
+
+
+def _edge_u(one: Lines) -> float:
+    """u of an upper corner, mm, where nothing is seen below it: the last return's column, and a rounding.
+
+    Of a rounding the returns end where it turns away from the rays; the corner of its faces lies before that or behind,
+    by less than it is seen to go on.
+    """
+    if one.kind not in UNSEEN:
+        return 0.0
+    return math.hypot(END_SHARE * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0))
 
 
 def typical(value: Float) -> float:

@@ -129,7 +129,10 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
     steep += "that nothing tells where it ends; scan it more squarely"
     short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
+    told = float(np.isfinite(measured.sizes["width_mm"].value).mean())
+    seldom = f"the groove's width is told along {100 * told:.0f} % of its length: no groove, or one that is covered?"
     return [
+        check("groove_told_share", told, seldom, given=given),
         check("groove_level", level, stands, given=given),
         check(
             "groove_overlap_mm",

@@ -226,3 +226,8 @@ def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
 def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
     with pytest.raises(InputError, match="groove_share"):
         measured("odd", "J", 722)
+
+
+def test_a_groove_whose_sides_never_show_their_usual_kind_together_is_refused() -> None:
+    with pytest.raises(InputError, match="no profile shows the plates as most do"):
+        measured("odd", "U", 783)

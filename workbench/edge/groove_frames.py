@@ -93,6 +93,10 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     left, agree_left = _kind([one[0] for one in both])
     right, agree_right = _kind([one[1] for one in both])
     good = [k for k, one in enumerate(read) if one is not None and one[0].kind == left and one[1].kind == right]
+    if not good:
+        raise InputError(
+            cloud.source, f"no profile shows the plates as most do ({left} left, {right} right): no groove?"
+        )
     steady = _steady(
         np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
         cloud.pass_index[[frames[k] for k in good]],

@@ -116,7 +116,9 @@ def test_a_fillet_seen_in_part_is_no_bevel() -> None:
     centre = 0.5 + 6.0 * np.sin(np.radians(80.0)), -0.5 * np.tan(np.radians(80.0)) + 6.0 * np.cos(np.radians(80.0))
     arc = centre[1] - np.sqrt(np.maximum(36.0 - (inwards - centre[0]) ** 2, 0.0))
     y = np.where(inwards < 0.0, 0.0, np.where(inwards < 0.5, flank, arc))
-    assert read_profile(x[inwards < 1.8], y[inwards < 1.8]) is None
+    sides = read_profile(x[inwards < 1.8], y[inwards < 1.8])
+    assert sides is not None
+    assert [side.kind for side in sides] == ["unread", "unread"]
 
 
 def test_a_steep_face_of_which_a_few_returns_are_seen_is_not_taken_for_square() -> None:

@@ -176,7 +176,10 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         last, off = _followed(x, y, line, last)
         arc = _fillet(x, y, lines, number, level, fall, last)
         if not arc.size and (_turns_back(x, y, lines, falls, number, last) or _flattens(x, y, level, fall, last)):
-            return None  # the face of a fillet of which too little is seen is no bevel
+            # The face of a fillet of which too little is seen is no bevel.
+            return Side(
+                "unread", math.nan, corner, upper, nothing, nothing, end, last, _step(x, y, upper), 0.0, nothing
+            )
         face = np.arange(first, last + 1)
         # By the columns, not by the returns: on a face along the rays noise would choose which of them count.
         away = np.abs(x[face] - corner[0]) * math.hypot(1.0, line[SLOPE])

@@ -167,8 +167,8 @@ def _known(value: float) -> float | None:
 def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bool) -> tuple[str, ...]:
     if not alternatives:
         return ()
-    how = "as given" if declared else "by the evidence"
-    return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}",)
+    how, try_ = ("as given", "") if declared else ("by the evidence", ": give `groove` where it is known")
+    return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}{try_}",)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

@@ -67,12 +67,7 @@ def _room(scene: Scene) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArra
 
 
 @kernel(error_model="numpy")
-def bound_kernel(
-    scene: Scene,
-    joints: AnyArray,
-    turned: AnyArray,
-    most: float,
-) -> AnyArray:
+def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) -> AnyArray:
     """See `clearance_bound_mm`; `most` is enough to know."""
     found = np.empty(len(joints))
     motion, turn, at, placed, middle = _room(scene)
@@ -86,11 +81,7 @@ def bound_kernel(
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(
-    scene: Scene,
-    joints: AnyArray,
-    turned: AnyArray,
-) -> tuple[AnyArray, AnyArray]:
+def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
     motion, turn, at, placed, middle = _room(scene)
@@ -105,12 +96,7 @@ def pairs_kernel(
 
 
 @kernel(error_model="numpy")
-def near_kernel(
-    scene: Scene,
-    joints: AnyArray,
-    turned: AnyArray,
-    least: float,
-) -> AnyArray:
+def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: float) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least`."""
     start = least + 1e-6  # what is farther apart need not be known
     found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
@@ -120,29 +106,13 @@ def near_kernel(
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, solid, ends, pose)
         for i in range(len(scene.pairs)):
-            found[n, i] = (
-                _smallest(
-                    at,
-                    placed,
-                    middle,
-                    scene,
-                    i,
-                    i + 1,
-                    start,
-                )
-                <= least
-            )
+            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, start) <= least
     return found
 
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    scene: Scene,
-    joints: AnyArray,
-    turned: AnyArray,
-    outer: AnyArray,
-    moves: AnyArray,
-    least: float,
+    scene: Scene, joints: AnyArray, turned: AnyArray, outer: AnyArray, moves: AnyArray, least: float
 ) -> AnyArray:
     """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved."""
     count, places = len(joints), joints.shape[1]
@@ -167,18 +137,7 @@ def swept_kernel(
                 for i in range(len(scene.pairs)):
                     moved = _moved(outer[i], moves, i, lever, reach, middle, scene.around) / (1.0 - total)
                     need = least + moved
-                    if (
-                        _smallest(
-                            at,
-                            placed,
-                            middle,
-                            scene,
-                            i,
-                            i + 1,
-                            need + 1e-6,
-                        )
-                        <= need
-                    ):
+                    if _smallest(at, placed, middle, scene, i, i + 1, need + 1e-6) <= need:
                         free = False
                         break
             if not free and a == b:

@@ -86,10 +86,13 @@ class ProgramJob:
         return tuple(
             plain(line)
             for line in (
-                f"Milling path of a bevel, {path.bevel_deg:g} deg, root {path.root_mm:g} mm, {len(path.layers)} layers",
+                f"Milling path of a {path.shape}, {path.bevel_deg:g} deg, root {path.root_mm:g} mm"
+                + (f", radius {path.root_radius_mm:g} mm" if path.root_radius_mm else "")
+                + f", {len(path.layers)} layers",
                 f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
-                f"cutter: diameter {path.cutter.diameter_mm:g} mm, {path.cutter.flutes} flutes, right-hand",
+                f"cutter: diameter {path.cutter.diameter_mm:g} mm, {path.cutter.flutes} flutes, right-hand"
+                + (", ball end" if path.cutter.ball_end else ""),
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",
                 f"within {moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g} deg",
                 "Check tool, load and work object before the first run.",

@@ -36,6 +36,23 @@ def test_the_tip_ends_above_a_clamp():
     assert (found[1:] > 4.5).all()
 
 
+def test_a_ball_end_above_and_beside_a_clamp():
+    """Upright over the top at 5: its centre 5.5, 4 and 0 above; then 3 mm beside and 3 mm above an edge."""
+    centre = np.array([[10.0, 1, 10.5], [10, 1, 9.0], [10, 1, 5.0]])
+    found = clamp_overlap(BOX, centre, along([0, 0, -1]), RADIUS, 0.0, ball_end=True)
+    assert found == pytest.approx([0.0, 1.0, 5.0])
+    beside = np.tile([10.0, -6.0, 8.0], (3, 1))
+    assert clamp_overlap(BOX, beside, along([0, 0, -1]), RADIUS, 0.0, True) == pytest.approx([5 - np.sqrt(18)] * 3)
+
+
+def test_a_ball_end_against_the_table():
+    """However it leans, it is a radius below its centre."""
+    centre = np.array([[0.0, 0, -14.0], [0, 0, -15.5], [0, 0, 0]])
+    for axis in ([0, 0, -1.0], [0.6, 0, -0.8]):
+        start = centre - 10.0 * along(axis)
+        assert table_overlap(-20.0, start, along(axis), RADIUS, 10.0, True) == pytest.approx([0.0, 0.5, 0.0])
+
+
 def test_rim_of_the_tip_against_the_table():
     """Tilted by 30 deg, tip 10 mm along the axis: its rim is 10 cos(30) + 5 sin(30) below the origin."""
     axis = along([0.5, 0, -np.sqrt(0.75)])

@@ -1,4 +1,4 @@
-"""Lines cut by a cylinder: against points on the cylinder itself, and against finer and finer steps."""
+"""Lines cut by a cylinder, with a flat or a ball end: against points on the cutter, and finer and finer steps."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ def lines(floor=-50.0):
     return Lines(base, *along, -3.0, 0.1, np.full(SIZE, floor))
 
 
-def swept(frames, positions, step=0.1, radius=RADIUS, floor=-50.0, start=np.inf):
+def swept(frames, positions, step=0.1, radius=RADIUS, floor=-50.0, start=np.inf, ball=False):
     """Heights after a sweep through tool frames: columns of each matrix are x, y, z of the tool."""
     frames, positions = np.array(frames, float), np.array(positions, float)
     pieces = len(positions) - 1
     columns = np.zeros(pieces, np.int64), np.full(pieces, SIZE[0])
-    sweep = Sweep(
-        positions, frames[:, :, 0].copy(), frames[:, :, 2].copy(), np.full(len(frames), radius), RADIUS, TIP, *columns
-    )
+    axes = frames[:, :, 0].copy(), frames[:, :, 2].copy()
+    sweep = Sweep(positions, *axes, np.full(len(frames), radius), RADIUS, TIP, ball, *columns)
     height = np.full(SIZE, start)
     cut_lines(height, lines(floor), sweep, step)
     return height
@@ -42,13 +41,14 @@ def points(height):
 LYING = np.stack([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]], axis=-1)  # axis along y, x of the tool downwards
 
 
+@pytest.mark.parametrize("ball", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_a_standing_cutter_leaves_its_own_surface(seed):
-    """However it leans: cut points lie on its flank or its tip's disc, and just above them is its inside."""
+def test_a_standing_cutter_leaves_its_own_surface(seed, ball):
+    """However it leans: cut points lie on its flank or its end, and just above them is its inside."""
     rng = np.random.default_rng(seed)
     frame = Rotation.from_rotvec(rng.normal(0, 0.8, 3)).as_matrix() @ LYING
     position = rng.uniform(-1.5, 1.5, 3)
-    height = swept([frame, frame], [position, position])
+    height = swept([frame, frame], [position, position], ball=ball)
     cut = np.isfinite(height)
     assert cut.sum() > 100
 
@@ -56,6 +56,8 @@ def test_a_standing_cutter_leaves_its_own_surface(seed):
         offset = at - (position - RADIUS * frame[:, 0])
         along = offset @ frame[:, 2]
         aside = np.linalg.norm(offset - along[..., None] * frame[:, 2], axis=-1)
+        if ball:
+            return np.hypot(aside, np.maximum(along - TIP, 0.0)) - RADIUS
         return np.maximum(aside - RADIUS, along - TIP)  # below 0: inside
 
     at = points(np.where(cut, height, 0.0))
@@ -74,6 +76,14 @@ def test_a_straight_cut_leaves_a_groove():
     y = np.linspace(-3, 3, SIZE[1])
     assert np.abs(height[:, y < 1.95] + 1.0).max() < 1e-5
     assert np.isinf(height[:, y > 2.05]).all()
+
+
+def test_a_ball_end_leaves_a_fillet_behind_the_groove():
+    """The same cut: beyond the cylinder's end at y = 2 it rises on a circle of its radius."""
+    height = swept([LYING, LYING], [[-20.0, -4, -1], [20, -4, -1]], step=0.01, ball=True)
+    y = np.linspace(-3, 3, SIZE[1])
+    round_end = -1.0 + RADIUS - np.sqrt(RADIUS**2 - np.maximum(y - 2.0, 0.0) ** 2)
+    assert np.abs(height - round_end).max() < 1e-5
 
 
 def test_error_falls_with_the_square_of_the_step():
@@ -101,6 +111,7 @@ def test_skipping_columns_changes_nothing():
         np.full(2, RADIUS),
         RADIUS,
         TIP,
+        False,
         np.zeros(1, np.int64),
         np.full(1, SIZE[0]),
     )

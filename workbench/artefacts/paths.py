@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import zip_longest
@@ -13,17 +14,29 @@ from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.showing import columns_table, space_chart
+from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, travel_time_s
 from workbench.units import DEG, Bool, Float, Int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cutter:
-    """A cylindrical end mill that cuts with its flank (peripheral milling; the paper's section 6.2)."""
+    """An end mill that cuts with its flank (peripheral milling; the paper's 6.2), and with a ball end if any."""
 
     diameter_mm: float = 10.0
     flutes: int = 4
-    flute_length_mm: float = 30.0  # cutting length, along the axis
+    flute_length_mm: float = 30.0  # cutting length, along the axis, a ball end included
+    ball_end: bool = False  # its end is half a sphere of the cutter's radius; else flat
+
+    @property
+    def radius_mm(self) -> float:
+        """Of the cylinder, and of the ball end."""
+        return self.diameter_mm / 2.0
+
+    @property
+    def cylinder_end_mm(self) -> float:
+        """How far the cylinder reaches from a frame's origin towards the tip: there a ball end has its centre."""
+        return self.flute_length_mm / 2.0 - (self.radius_mm if self.ball_end else 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +45,7 @@ class Layer:
 
     A point's frame (docs/conventions.md): origin at mid-width of the layer's bevel face, y along the feed, z along the
     cutter's axis from shank to tip, x = y x z into the material. The cutter's axis runs a radius off, at x = -radius.
+    Under a ball end the origin lies on the bevel face, at the middle of the flutes.
     """
 
     index: int  # from 1, in cutting order
@@ -86,6 +100,7 @@ class Toolpath:
     before: tuple[Layer, ...] = ()  # milled earlier along this edge, heights above this path's finished face
     rests_on: str = ""  # what must have been milled before, by another path: nothing here shows it
     chain: ChainU | None = None  # None: no link is stated
+    root_radius_mm: float = 0.0  # of a J preparation: its fillet between root face and bevel face; 0: none
     finishing: Toolpath | None = None  # the pass that takes the allowance, once the cut was measured (path.correct)
 
     @property
@@ -105,6 +120,28 @@ class Toolpath:
     def time_at_v_slow_s(self) -> float:
         """The same at constant v_slow: what the paper's equation (26) is compared with."""
         return float(step_lengths_mm(np.concatenate([p.position_mm for p in self.in_order])).sum()) / self.v_slow_mm_s
+
+    @property
+    def shape(self) -> str:
+        """What it mills, in words."""
+        return "J preparation" if self.root_radius_mm else "bevel"
+
+    @property
+    def plane_mm(self) -> float:
+        """Where the bevel face's plane meets the end face: at the root face, or below, where a fillet lies between."""
+        return self.root_mm + self.root_radius_mm * (1.0 - 1.0 / math.sin(self.bevel_deg * DEG))
+
+    def face_middle_mm(self, layer: Layer) -> Float:
+        """Middle (k, 3) of the bevel face that a layer cuts: the frames' origins, but under a ball end.
+
+        There the face begins where the fillet ends, beside the ball's centre, or on the end face where the ball passes
+        outside of it: (height - radius) / tan(bevel) further up.
+        """
+        if not self.root_radius_mm:
+            return layer.position_mm
+        outside = max(0.0, layer.height_mm - self.root_radius_mm) / math.tan(self.bevel_deg * DEG)
+        down = self.cutter.cylinder_end_mm - outside - 0.5 * layer.width_mm
+        return layer.position_mm + down[:, None] * rotation_from_quaternion(layer.quaternion_wxyz)[:, :, 2]
 
     def table(self) -> Any:
         """A row a key point, layer after layer: a pandas DataFrame where pandas is installed, else a list of dicts."""

@@ -121,7 +121,8 @@ def plan(toolpath: Toolpath) -> Surface:
     axes = rotation_from_quaternion(layer.quaternion_wxyz)
     if toolpath.base_from_workobject is not None:
         axes = toolpath.base_from_workobject[:3, :3] @ axes
-    points, triangles = finished_bevel(toolpath.in_base(layer.position_mm), axes, layer.width_mm, layer.cutting)
+    middle = toolpath.in_base(toolpath.face_middle_mm(layer))
+    points, triangles = finished_bevel(middle, axes, layer.width_mm, layer.cutting)
     if not len(triangles):
         raise InputError(toolpath.source or "toolpath", "expected a last layer that cuts, found none")
     along = layer.cutting & (layer.width_mm > 0)

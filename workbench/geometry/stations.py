@@ -6,6 +6,7 @@ is nearest along the edge, and is seen in that station's section plane.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import NamedTuple
 
@@ -139,7 +140,7 @@ def standing_layers(
     base_from_profiler: Float,
     sections: SectionTable,
     start: Int,
-    bevel: tuple[float, float, float],
+    bevel: tuple[float, float, float, float],
     face_mm: Float,
     reach_mm: Float,
     beyond_mm: float = 0.0,
@@ -155,7 +156,8 @@ def standing_layers(
         base_from_profiler: (N, 4, 4).
         sections: at n stations.
         start: (N,) station near each frame.
-        bevel: cosine and sine of the bevel's angle, and the place of the finished face along its normal, mm.
+        bevel: cosine and sine of the bevel's angle, the place of the finished face along its normal, mm, and the
+            radius of the cutter's ball end, mm; 0: it is flat.
         face_mm: (n, layers) height above the finished face to which each layer cuts, linear between the stations;
             infinite where it does not cut.
         reach_mm: (n,) how far down the bevel's slope the tip reaches, from the lower edge.
@@ -163,11 +165,20 @@ def standing_layers(
     """
     out = np.zeros(x_mm.shape, np.uint16)
     grid = (as_input(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
-    slope = (float(bevel[0]), float(bevel[1]), float(bevel[2]), 0.5 * sections.step + float(beyond_mm) + 1e-6)
+    cosine, sine, finished, ball = map(float, bevel)
+    slope = (cosine, sine, finished, ball, 0.5 * sections.step + float(beyond_mm) + 1e-6)
     cut = (as_input(face_mm), as_input(np.min(face_mm, axis=1)), as_input(reach_mm))
     stock = (sections.axes, sections.step, as_input(start))
     over_blocks(partial(_standing, *grid, *stock, slope, *cut, out), out.shape)
     return out
+
+
+@kernel
+def _ball_rise(beyond: float, radius: float) -> float:
+    """Height of a ball end's surface over the cylinder's, `beyond` its centre towards the tip; 0 where it is flat."""
+    if radius <= 0.0 or beyond <= 0.0:
+        return 0.0
+    return radius - math.sqrt(radius * radius - beyond * beyond) if beyond < radius else math.inf
 
 
 @kernel
@@ -179,7 +190,7 @@ def _standing(
     axes: Float,
     step: float,
     start: Int,
-    slope: tuple[float, float, float, float],
+    slope: tuple[float, float, float, float, float],
     face: Float,
     lowest: Float,
     reach: Float,
@@ -187,7 +198,7 @@ def _standing(
     first: int,
     last: int,
 ) -> None:
-    cosine, sine, finished, beyond = slope
+    cosine, sine, finished, ball, beyond = slope
     last_station = axes.shape[0] - 1
     for i in range(first, last):
         a, k = poses[i], start[i]
@@ -200,16 +211,18 @@ def _standing(
             q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
             k, along, h, v = _section_of(q0, q1, q2, k, axes, step)
             height = cosine * h + sine * v - finished
-            out[i, j] = 65534 if height > 0.0 else 65535
+            down = sine * h - cosine * v
+            rises = _ball_rise(down - reach[k] + ball, ball)  # of what a ball end leaves
+            out[i, j] = 65534 if height > rises else 65535
             beside = min(max(k + 1 if along > 0.0 else k - 1, 0), last_station)
-            if abs(along) > beyond or height <= min(lowest[k], lowest[beside]) or sine * h - cosine * v > reach[k]:
+            if abs(along) > beyond or height <= min(lowest[k], lowest[beside]) or down > reach[k]:
                 continue
             share = min(abs(along) / step, 0.5)
             for layer in range(face.shape[1]):
                 low, next_low = face[k, layer], face[beside, layer]
                 if next_low < np.inf and low < np.inf:
                     low += share * (next_low - low)
-                if height > low:
+                if height > low + rises:
                     out[i, j] = layer + 1
                     break
 

@@ -12,9 +12,9 @@ from pydantic import Field
 from workbench.artefacts import Layer, PathGate, Toolpath
 from workbench.geometry.segments import LineIndex, line_distances
 from workbench.path.check import PENETRATION_MM, decision, weakened
-from workbench.path.collisions import SHANK_MM, axes_of
+from workbench.path.collisions import axes_of, shank_lines
 from workbench.path.frame_checks import insane
-from workbench.path.layer_checks import HEIGHT_MM
+from workbench.path.layer_checks import HEIGHT_MM, cutter_faults
 from workbench.path.remaining import face_lines, moves_in_order
 from workbench.stage import stage
 
@@ -60,14 +60,14 @@ def check_file(
 
 def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:
     """What the path says against itself."""
-    told = list(insane(toolpath))
+    told = [*insane(toolpath), *cutter_faults(toolpath)]
     yield from told
     if told:
         return
     heights = [layer.height_mm for layer in toolpath.layers]
     if (np.diff(heights) >= 0).any() or abs(heights[-1]) > HEIGHT_MM:
         yield "layers do not step down to the final one"
-    if penetration_mm >= toolpath.cutter.diameter_mm / 2.0:
+    if penetration_mm >= toolpath.cutter.radius_mm:
         yield "the cutter is thinner than what it may enter: it cannot be checked"
         return
     face = face_lines(toolpath, toolpath.layers[-1])
@@ -79,12 +79,12 @@ def _own_faults(toolpath: Toolpath, penetration_mm: float) -> Iterator[str]:
 
 def _entered(toolpath: Toolpath, face: LineIndex, allowed: float) -> Iterator[str]:
     """The deepest place of each move at which the cutter is inside the finished bevel."""
-    radius, tip = toolpath.cutter.diameter_mm / 2.0, toolpath.cutter.flute_length_mm / 2.0
     for points, _ in moves_in_order(toolpath):
         centre, axis = axes_of(toolpath, points)
         if not len(centre):
             continue
-        depth = radius - line_distances(face, centre + (tip - allowed) * axis, centre - SHANK_MM * axis)
+        ends = shank_lines(toolpath, centre, axis, allowed)
+        depth = toolpath.cutter.radius_mm - line_distances(face, *ends)
         worst = int(np.argmax(depth))
         if depth[worst] > allowed + 1e-9:
             where = f"in layer {points.index}" if isinstance(points, Layer) else "in a travel move"

@@ -12,7 +12,7 @@ from workbench.path.course import stocked_course
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.poses import poses_of
 from workbench.path.remaining import moves_in_order, standing
-from workbench.path.section import LEAST_DEPTH_MM, bevel_of
+from workbench.path.section import LEAST_DEPTH_MM, finished
 from workbench.units import Float
 
 SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
@@ -42,7 +42,7 @@ def collisions(
     stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
     stands[foreign.frame, foreign.column] = ALWAYS
     stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
-    allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.diameter_mm / 2.0
+    allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.radius_mm
     if allowed >= radius:
         yield f"the cutter's radius is no more than the {allowed:.2f} mm that it may enter: it cannot be checked"
         return
@@ -58,8 +58,9 @@ def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
         return 0.0
     final = toolpath.layers[-1]
     cut = np.interp(edge.arc_length_mm, final.arc_length_mm, final.cutting.astype(float)) > 0.0
-    b = bevel_of(toolpath.root_mm, toolpath.bevel_deg).normal
-    u = np.hypot(edge.position_u_mm[cut, 0] * b[0], edge.position_u_mm[cut, 1] * b[1])
+    bevel, places = finished(toolpath), edge.position_u_mm[cut]
+    u = np.hypot(*(places * bevel.normal).T)
+    u = np.maximum(u, places[:, 1]) if bevel.fillet_mm else u  # where the fillet ends it lies along m
     return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
 
 
@@ -67,17 +68,16 @@ def _entered(
     toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float, what: str
 ) -> Iterator[str]:
     """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
-    radius, tip = toolpath.cutter.diameter_mm / 2.0, toolpath.cutter.flute_length_mm / 2.0
-    centre, axis = axes_of(toolpath, points)
+    radius, (centre, axis) = toolpath.cutter.radius_mm, axes_of(toolpath, points)
     at = np.arange(len(centre))
     if isinstance(points, Layer) and after < ALWAYS - 1:
         at = np.flatnonzero(~points.cutting)
         centre, axis = centre[at], axis[at]
     if not len(at):
         return
-    start, end = centre + (tip - allowed) * axis, centre - SHANK_MM * axis
-    bound = np.full(len(start), radius - allowed)
-    depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat=True)
+    start, end = shank_lines(toolpath, centre, axis, allowed)
+    bound, flat = np.full(len(start), radius - allowed), not toolpath.cutter.ball_end
+    depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat)
     worst = int(np.argmax(depth))
     if depth[worst] > allowed + 1e-9:
         where = f"at {np.round(centre[worst], 1).tolist()} mm in a travel move"
@@ -86,10 +86,17 @@ def _entered(
         yield f"the cutter enters {what} by {depth[worst]:.2f} mm {where}"
 
 
+def shank_lines(toolpath: Toolpath, centre: Float, axis: Float, allowed_mm: float) -> tuple[Float, Float]:
+    """Ends (k, 3) of the cutter's axis: from its ball's centre, or where it may enter by `allowed_mm`, up the shank."""
+    cutter = toolpath.cutter
+    reach = cutter.cylinder_end_mm - (0.0 if cutter.ball_end else allowed_mm)
+    return np.asarray(centre + reach * axis), np.asarray(centre - SHANK_MM * axis)
+
+
 def axes_of(toolpath: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
     """Points on the cutter's axis beside the path's own, and its directions; every mm on the lines of a travel."""
     poses = poses_of(toolpath, points)
-    centre = poses.origin_mm - toolpath.cutter.diameter_mm / 2.0 * poses.x
+    centre = poses.origin_mm - toolpath.cutter.radius_mm * poses.x
     return _dense(centre, poses.z) if isinstance(points, Travel) and len(centre) else (centre, poses.z)
 
 

@@ -10,7 +10,7 @@ from workbench.artefacts import Edge, Layer, Toolpath
 from workbench.geometry.tool_frames import bevel_normal, cutter_axis
 from workbench.path.course import lower_course
 from workbench.path.poses import Poses, poses_of
-from workbench.path.section import bevel_of
+from workbench.path.section import finished
 from workbench.units import DEG, Float
 
 ANGLE_DEG = 0.02  # between a frame's axis and where it must point
@@ -41,7 +41,7 @@ def insane(toolpath: Toolpath) -> Iterator[str]:
 
 def _directions(toolpath: Toolpath, layer: Layer, edge: Edge) -> Iterator[str]:
     """y along the edge, z down the bevel face, x into the material: each by itself, so that the words say which."""
-    course, bevel = lower_course(edge, layer.arc_length_mm), bevel_of(toolpath.root_mm, toolpath.bevel_deg)
+    course, bevel = lower_course(edge, layer.arc_length_mm), finished(toolpath)
     poses = poses_of(toolpath, layer)
     rules = (
         (poses.y, course.tangent, "does not move along the edge"),
@@ -60,7 +60,7 @@ def _directions(toolpath: Toolpath, layer: Layer, edge: Edge) -> Iterator[str]:
 
 def _advance(toolpath: Toolpath, layer: Layer) -> Iterator[str]:
     """Origin and cutter's axis go forward at every step, and the frame turns no faster than a cutter can follow."""
-    poses, radius = poses_of(toolpath, layer), toolpath.cutter.diameter_mm / 2.0
+    poses, radius = poses_of(toolpath, layer), toolpath.cutter.radius_mm
     step = np.diff(layer.arc_length_mm)
     turn = np.maximum.reduce([_angle(a[1:], a[:-1]) for a in (poses.x, poses.y, poses.z)])
     forward = np.minimum(_forward(poses, poses.origin_mm), _forward(poses, poses.origin_mm - radius * poses.x))

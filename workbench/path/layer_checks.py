@@ -11,7 +11,7 @@ from workbench.path.course import edge_course, lower_course
 from workbench.path.plan import KEY_POINT_MM
 from workbench.path.poses import poses_of
 from workbench.path.remaining import from_edge
-from workbench.path.section import LEAST_DEPTH_MM, bevel_of
+from workbench.path.section import LEAST_DEPTH_MM, finished
 from workbench.units import Bool
 
 HEIGHT_MM = 0.002  # a layer's place along the bevel's normal
@@ -24,19 +24,23 @@ def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
     if not toolpath.layers:
         yield "no layer"
         return
-    bevel, above = bevel_of(toolpath.root_mm, toolpath.bevel_deg), None
+    yield from cutter_faults(toolpath)
+    bevel, cutter, above = finished(toolpath), toolpath.cutter, None
     for layer in toolpath.layers:
         course = lower_course(edge, layer.arc_length_mm)
-        height = bevel.height_mm(from_edge(toolpath, layer, course))
+        section = from_edge(toolpath, layer, course)
+        height = bevel.height_mm(section)
         along = ((poses_of(toolpath, layer).origin_mm - course.position_mm) * course.tangent).sum(axis=1)
         yield from _fault(layer, height < -HEIGHT_MM, "lies below the finished bevel")
         yield from _fault(layer, layer.cutting & (np.abs(height - layer.height_mm) > HEIGHT_MM), "is not at its height")
         yield from _fault(layer, np.abs(along) > ALONG_MM, "is not in the section of its arc length")
         yield from _fault(layer, layer.cutting & ~course.seen, "cuts where nothing was measured")
         yield from _fault(layer, layer.cutting & ~layer.measured, "cuts where nothing was measured")
-        yield from _fault(
-            layer, layer.cutting & (layer.width_mm > toolpath.cutter.flute_length_mm), "is wider than the flute"
-        )
+        flute = cutter.flute_length_mm - (cutter.radius_mm if cutter.ball_end else 0.0)
+        yield from _fault(layer, layer.cutting & (layer.width_mm > flute), "is wider than the flute")
+        if bevel.fillet_mm:
+            off = np.abs((section - bevel.middle(course, layer.height_mm)) @ bevel.up)
+            yield from _fault(layer, off > HEIGHT_MM, "does not stand where its ball end makes the fillet")
         yield from _spacing(layer, toolpath.edge_length_mm)
         if not layer.cutting.any():
             yield f"layer {layer.index} cuts nothing but air"
@@ -54,6 +58,13 @@ def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
         yield "the last layer is not the final one"
     if (np.diff([layer.height_mm for layer in toolpath.layers]) >= 0).any():
         yield "layers do not go down"
+
+
+def cutter_faults(toolpath: Toolpath) -> Iterator[str]:
+    """What is wrong with the cutter's end, in words: the fillet of a J preparation is the ball's."""
+    radius, cutter = toolpath.root_radius_mm, toolpath.cutter
+    if radius and not (cutter.ball_end and abs(cutter.radius_mm - radius) <= HEIGHT_MM):
+        yield f"the cutter has no ball end of the fillet's radius, {radius:g} mm"
 
 
 def _fault(layer: Layer, wrong: Bool, words: str) -> Iterator[str]:

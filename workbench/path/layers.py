@@ -22,6 +22,7 @@ from workbench.path.refusals import (
     refuse_allowance,
     refuse_compound,
     refuse_cutter,
+    refuse_fillet,
     refuse_partial_view,
     refuse_requirement,
     refuse_small_root,
@@ -59,6 +60,10 @@ def layers(
     ] = 2.0,
     ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
     lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,
+    root_radius_mm: Annotated[
+        float,
+        Field(ge=0, le=50, description="of a J preparation, milled by a ball end of this radius; 0: a bevel"),
+    ] = 0.0,
     smoothing_mm: Annotated[
         float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
     ] = 10.0,
@@ -110,6 +115,8 @@ def layers(
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
+        root_radius_mm: of a J preparation: its fillet meets the end face square, where the root face ends, and is
+            tangent to the bevel face. A ball end of its radius makes it: `cutter_diameter_mm` is twice that.
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
         tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written: their u counts as the edge's own.
         robot_accuracy_mm: of the robot between scan and cut: likewise.
@@ -135,7 +142,7 @@ def layers(
         (5, 1.0)
     """
     refuse_partial_view(edge, least_seen_share)
-    lower, length = bevel_of(root_mm, bevel_deg), float(edge.arc_length_mm[-1])
+    lower, length = bevel_of(root_mm, bevel_deg, root_radius_mm), float(edge.arc_length_mm[-1])
     refuse_small_root(edge, lower)
     upper = upper_bevel(lower, upper_bevel_deg, lower_bevel_mm)
     if upper is None and mill == "upper":
@@ -154,14 +161,18 @@ def layers(
         course = course if beneath is None else under(course, beneath)
         at = course.seen & (points >= 0.0) & (points <= length)
         refuse_requirement(course, at, to)
+        if to.fillet_mm:
+            refuse_fillet(course, at, to, cutter_diameter_mm, _beside_fillet(upper, finish_allowance_mm))
         refuse_allowance(course, at, to, finish_allowance_mm, depth_of_cut_mm)
-        cutter = Cutter(cutter_diameter_mm, flutes, flute_length_mm or _flute_length(course, at, to))
+        flute_mm = flute_length_mm or _flute_length(course, at, to)
+        cutter = Cutter(cutter_diameter_mm, flutes, flute_mm, ball_end=to.fillet_mm > 0.0)
         refuse_cutter(course, at, to, cutter, depth_of_cut_mm)
         return known, course, cutter
 
     def plan_of(to: Bevel, of: tuple[RawEdge, Course, Cutter], leave: Sequence[Lift] = ()) -> Plan:
         known, course, cutter = of
         table = edge_course(known, known.arc_length_mm, 0.0)
+        to = replace(to, to_ball_mm=cutter.cylinder_end_mm)
         return make_plan(known, cloud, course, table, to, cutter, air, v_slow_mm_s, leave)
 
     beneath = upper if bevel is lower else None
@@ -197,6 +208,7 @@ def layers(
             before=before,
             rests_on="" if milled is None else AFTER_UPPER.format(upper_bevel_deg),
             chain=chain,
+            root_radius_mm=to.fillet_mm,
         )
 
     if finish_allowance_mm == 0.0:
@@ -211,8 +223,15 @@ def layers(
 
 
 def _flute_length(course: Course, at: Bool, bevel: Bevel) -> float:
-    """Just over the widest face, in whole mm."""
-    return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + 2.0 * FLUTE_SPARE_MM))
+    """Just over the widest face and a ball end, in whole mm."""
+    return float(math.ceil(bevel.width_mm(course, 0.0)[at].max() + bevel.fillet_mm + 2.0 * FLUTE_SPARE_MM))
+
+
+def _beside_fillet(upper: Bevel | None, finish_allowance_mm: float) -> str:
+    """The parameter that a J preparation cannot have; nothing: none is given."""
+    if upper is not None:
+        return "upper_bevel_deg"
+    return "finish_allowance_mm" if finish_allowance_mm else ""
 
 
 def _not_milled(points: Float, milled: Bool, length: float, height_mm: float, ramp_mm: float) -> tuple[Lift, ...]:

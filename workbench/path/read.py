@@ -49,7 +49,9 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         raise InputError(f"{where}.layers", "expected points that cut, found none")
     cutter = file.cutter
     return Toolpath(
-        cutter=Cutter(cutter.diameter_mm, cutter.flutes, cutter.flute_length_mm or Cutter().flute_length_mm),
+        cutter=Cutter(
+            cutter.diameter_mm, cutter.flutes, cutter.flute_length_mm or Cutter().flute_length_mm, cutter.ball_end
+        ),
         layers=layers,
         travels=tuple(Travel(**_poses(row.points)) for row in file.travels),
         v_slow_mm_s=min(point.feed_mm_s for point in cut),
@@ -60,6 +62,7 @@ def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (d
         root_mm=needs.root_mm,
         bevel_deg=needs.bevel_deg,
         depth_of_cut_mm=depth,
+        root_radius_mm=needs.root_radius_mm,
         claim=_claim(file),
         evidence=tuple(file.evidence),
         chain=None if file.chain is None else ChainU(file.chain.place_mm, file.chain.turn, tuple(file.chain.rests_on)),

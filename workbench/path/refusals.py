@@ -18,6 +18,7 @@ GUARD = 1.645  # times u that a value must lie within its limits (ISO 14253-1), 
 LEAST_ROOT_MM = 0.05  # to which good robots repeat
 MOST_KNOWN_MM = 1.0  # no edge is milled that is known to less
 SMALL_ROOT = 3.0  # expanded uncertainties of the lower edge across it
+FILLET_MM = 0.002  # by which a cutter's radius may differ from the fillet's: what is read as one number
 LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
 
 
@@ -50,7 +51,7 @@ def known_well(
     """
     place_mm, turn = (0.0, 0.0) if chain is None else (chain.place_mm, chain.turn)
     u = np.hypot(np.hypot(edge.position_u_mm, 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm), place_mm)
-    root_mm = GUARD * np.hypot(*(u * bevel.normal).T) / np.sin(bevel.angle)
+    root_mm = GUARD * bevel.root_u_mm(u)
     oblique = (GUARD * edge.tangent_u) ** 2 * np.sin(2.0 * bevel.angle) / 4.0
     angle_deg = (GUARD * np.hypot(edge.normal_u, turn) + oblique) / DEG
     known = edge.seen & (root_mm <= root_tolerance_mm) & (angle_deg <= bevel_tolerance_deg)
@@ -96,6 +97,29 @@ def refuse_requirement(course: Course, at: Bool, bevel: Bevel) -> None:
         )
     if bevel.height_mm(course.upper_mm)[at].max() <= LEAST_DEPTH_MM:
         raise InputError("edge", "nothing to cut: no stock stands above the finished bevel")
+
+
+def refuse_fillet(course: Course, at: Bool, bevel: Bevel, cutter_mm: float, beside: str) -> None:
+    """A J preparation that a ball end cannot make in one sweep, or whose fillet leaves no bevel face.
+
+    `cutter_mm`: the cutter's diameter; `beside`: a parameter that is given and that it cannot have, or nothing.
+    """
+    if beside:
+        raise InputError(beside, "expected none beside root_radius_mm: a J preparation is milled by one path, at once")
+    if abs(cutter_mm - 2.0 * bevel.fillet_mm) > FILLET_MM:
+        raise InputError(
+            "cutter_diameter_mm",
+            f"expected {2.0 * bevel.fillet_mm:g} mm, twice root_radius_mm, found {cutter_mm:g} mm: the fillet of a J "
+            "preparation is milled by a ball end of its own radius",
+        )
+    width = bevel.width_mm(course, 0.0)[at]
+    least = int(np.argmin(width))
+    if width[least] <= LEAST_DEPTH_MM:
+        raise InputError(
+            "root_radius_mm",
+            f"{bevel.fillet_mm:g} mm reach to the stock's upper surface at arc length "
+            f"{course.arc_length_mm[at][least]:.1f} mm: no bevel face is left above the fillet",
+        )
 
 
 def refuse_compound(course: Course, upper: Bevel) -> None:
@@ -148,12 +172,12 @@ def refuse_allowance(course: Course, at: Bool, bevel: Bevel, allowance_mm: float
 
 def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_of_cut_mm: float) -> None:
     """A cutter that cannot make this bevel in such layers."""
-    if depth_of_cut_mm > cutter.diameter_mm / 2.0:
+    if depth_of_cut_mm > cutter.radius_mm:
         raise InputError(
             "depth_of_cut_mm",
-            f"{depth_of_cut_mm:g} mm is more than the cutter's radius of {cutter.diameter_mm / 2.0:g} mm",
+            f"{depth_of_cut_mm:g} mm is more than the cutter's radius of {cutter.radius_mm:g} mm",
         )
-    width = bevel.width_mm(course, 0.0)
+    width = bevel.width_mm(course, 0.0) + (bevel.fillet_mm if cutter.ball_end else 0.0)
     widest = int(np.argmax(np.where(at, width, -1.0)))
     if width[widest] > cutter.flute_length_mm:
         where = f"{width[widest]:.2f} mm wide at arc length {course.arc_length_mm[widest]:.1f} mm"
@@ -162,7 +186,7 @@ def refuse_cutter(course: Course, at: Bool, bevel: Bevel, cutter: Cutter, depth_
 
 def refuse_tight_curve(course: Course, bevel: Bevel, height_mm: Float, cutter: Cutter) -> None:
     """A concave edge that bends more tightly than the cutter's course, at heights (k,) above the finished face."""
-    stretch = stretch_factor(course, bevel, height_mm, cutter.diameter_mm / 2.0)
+    stretch = stretch_factor(course, bevel, height_mm, cutter.radius_mm)
     worst = int(np.argmin(stretch))
     if stretch[worst] < LEAST_STRETCH:
         radius = 1.0 / float(np.linalg.norm(course.curvature[worst]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,10 +15,11 @@ from workbench.geometry.stations import frame_stations, standing_layers
 from workbench.geometry.stock import Stock, axis_distances, build_stock
 from workbench.path.course import Course, lower_course
 from workbench.path.obstacles import sections_of
-from workbench.path.poses import cutter_ends, poses_of
-from workbench.path.section import Bevel, bevel_of
-from workbench.units import AnyArray, Bool, Float
+from workbench.path.poses import Poses, cutter_ends, poses_of
+from workbench.path.section import Bevel, finished
+from workbench.units import DEG, AnyArray, Bool, Float
 
+TANGENTS = 8  # that stand for a fillet: they leave it by 0.4 % of its radius at most
 SWEPT_STATIONS = 10  # a mm of edge: fine enough for the steep sides of the circle that a cutter leaves
 
 
@@ -42,12 +45,12 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
     `swept`: all that the cutter meets on its way, whether it is meant to cut there or not. It is round, so it takes
     some of what lies beside its places too; nothing below the finished face.
     """
-    bevel, length = bevel_of(toolpath.root_mm, toolpath.bevel_deg), float(edge.arc_length_mm[-1])
+    bevel, length = finished(toolpath), float(edge.arc_length_mm[-1])
     count = (len(edge.arc_length_mm) - 1) * (SWEPT_STATIONS if swept else 1) + 1
     table = lower_course(edge, np.linspace(0.0, length, count))
     sections = sections_of(table)
     start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, count)
-    (cosine, sine), radius = bevel.normal, toolpath.cutter.diameter_mm / 2.0
+    (cosine, sine), radius = bevel.normal, toolpath.cutter.radius_mm
     final, faces = toolpath.layers[-1], []
     course = lower_course(edge, final.arc_length_mm)
     for layer in (*toolpath.before, *toolpath.layers):
@@ -61,6 +64,8 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
             faces.append(_at_stations(height, layer.arc_length_mm, table.arc_length_mm))
     down = (from_edge(toolpath, layer, course) @ np.array([[sine], [-cosine]]))[:, 0]
     reach = np.interp(table.arc_length_mm, layer.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
+    if bevel.fillet_mm:  # as required, not as the path has it: below the fillet the part must remain
+        reach = np.full_like(reach, radius - (bevel.root_mm + bevel.fillet_mm) * cosine)
     return standing_layers(
         cloud.x_mm,
         cloud.z_mm,
@@ -68,7 +73,7 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
         cloud.base_from_profiler,
         sections,
         start,
-        (cosine, sine, bevel.root_mm * sine),
+        (cosine, sine, bevel.plane_mm * sine, bevel.fillet_mm),
         np.stack(faces, axis=1),
         reach,
         radius if swept else 0.0,
@@ -130,6 +135,23 @@ def _swept(height: Float, s: Float, table: Course, bevel: Bevel, radius: float) 
 
 def face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:
     """The face that a layer leaves, as lines across it where it cuts; None where it cuts nothing."""
-    poses, half = poses_of(toolpath, layer), layer.width_mm[:, None] / 2.0
-    cut = layer.cutting
-    return index_lines((poses.origin_mm + half * poses.z)[cut], (poses.origin_mm - half * poses.z)[cut])
+    poses, half, cut = poses_of(toolpath, layer), layer.width_mm[:, None] / 2.0, layer.cutting
+    middle = toolpath.in_base(toolpath.face_middle_mm(layer))
+    lines = [((middle + half * poses.z)[cut], (middle - half * poses.z)[cut])]
+    if toolpath.root_radius_mm:
+        corners = _around_fillet(toolpath, poses)
+        lines += [(a[cut], b[cut]) for a, b in itertools.pairwise(corners)]
+    return index_lines(*(np.concatenate(ends) for ends in zip(*lines, strict=True)))
+
+
+def _around_fillet(toolpath: Toolpath, poses: Poses) -> list[Float]:
+    """Corners (k, 3) of a line of tangents around the fillet that a ball end makes, from the bevel face down."""
+    radius, whole = toolpath.root_radius_mm, math.pi / 2.0 - toolpath.bevel_deg * DEG
+    centre = poses.origin_mm + toolpath.cutter.cylinder_end_mm * poses.z - radius * poses.x
+    each = whole / TANGENTS
+    turned = [0.0, *(each * (np.arange(TANGENTS) + 0.5)), whole]
+    reach = [radius, *[radius / math.cos(each / 2.0)] * TANGENTS, radius]
+    return [
+        np.asarray(centre + r * (math.cos(a) * poses.x + math.sin(a) * poses.z))
+        for a, r in zip(turned, reach, strict=True)
+    ]

@@ -27,15 +27,24 @@ def dimension_height(axes: Axes, top: float, at: float, text: str, size: float) 
     axes.annotate(text, (at, top / 2), (4, 0), va="center", fontsize=TEXT_SIZE)
 
 
-def dimension_angle(axes: Axes, root: float, bevel_deg: float, text: str, radius: float) -> None:
-    """The arc from the root face's continuation to the bevel face, with the value beside it."""
+def dimension_angle(axes: Axes, at: tuple[float, float], bevel_deg: float, text: str, radius: float) -> None:
+    """The arc from the root face's direction to the bevel face's, about the place `at`; its value beside the part."""
+    u, v = at
     turned = np.linspace(90.0, 90.0 + bevel_deg, ARC_POINTS) * DEG
-    axes.plot(radius * np.cos(turned), root + radius * np.sin(turned), color=INK, linewidth=0.6)
+    axes.plot(u + radius * np.cos(turned), v + radius * np.sin(turned), color=INK, linewidth=0.6)
     for degrees, turn in ((90.0, -1.0), (90.0 + bevel_deg, 1.0)):
         tip, tail = degrees * DEG, (degrees - turn * 6.0) * DEG
-        to, start = ((radius * math.cos(angle), root + radius * math.sin(angle)) for angle in (tip, tail))
+        to, start = ((u + radius * math.cos(angle), v + radius * math.sin(angle)) for angle in (tip, tail))
         axes.arrow(to, start, linewidth=0.0)
-    axes.annotate(text, (0.0, root + radius), (5, -2), va="center", fontsize=TEXT_SIZE)
+    if u < 0.0:
+        axes.plot([u, 0.0], [v + radius, v + radius], color=INK, linewidth=0.4)
+    axes.annotate(text, (0.0, v + radius), (5, -2), va="center", fontsize=TEXT_SIZE)
+
+
+def dimension_radius(axes: Axes, centre: tuple[float, float], to: tuple[float, float], text: str) -> None:
+    """An arrow from the centre of a fillet to its arc, with the value beside the centre."""
+    axes.arrow(to, centre)
+    axes.annotate(text, centre, (5, 0), va="center", fontsize=TEXT_SIZE)
 
 
 def dimension_gap(axes: Axes, low: Float, high: Float, text: str, size: float) -> None:

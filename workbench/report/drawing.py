@@ -106,7 +106,7 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
         axes, section.root_mm, 0.065 * size, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size
     )
     angle = measured(section.bevel_deg, section.bevel_u_deg, places[1])
-    dimension_angle(axes, section.root_mm, section.bevel_deg, f"({angle})°", radius)
+    dimension_angle(axes, (0.0, section.root_mm), section.bevel_deg, f"({angle})°", radius)
 
 
 def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: float) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.artefacts import Cloud, Edge, Layer, RawEdge, Toolpath
 from workbench.report.colour_scales import layer_colours
 from workbench.report.colours import FACES, GREY, INK
-from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height
+from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height, dimension_radius
 from workbench.report.figures import svg
 from workbench.report.planned import frames_in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
 from workbench.report.plot import Axes, Figure
@@ -22,6 +22,7 @@ from workbench.report.unrolled_edge import axes_at, developed
 from workbench.report.values import decimals, measured
 from workbench.units import Float
 
+ARC_POINTS = 40  # of a fillet
 POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
 EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
 SIZE_IN, LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 3.6, 3.8, 3.2, 0.35, 0.95  # of the drawing on paper
@@ -34,6 +35,7 @@ class Cut:
     layer: Layer
     upper: Float
     lower: Float
+    fillet: Float  # (f, 2) below it, made by a ball end; a flat end's has no extent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,12 +99,23 @@ def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | No
     k = int(np.argmin(np.abs(layer.arc_length_mm - at_mm)))
     if not layer.cutting[k]:
         return None
-    s, u, v = developed(toolpath.in_base(layer.position_mm[k : k + 1]), layer.arc_length_mm[k : k + 1], edge)[0]
+    middle = toolpath.in_base(toolpath.face_middle_mm(layer)[k : k + 1])
+    s, u, v = developed(middle, layer.arc_length_mm[k : k + 1], edge)[0]
     axis = frames_in_base(toolpath, layer)[k][:, 2]  # from shank to tip: down to the lower side
     here = np.array([s])
     along = np.array([axis @ axes_at(here, edge, each)[0] for each in (edge.normal, edge.across)])
     half = along * layer.width_mm[k] / 2.0
-    return Cut(layer, np.array([u, v]) - half, np.array([u, v]) + half)
+    upper, lower = np.array([u, v]) - half, np.array([u, v]) + half
+    return Cut(layer, upper, lower, _fillet(toolpath.root_radius_mm, lower, along))
+
+
+def _fillet(radius: float, lower: Float, along: Float) -> Float:
+    """The part (f, 2) of a ball end's outline that cuts below the bevel face, from the face to the end face."""
+    off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
+    beyond = np.clip((off * radius + lower)[0] / max(radius, 1e-9), -1.0, 1.0)  # the centre's place before the end face
+    end = np.arctan2(off[0], off[1]) - np.arcsin(beyond)  # from the bevel face to where it meets the end face
+    angle = np.linspace(0.0, max(float(end), 0.0), ARC_POINTS)[:, None]
+    return np.asarray(lower + radius * (off - np.cos(angle) * off + np.sin(angle) * along))
 
 
 def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
@@ -111,7 +124,7 @@ def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
     reach = 1.2 * width
     plate = np.array([[0.0, 0.0], corner, corner + reach * stepped.inward, reach * stepped.inward])
     axes.fill(*plate.T, facecolor="#eef0f2", zorder=0.2)
-    waste = np.array([final.lower, corner, final.upper])
+    waste = np.array([*final.fillet, corner, final.upper])
     axes.fill(*waste.T, facecolor="white", zorder=0.3)
     axes.fill(*waste.T, hatch="////", zorder=0.3)
     axes.plot(*np.array([[0.0, 0.0], corner, corner + reach * stepped.inward]).T, color=GREY, linewidth=0.9, zorder=1.5)
@@ -143,7 +156,8 @@ def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) 
     for cut in stepped.cuts:
         colour = layer_colours(np.array([cut.layer.index]), count)[0] / 255.0
         final = cut is stepped.cuts[-1]
-        axes.plot(*np.array([cut.lower, cut.upper]).T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
+        face = np.array([*cut.fillet[::-1], cut.lower, cut.upper])
+        axes.plot(*face.T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
         beyond = _beyond(cut, size)
         end = _beyond(cut, 1.75 * size) if cut in stepped.cuts[-2:] else beyond  # for the depth of cut
         axes.plot(*np.array([cut.upper, end]).T, color=colour, linewidth=0.6, zorder=1)
@@ -176,9 +190,16 @@ def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Steppe
     dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
     dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
     angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
-    radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - stepped.root_mm))
-    axes.plot([0, 0], [stepped.root_mm, stepped.root_mm + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
-    dimension_angle(axes, stepped.root_mm, stepped.bevel_deg, f"({angle})°", radius)
+    fillet, corner = toolpath.root_radius_mm, (0.0, stepped.root_mm)
+    if fillet:
+        face = stepped.cuts[-1]
+        off = (face.upper - face.lower)[::-1] * [1.0, -1.0] / np.linalg.norm(face.upper - face.lower)
+        centre, middle = face.lower + fillet * off, face.fillet[len(face.fillet) // 2]
+        dimension_radius(axes, tuple(centre), tuple(middle), f"root radius {fillet:g} mm")
+        corner = tuple(face.lower)
+    radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - corner[1]))
+    axes.plot([corner[0]] * 2, [corner[1], corner[1] + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
+    dimension_angle(axes, corner, stepped.bevel_deg, f"({angle})°", radius)
     if len(stepped.cuts) > 1:
         one, final = stepped.cuts[-2:]
         low, along = (

@@ -42,7 +42,8 @@ def plan_rows(toolpath: Toolpath, run: Run) -> Iterator[Row]:
     heights = [layer.height_mm for layer in toolpath.layers]
     final = toolpath.layers[-1]
     steps = np.diff(final.arc_length_mm[final.measured & (final.arc_length_mm >= 0.0)])
-    yield "Cutter", f"⌀ {cutter.diameter_mm:g} mm, {cutter.flutes} flutes of {cutter.flute_length_mm:g} mm"
+    ball = ", ball end" if cutter.ball_end else ""
+    yield "Cutter", f"⌀ {cutter.diameter_mm:g} mm{ball}, {cutter.flutes} flutes of {cutter.flute_length_mm:g} mm"
     yield (
         "Layers",
         f"{len(heights)}, depth of cut {toolpath.depth_of_cut_mm:g} mm, the first {max(heights):g} mm above the "

@@ -70,13 +70,19 @@ def frames_in_base(toolpath: Toolpath, layer: Layer) -> Float:
 
 
 def planned_bevel(toolpath: Toolpath, edge: Edge) -> PlannedBevel:
-    """Where the final layer's plane meets the measured end face, and at what angle."""
+    """Where the final layer's plane, or its ball end, meets the measured end face, and at what angle its plane does."""
     final = toolpath.layers[-1]
     cut = final.cutting
     s, u, v = developed(toolpath.in_base(final.position_mm[cut]), final.arc_length_mm[cut], edge).T
-    axis = frames_in_base(toolpath, final)[cut][:, :, 2]
-    out, up = (np.einsum("ij,ij->i", axis, axes_at(s, edge, each)) for each in (edge.normal, edge.across))
-    return PlannedBevel(s, v - u * up / out, np.arctan2(np.abs(out), np.abs(up)) / DEG)
+    frames, radius = frames_in_base(toolpath, final)[cut], toolpath.root_radius_mm
+    sides = [axes_at(s, edge, each) for each in (edge.normal, edge.across)]
+    (out, up), inward = (np.einsum("ij,kij->ki", frames[:, :, k], sides) for k in (2, 0))
+    root = v - u * up / out
+    if radius:  # the ball's centre is (u, v) of the frame, down the axis, and a radius off
+        reach = toolpath.cutter.cylinder_end_mm
+        ball_u, ball_v = u + reach * out - radius * inward[0], v + reach * up - radius * inward[1]
+        root = ball_v - np.sqrt(np.maximum(radius**2 - ball_u**2, 0.0))
+    return PlannedBevel(s, root, np.arctan2(np.abs(out), np.abs(up)) / DEG)
 
 
 def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
@@ -93,15 +99,15 @@ def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
 def planned_u(edge: Edge, toolpath: Toolpath) -> tuple[float | None, float | None]:
     """Standard uncertainty of the planned root face, mm, and bevel angle, deg: of scan, hand-eye pose and stated links.
 
-    The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta).
-    None where the edge does not state its own.
+    The plane meets the end face at v = r: an error (du, dv) of the lower edge moves that by dv + du / tan(beta); a
+    fillet meets it square, and is moved by dv. None where the edge does not state its own.
     """
     if not isinstance(edge, RawEdge):
         return None, None
     shared = 0.0 if edge.hand_eye_u_mm is None else edge.hand_eye_u_mm
     place_mm, turn = (0.0, 0.0) if toolpath.chain is None else (toolpath.chain.place_mm, toolpath.chain.turn)
     u_out, u_across = np.nanmedian(np.hypot(np.hypot(edge.position_u_mm, shared), place_mm), axis=0)
-    root = float(np.hypot(u_across, u_out / np.tan(toolpath.bevel_deg * DEG)))
+    root = float(u_across if toolpath.root_radius_mm else np.hypot(u_across, u_out / np.tan(toolpath.bevel_deg * DEG)))
     return root, float(np.median(np.hypot(edge.normal_u, turn)) / DEG)
 
 

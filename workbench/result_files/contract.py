@@ -108,6 +108,7 @@ class CutterRow(Row):
     diameter_mm: Positive
     flutes: Annotated[int, Field(ge=1, le=100)]
     flute_length_mm: Positive | None = None
+    ball_end: bool = Field(default=False, description="its end is half a sphere of its radius")
 
 
 class TravelPoint(Row):
@@ -153,6 +154,7 @@ class PathRequirements(Row):
     root_mm: Positive = 1.5
     bevel_deg: Positive = 40.0
     depth_of_cut_mm: Positive = 1.0
+    root_radius_mm: NotNegative = Field(default=0.0, description="of a J preparation; 0: a bevel")
 
 
 class PathClaim(Row):

@@ -1,6 +1,7 @@
 """Removing what a moving cutter sweeps from lines (dexels) normal to the bevel: one compiled kernel.
 
-The cutter stands still at steps along its path; each line is cut exactly, where it enters the cylinder. Between two
+The cutter stands still at steps along its path; each line is cut exactly, where it enters the cylinder or the half
+sphere at its end. Between two
 steps, `step` apart, a ridge of at most step^2 / (8 radius) stays: 0.25 micrometres at 0.1 mm and a radius of 5 mm.
 (Dexels: T. Van Hook, Real-time shaded NC milling display, SIGGRAPH 1986, 15.)
 """
@@ -38,14 +39,17 @@ class Sweep(NamedTuple):
     z: Float  # (k, 3) unit, along the axis, from shank to tip
     radius: Float  # (k,)
     axis_offset: float
-    tip: float  # how far the cutter reaches beyond the frame's origin, along z; the shank has no end
+    tip: float  # how far the cylinder reaches beyond the frame's origin, along z; the shank has no end
+    ball: bool  # there a half sphere of the same radius goes on; else it is flat
     first: Int  # (k-1,) columns of lines that each piece of the motion can reach: first, and
     last: Int  # (k-1,) the one after the last
 
 
 @kernel
-def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, radius: float, tip: float) -> None:
-    """Cut one column's lines by the cylinder of axis c + s a, s <= tip."""
+def _cut_column(
+    height: Float, lines: Lines, column: int, c: Float, a: Float, radius: float, tip: float, ball: bool
+) -> None:
+    """Cut one column's lines by the cylinder of axis c + s a, s <= tip, and by the ball at its end."""
     ba, aa, bq, qa, q_aside, qq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         up, across, q = lines.up[column, k], lines.across[column, k], lines.base[column, k] - c[k]
@@ -65,7 +69,7 @@ def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, ra
         if bb > _ALMOST_PARALLEL:
             reach = along * along - bb * outside
             if reach <= 0.0:
-                continue
+                continue  # nor does it meet the ball, which the cylinder's sides enclose
             root = math.sqrt(reach)
             below, above = (-along - root) / bb, (-along + root) / bb
         elif outside >= 0.0:
@@ -77,7 +81,14 @@ def _cut_column(height: Float, lines: Lines, column: int, c: Float, a: Float, ra
             else:
                 below = max(below, -beyond / ba)
         elif beyond > 0.0:
-            continue
+            above = -math.inf
+        if ball:  # |line - (c + tip a)| = radius
+            middle = bq - tip * ba
+            square = middle * middle - outside - beyond * beyond
+            if square > 0.0:
+                root = math.sqrt(square)
+                below = min(below, -middle - root) if below < above else -middle - root
+                above = max(above, -middle + root)
         if below < above and below < height[column, row] and above > lines.floor[column, row]:
             height[column, row] = max(below, lines.floor[column, row])
 
@@ -147,5 +158,5 @@ def cut_lines(height: Float, lines: Lines, sweep: Sweep, step: float) -> None:
             radius = (1.0 - f) * sweep.radius[i] + f * sweep.radius[i + 1]
             for column in range(sweep.first[i], sweep.last[i]):
                 if not _passes_above(lines, rows, column, c, a, radius, highest[column]):
-                    _cut_column(height, lines, column, c, a, radius, sweep.tip)
+                    _cut_column(height, lines, column, c, a, radius, sweep.tip, sweep.ball)
                     highest[column] = _highest(height[column])

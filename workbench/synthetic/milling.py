@@ -84,10 +84,12 @@ def _smooth_heights(surface: raycast.Surface, cut: Cut, lines: Lines) -> Float:
 _GRID_MM = 1.0  # clamps are looked at so finely; a cutter of radius R overlaps by 1 mm^2 / (8 R) more at most
 
 
-def clamp_overlap(box: Float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float) -> Float:
+def clamp_overlap(
+    box: Float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float, ball_end: bool = False
+) -> Float:
     """How deep (k,) the surface of a clamp, `box` (10,) as for `raycast.enter_box`, lies inside the cutter; 0: not.
 
-    The cutter's axis runs through `centre` (k, 3) along `axis` (k, 3), as far as `tip_mm` beyond it.
+    The cutter's axis runs through `centre` (k, 3) along `axis` (k, 3), its cylinder as far as `tip_mm` beyond it.
     """
     points = _surface_points(box)
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
@@ -99,14 +101,17 @@ def clamp_overlap(box: Float, centre: Float, axis: Float, radius_mm: Float, tip_
         offset = points - centre[k]
         along = offset @ axis[k]
         distance = np.sqrt(np.maximum(np.sum(offset**2, axis=1) - along**2, 0.0))
-        overlap[k] = np.max(np.where(along < tip_mm, radius_mm[k] - distance, 0.0), initial=0.0)
+        end = radius_mm[k] - np.hypot(distance, along - tip_mm) if ball_end else 0.0
+        overlap[k] = np.max(np.where(along < tip_mm, radius_mm[k] - distance, end), initial=0.0)
     return overlap
 
 
-def table_overlap(table_z_mm: float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float) -> Float:
+def table_overlap(
+    table_z_mm: float, centre: Float, axis: Float, radius_mm: Float, tip_mm: float, ball_end: bool = False
+) -> Float:
     """How deep (k,) the cutter's tip is in a table at height `table_z_mm`; 0: not."""
     tip_z = centre[:, 2] + tip_mm * axis[:, 2]
-    lowest = tip_z - radius_mm * np.sqrt(np.maximum(1.0 - axis[:, 2] ** 2, 0.0))
+    lowest = tip_z - radius_mm * (1.0 if ball_end else np.sqrt(np.maximum(1.0 - axis[:, 2] ** 2, 0.0)))
     return np.asarray(np.maximum(table_z_mm - lowest, 0.0))
 
 
@@ -135,13 +140,19 @@ class Motion:
     """A motion of the cutter: k >= 2 poses, at most a millimetre and a degree apart, linear between them.
 
     The cutter's axis is parallel to a pose's z and stands `axis_offset_mm` behind it, against x; it reaches `tip_mm`
-    along z and has no end on the other side.
+    along z and has no end on the other side. `ball_end`: the last `axis_offset_mm` of that are a ball end's.
     """
 
     base_from_tool: Float  # (k, 4, 4)
     radius_mm: Float  # (k,)
     axis_offset_mm: float
     tip_mm: float
+    ball_end: bool = False
+
+    @property
+    def cylinder_end_mm(self) -> float:
+        """How far the cylinder reaches along z: there a ball end has its centre."""
+        return self.tip_mm - (self.axis_offset_mm if self.ball_end else 0.0)
 
 
 class Hit(NamedTuple):
@@ -207,7 +218,8 @@ class Stock:
             poses[:, :3, 2].copy(),
             motion.radius_mm,
             motion.axis_offset_mm,
-            motion.tip_mm,
+            motion.cylinder_end_mm,
+            motion.ball_end,
             first,
             last,
         )
@@ -217,11 +229,10 @@ class Stock:
         """Clamps and table that the cutter runs into, each with the deepest place."""
         poses = self.part_from_base @ motion.base_from_tool
         centre, axis = poses[:, :3, 3] - motion.axis_offset_mm * poses[:, :3, 0], poses[:, :3, 2]
-        overlaps = [("a clamp", clamp_overlap(b, centre, axis, motion.radius_mm, motion.tip_mm)) for b in self._boxes]
+        cutter = (motion.radius_mm, motion.cylinder_end_mm, motion.ball_end)
+        overlaps = [("a clamp", clamp_overlap(box, centre, axis, *cutter)) for box in self._boxes]
         if self._table_gap_mm is not None:
-            overlaps.append(
-                ("the table", table_overlap(-self._table_gap_mm, centre, axis, motion.radius_mm, motion.tip_mm))
-            )
+            overlaps.append(("the table", table_overlap(-self._table_gap_mm, centre, axis, *cutter)))
         u = raycast.project_all(self.surface, poses[:, :3, 3])[:, 0]
         return [Hit(what, float(deep.max()), float(u[np.argmax(deep)])) for what, deep in overlaps if deep.max() > 0.0]
 
@@ -230,7 +241,7 @@ class Stock:
         cut, axis, radius = self._cut, poses[:, :3, 2], float(np.max(motion.radius_mm))
         centre = poses[:, :3, 3] - motion.axis_offset_mm * poses[:, :3, 0]
         ceiling = ceiling_mm(self.surface, cut)
-        extent = math.hypot(max(abs(cut.w_mm[0]), abs(cut.w_mm[-1])), ceiling) + cut.root_mm
+        extent = math.hypot(max(abs(cut.w_mm[0]), abs(cut.w_mm[-1])), ceiling) + abs(cut.root_mm)
         foot, away = self._foot(centre, axis, motion.tip_mm)
         low, high = self._section(foot - extent * axis), self._section(foot + extent * axis)
         clear = (np.minimum(low[:, 1], high[:, 1]) - radius > ceiling) | (away > extent + radius + 1.0)

@@ -15,6 +15,7 @@ from workbench.units import DEG, Bool, Float
 CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 _CLEAR_MM = 0.5  # a height this far above the stock says the same as any greater one
 _CUT_MM = 1e-3  # less than this below the raw surface is not cut
+_STRAIGHT_MM = 0.05  # a profile that leaves its line by more is no bevel's
 _LEAST_FACE_MM = 0.5  # a narrower face tells no angle
 
 
@@ -95,7 +96,8 @@ def profile_sizes(cut: Cut, u: Float) -> tuple[Float, Float]:
     """Root face (mm) and bevel angle (deg) at u, as cut; NaN where there is no face to speak of.
 
     In each section a straight line, p = p0 + slope w, is fitted to the cut profile between the root edge and the upper
-    edge; the root ends where that line meets the end face, p = w tan(bevel).
+    edge; the root ends where that line meets the end face, p = w tan(bevel). Where the profile is no straight line, a
+    compound bevel's or a J preparation's, there is no such face.
     """
     on_face = cut.stock_mm - cut.height_mm > _CUT_MM
     count, height = on_face.sum(axis=1), np.where(on_face, cut.height_mm, 0.0)
@@ -106,5 +108,7 @@ def profile_sizes(cut: Cut, u: Float) -> tuple[Float, Float]:
     slope = np.sum(aside * height, axis=1) / np.where(made, np.sum(aside**2, axis=1), 1.0)
     foot = (mean_p - slope * mean_w) / (math.tan(cut.bevel) - slope)
     root, bevel_deg = cut.root_mm + foot / math.cos(cut.bevel), (cut.bevel - np.arctan(slope)) / DEG
+    off = np.where(on_face, height - mean_p[:, None] - slope[:, None] * aside, 0.0)
+    made &= np.max(np.abs(off), axis=1) < _STRAIGHT_MM
     root[~made] = bevel_deg[~made] = np.nan
     return np.interp(u, cut.u, root), np.interp(u, cut.u, bevel_deg)

@@ -27,7 +27,7 @@ class Machine:
         self, stock: Stock, toolpath: Toolpath, mechanics: Mechanics, wear_mm: float, worn_mm: float, tip_mm: float
     ) -> None:
         self.stock, self._mechanics, self._tip_mm = stock, mechanics, tip_mm
-        self._radius_mm = toolpath.cutter.diameter_mm / 2.0
+        self._radius_mm, self._ball_end = toolpath.cutter.radius_mm, toolpath.cutter.ball_end
         whole = sum(float(_cut_length(layer)[-1]) for layer in toolpath.layers)
         self._wear = wear_mm / whole if whole > 0.0 else 0.0  # loss of radius a mm cut
         self._worn_mm, self._cut_mm, self._motions = worn_mm, 0.0, 0
@@ -60,7 +60,8 @@ class Machine:
 
     def _sweep(self, poses: Float, radius: Float) -> Met:
         fine, radius_mm = straight_moves(poses, radius)
-        motion, before = Motion(fine, radius_mm, self._radius_mm, self._tip_mm), self.stock.height_mm.copy()
+        motion = Motion(fine, radius_mm, self._radius_mm, self._tip_mm, self._ball_end)
+        before = self.stock.height_mm.copy()
         self.stock.remove(motion)
         return Met(self.stock.depth_mm(before), _deepest(self.stock.hits(motion)))
 

@@ -70,10 +70,10 @@ def mill(
 ) -> tuple[Workpiece, Engagement]:
     """Mill a workpiece along a path and tell what the cutter met.
 
-    The cutter, a cylinder along the z axis of each point's frame at x = -radius, moves through travels and layers in
-    their order, straight from point to point; it removes what it meets, also where the path does not mean to cut. The
-    material is counted on lines normal to the required bevel (dexels: T. Van Hook, SIGGRAPH 1986), each cut exactly at
-    every 0.1 mm of the motion, which leaves ridges below 1 micrometre.
+    The cutter, a cylinder along the z axis of each point's frame at x = -radius, with its ball end if any, moves
+    through travels and layers in their order, straight from point to point; it removes what it meets, also where the
+    path does not mean to cut. The material is counted on lines normal to the required bevel (dexels: T. Van Hook,
+    SIGGRAPH 1986), each cut exactly at every 0.1 mm of the motion, which leaves ridges below 1 micrometre.
 
     Args:
         workpiece: the part as it is now.
@@ -117,7 +117,7 @@ def mill(
         deflections_mm=_deflections(toolpath, deflections, bending),
         seed=(seed, 0 if workpiece.cut is None else workpiece.cut.times),
     )
-    stock = Stock(workpiece, toolpath.root_mm, toolpath.bevel_deg * DEG)
+    stock = Stock(workpiece, toolpath.plane_mm, toolpath.bevel_deg * DEG)
     tip = toolpath.cutter.flute_length_mm / 2.0 if tip_mm is None else tip_mm
     engaged, warnings = _mill(Machine(stock, toolpath, mechanics, wear_mm, worn_mm, tip), toolpath)
     return dataclasses.replace(workpiece, cut=stock.cut), Engagement(engaged, warnings, toolpath.part)
@@ -146,7 +146,7 @@ def _refuse_empty(toolpath: Toolpath) -> None:
 
 def _mill(machine: Machine, toolpath: Toolpath) -> tuple[tuple[LayerEngagement, ...], tuple[str, ...]]:
     """Travels and layers in their order; the engagement of each layer, and all warnings."""
-    stock, radius, travels = machine.stock, toolpath.cutter.diameter_mm / 2.0, iter(toolpath.travels)
+    stock, radius, travels = machine.stock, toolpath.cutter.radius_mm, iter(toolpath.travels)
     engaged: list[LayerEngagement] = []
     warnings: list[str] = []
     for layer in toolpath.layers:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import ChainU
-from workbench.report.planned import planned_bevel, planned_u, thickness_mm, whole_run
+from workbench.report.planned import LOCAL_MM, local_turn_deg, planned_bevel, planned_u, thickness_mm, whole_run
 
 
 @pytest.mark.parametrize("radius_mm", [None, 300.0])
@@ -92,3 +92,17 @@ def test_thickness_is_not_invented(planned):
     edge = planned().edge
     np.testing.assert_allclose(thickness_mm(edge)[edge.seen], 10.0)
     assert np.isnan(thickness_mm(edge)[~edge.seen]).all()
+
+
+def test_the_end_faces_own_turn_is_told_beside_an_even_twist(planned):
+    """Directions that differ by 0.05 deg from place to place, on a face that turns by 20 deg along the edge."""
+    edge, rng = planned().edge, np.random.default_rng(3)
+    count = len(edge.arc_length_mm)
+    apart = round(LOCAL_MM / float(edge.arc_length_mm[1]))
+    places = np.radians(0.05) * rng.normal(size=count) + np.radians(20.0) * np.linspace(0.0, 1.0, count)
+    turned = np.cos(places)[:, None] * edge.normal + np.sin(places)[:, None] * edge.across
+    across = np.cross(turned, edge.tangent)
+    found = local_turn_deg(dataclasses.replace(edge, normal=turned, across=across))
+    assert count > 4 * apart
+    assert found == pytest.approx(0.05, rel=0.3)
+    assert local_turn_deg(edge) == pytest.approx(0.0, abs=1e-6)

@@ -18,7 +18,7 @@ from workbench.report.plan_tables import (
     required,
     thickness,
 )
-from workbench.report.planned import Run
+from workbench.report.planned import LOCAL_MM, Run, local_turn_deg
 from workbench.report.procedure import AXIS_MM, TOOL_AXIS_MM, shown_stretch
 from workbench.report.tables import facts
 from workbench.report.template import data_address, render
@@ -44,10 +44,12 @@ def plan_html(
         layers=list(layer_rows(toolpath, run)),
         refused=list(refused(edge, toolpath, gate)),
         from_scan=isinstance(edge, RawEdge),
+        turn=None if (turn := local_turn_deg(edge)) is None else f"{turn:.2g}",
         calibrated=isinstance(edge, RawEdge) and edge.hand_eye_u_mm is not None,
         pictures={name: data_address(content) for name, content in drawn.items()},
         stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
         whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),
+        local_mm=f"{LOCAL_MM:g}",
         axis_mm=f"{AXIS_MM:g}",
         tool_axis_mm=f"{TOOL_AXIS_MM:g}",
         tool_axes=list(zip("xyz", TOOL_AXES, strict=True)),

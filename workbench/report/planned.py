@@ -12,6 +12,8 @@ from workbench.geometry.times import step_lengths_mm, step_times_s
 from workbench.report.unrolled_edge import axes_at, developed
 from workbench.units import DEG, Bool, Float, Int
 
+LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direction of a rough end face
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
@@ -109,6 +111,20 @@ def planned_u(edge: Edge, toolpath: Toolpath) -> tuple[float | None, float | Non
     u_out, u_across = np.nanmedian(np.hypot(np.hypot(edge.position_u_mm, shared), place_mm), axis=0)
     root = float(u_across if toolpath.root_radius_mm else np.hypot(u_across, u_out / np.tan(toolpath.bevel_deg * DEG)))
     return root, float(np.median(np.hypot(edge.normal_u, turn)) / DEG)
+
+
+def local_turn_deg(edge: Edge) -> float | None:
+    """Standard deviation of the end face's direction from place to place, deg, beside what turns evenly; None: unknown.
+
+    From its second differences over `LOCAL_MM`, whose variance is six times that of independent places.
+    """
+    apart = round(LOCAL_MM / float(np.median(np.diff(edge.arc_length_mm))))
+    if not isinstance(edge, RawEdge) or len(edge.normal) <= 2 * apart:
+        return None
+    n, seen = np.where(edge.seen[:, None], edge.normal, np.nan), edge.across[apart:-apart]
+    bend = np.einsum("ij,ij->i", n[2 * apart :] - 2.0 * n[apart:-apart] + n[: -2 * apart], seen)
+    bend = bend[np.isfinite(bend)]
+    return float(np.sqrt(np.mean(bend**2) / 6.0) / DEG) if len(bend) else None
 
 
 def thickness_mm(edge: Edge) -> Float:

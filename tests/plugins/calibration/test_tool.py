@@ -81,6 +81,58 @@ def test_a_blunder_is_left_out_and_told(tmp_path: Path) -> None:
     assert np.linalg.norm(np.array(found["points"][0]["position_mm"]) - TIP) < 0.2
 
 
+def changed(rows: list[str], change: Any) -> list[str]:
+    """Rows with `change` of their numbers (position, then quaternion, then the known reference)."""
+    out = []
+    for row in rows:
+        cells = row.split(",")
+        numbers = change(np.array([float(c) for c in cells[2:]]))
+        out.append(",".join([*cells[:2], *(f"{v:.9f}" for v in numbers)]))
+    return out
+
+
+@pytest.mark.parametrize("near_mm", [0.0, 0.002])
+def test_a_touch_written_down_twenty_times_counts_once(tmp_path: Path, near_mm: float) -> None:
+    """The same postures again, exactly or but for what a robot at rest reads: nothing is known better."""
+    rng = np.random.default_rng(11)
+    rows = touch_rows(rng, count=12)
+    again = [
+        each for _ in range(19) for each in changed(rows, lambda v: v + np.r_[rng.normal(size=3) * near_mm, [0] * 4])
+    ]
+    once, often = calibrated(touch_file(tmp_path, rows)), calibrated(touch_file(tmp_path, rows + again))
+    assert often["points"][0]["u_mm"] > 0.95 * once["points"][0]["u_mm"]
+    assert np.array(often["points"][0]["position_mm"]) == pytest.approx(once["points"][0]["position_mm"], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda v: v / np.r_[[25.4] * 3, [1] * 4], r"would lie 10\.\d mm from the flange's middle.*in mm"),
+        (lambda v: v / np.r_[[1000] * 3, [1] * 4], "would lie 0.2.* mm from the flange's middle.*in mm"),
+        (
+            lambda v: v * np.r_[[1] * 4, [-1] * 3],
+            "the rows contradict each other|times as far apart|nothing determines",
+        ),
+    ],
+    ids=["inches", "metres", "conjugate"],
+)
+def test_positions_in_another_unit_and_turned_round_poses_are_refused(tmp_path: Path, change: Any, words: str) -> None:
+    rows = changed(touch_rows(np.random.default_rng(12)), change)
+    with pytest.raises(InputError, match=words):
+        calibrated(touch_file(tmp_path, rows))
+
+
+def test_a_table_that_begins_with_the_shank_is_told(tmp_path: Path) -> None:
+    found = calibrated(touch_file(tmp_path, touch_rows(np.random.default_rng(13))[1:]))
+    assert found["points"][0]["name"] == "shank"
+    assert any("is the table's order, or a name, exchanged?" in words for words in found["warnings"])
+
+
+def test_touches_that_agree_too_well_are_told(tmp_path: Path) -> None:
+    found = calibrated(touch_file(tmp_path, touch_rows(np.random.default_rng(14))), robot_noise_mm=2.0, max_u_mm=5)
+    assert any("nearer to each other than the stated noise says" in words for words in found["warnings"])
+
+
 def test_what_no_touch_determines_is_named(tmp_path: Path) -> None:
     """A flange that turns about its z only never shows how far along z the tip is."""
     rows = touch_rows(np.random.default_rng(4), about=np.array([0.0, 0.0, 1.0]))
@@ -176,3 +228,29 @@ def test_a_markers_blunder_is_left_out(tmp_path: Path) -> None:
 def test_a_turntable_that_remains_open_is_refused(tmp_path: Path, rows: list[str], words: str) -> None:
     with pytest.raises(InputError, match=words):
         turned(tmp_path, rows)
+
+
+def test_points_that_turn_by_other_angles_are_refused(tmp_path: Path) -> None:
+    """A table whose angles are counted 0.3 % short."""
+    rows = mark_rows(np.random.default_rng(15))
+    short = [f"{name},{float(angle) * 0.997}," + ",".join(rest) for name, angle, *rest in (r.split(",") for r in rows)]
+    with pytest.raises(InputError, match=r"the points turn by 1\.003 times the angles given"):
+        turned(tmp_path, short)
+    assert turned(tmp_path, rows)["warnings"] == []
+
+
+def test_angles_that_nothing_checks_are_told_and_not_good_enough(tmp_path: Path) -> None:
+    """Two markers nearly above each other, at two angles: an angle that is off by 2 % displaces the axis unseen."""
+    rng, rows = np.random.default_rng(16), []
+    for k, q in enumerate(([300.0, 0.0, 0.0], [303.0, 0.0, 200.0])):
+        for angle in (0, 90):
+            p = CENTRE + rotation_from_vector(angle * DEG * AXIS) @ q + rng.normal(size=3) * 0.05
+            rows.append(f"m{k},{angle}," + ",".join(f"{v:.6f}" for v in p))
+    found = turned(tmp_path, rows, root_tolerance_mm=2.0)
+    assert not found["good_enough"]
+    assert any("the table's angles are believed" in words for words in found["warnings"])
+
+
+def test_a_marker_written_down_again_counts_once(tmp_path: Path) -> None:
+    rows = mark_rows(np.random.default_rng(17))
+    assert turned(tmp_path, rows * 10)["u_mm"] > 0.95 * turned(tmp_path, rows)["u_mm"]

@@ -16,6 +16,7 @@ ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain ma
 MOST_GROSS = 0.25  # share of the rows; with more, nobody knows which are right
 LEAST_FREEDOM = 4  # to tell a blunder from noise
 NOISY = 2.0  # misfit that is told
+TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
 
 
 class Found(Protocol):
@@ -94,13 +95,30 @@ def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, e
 
 
 def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:
-    """A warning where the residuals are larger than the stated noise."""
-    if found.misfit <= NOISY or found.freedom < LEAST_FREEDOM:
+    """A warning where the residuals are larger than the stated noise, or smaller by far."""
+    if found.freedom < LEAST_FREEDOM:
+        return ()
+    if found.misfit < TOO_NEAR**-2:
+        return (
+            f"{what} lie more than {TOO_NEAR:g} times nearer to each other than the stated noise says: are positions "
+            "in mm, and is each one measured by itself?",
+        )
+    if found.misfit <= NOISY:
         return ()
     return (
         f"{what} lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the uncertainties "
         f"hold that; {ask}",
     )
+
+
+def shared(place: Int, turn: Float, same: float) -> Float:
+    """Rows (n,) that say the same as each row, itself included: of the same place (n,), turned by less than `same`.
+
+    `turn` (n, n): between rows, rad. What is wrong in a posture is wrong in it however often it is written down, so
+    that all rows of a posture weigh as much as one.
+    """
+    alike = (place[:, None] == place[None, :]) & (turn <= same)
+    return np.asarray(alike.sum(axis=1), dtype=np.float64)
 
 
 def studentised(white: Float, rows: Float, covariance: Float) -> Float:

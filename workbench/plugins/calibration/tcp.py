@@ -21,11 +21,12 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
+from workbench.plugins.calibration.blunders import enough, noisy, shared, studentised, without_gross
 from workbench.plugins.calibration.rows import POSE, Table, poses
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
 LEAST_TOUCHES = 4
+SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +76,9 @@ def tcp(
         float, Field(gt=0, le=5, description="of a reference that was measured, each axis")
     ] = 0.05,
     max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of a tool point along any direction")] = 0.2,
+    least_reach_mm: Annotated[
+        float, Field(ge=0, le=1000, description="a tool point nearer to the flange's middle is refused")
+    ] = 25.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the tool must serve")] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
 ) -> tuple[Document, Chapter]:
@@ -83,8 +87,9 @@ def tcp(
     Touch i says R_i p + t_i = c: linear in the tool point p and in the reference c, which may be unknown (then at least
     three orientations are needed) or measured with the scanner (sphere centre, corner). Weighted least squares; the
     weights hold the robot's position and, with the lever |p|, its orientation. Where the residuals are larger than the
-    stated noise says, the covariance grows with them, never the other way. A touch that all others contradict by 5
-    standard deviations is left out, with the cause. `tcp.json` holds points, axis, covariance.
+    stated noise says, the covariance grows with them, never the other way. Touches of one point in postures less than
+    1 deg apart weigh as much as one. A touch that all others contradict by 5 standard deviations is left out, with the
+    cause. `tcp.json` holds points, axis, covariance.
 
     The first tool point of the table is the tip; the axis runs to it from the last one.
 
@@ -95,6 +100,7 @@ def tcp(
         touch_noise_mm: of a touch, each axis.
         reference_u_mm: standard uncertainty of a reference that the table gives, each axis; one for all of them.
         max_u_mm: a point that is less certain along some direction is refused, and the direction named.
+        least_reach_mm: no spindle is so short: positions in metres or inches make tools of some millimetres.
         root_tolerance_mm: tolerance of the root face that the tool is to serve.
         bevel_deg: angle of its bevel.
 
@@ -117,13 +123,15 @@ def tcp(
         str(touches),
         "are poses the flange's, in mm, with the quaternion's w first?",
     )
-    _check_determined(found, every.tool_names, max_u_mm, str(touches))
+    _check_reach(found, every.tool_names, least_reach_mm, str(touches))
+    apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
+    _check_determined(found, every.tool_names, max_u_mm, str(touches), apart)
     axis = _axis(found, every.tool_names)
     u = [worst(found, k)[0] for k in range(len(every.tool_names))]
     good, verdict = enough(
         u[0], bevel_deg, root_tolerance_mm, "the tool", "touch in more orientations, or with less noise"
     )
-    warnings = tuple(left_out.values()) + noisy(found, "the touches", "is the tool loose, or the robot less accurate?")
+    warnings = tuple(left_out.values()) + apart + _tip_nearest(found, every.tool_names)
     document = {
         "format": "tool-calibration",
         "version": 1,
@@ -186,9 +194,11 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
         rows[3 * i : 3 * i + 3, b : b + 3] = -np.eye(3)
     prior, prior_right, prior_sigma = _prior(touches, known, size, noise[2])
     points = np.zeros((tools, 3))
+    turn = np.arccos(np.clip((np.einsum("nij,mij->nm", rotation, rotation) - 1.0) / 2.0, -1.0, 1.0))
+    once = np.sqrt(shared(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE))[:, None, None]
     for _ in range(3):  # the lever of the orientation's noise is the answer's own
         lever = np.einsum("nij,nj->ni", rotation, points[touches.tool_point])
-        root = _whitening(lever, noise[0], noise[1])
+        root = _whitening(lever, noise[0], noise[1]) / once
         white = np.einsum("nij,njk->nik", root, rows.reshape(n, 3, size)).reshape(3 * n, size)
         seen = np.einsum("nij,nj->ni", root, right.reshape(n, 3)).reshape(-1)
         whole = np.concatenate([white, prior / prior_sigma])
@@ -199,7 +209,7 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
         points = answer[: 3 * tools].reshape(tools, 3)
     off = (white @ answer - seen).reshape(n, 3)
     distance = studentised(off, white.reshape(n, 3, size), inverse)
-    freedom = 3 * n + len(prior) - size
+    freedom = 3 * round(float((once**-2.0).sum())) + len(prior) - size
     misfit = float(((whole @ answer - target) ** 2).sum() / max(freedom, 1))
     covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
     covariance = covariance + _open(information, tools)
@@ -249,7 +259,31 @@ def worst(found: ToolPoints, k: int) -> tuple[float, Float]:
     return math.sqrt(max(float(values[-1]), 0.0)), vectors[:, -1]
 
 
-def _check_determined(found: ToolPoints, names: tuple[str, ...], max_u_mm: float, where: str) -> None:
+def _check_reach(found: ToolPoints, names: tuple[str, ...], least_mm: float, where: str) -> None:
+    for k, name in enumerate(names):
+        reach = float(np.linalg.norm(found.position_mm[k]))
+        if reach < least_mm:
+            raise InputError(
+                where,
+                f"the tool point '{name}' would lie {reach:.3g} mm from the flange's middle, expected {least_mm:g} mm "
+                "or more (least_reach_mm): are positions in mm, and the flange's?",
+            )
+
+
+def _tip_nearest(found: ToolPoints, names: tuple[str, ...]) -> tuple[str, ...]:
+    """A warning where the tip is no farther from the flange than the point from which the axis comes."""
+    tip, last = (float(np.linalg.norm(found.position_mm[k])) for k in (0, -1))
+    if len(names) < 2 or tip > last:
+        return ()
+    return (
+        f"the tip '{names[0]}', the table's first tool point, lies nearer to the flange ({tip:.0f} mm) than "
+        f"'{names[-1]}' ({last:.0f} mm): is the table's order, or a name, exchanged?",
+    )
+
+
+def _check_determined(
+    found: ToolPoints, names: tuple[str, ...], max_u_mm: float, where: str, apart: tuple[str, ...]
+) -> None:
     for k, name in enumerate(names):
         u, direction = worst(found, k)
         if u > max_u_mm:
@@ -258,7 +292,7 @@ def _check_determined(found: ToolPoints, names: tuple[str, ...], max_u_mm: float
             raise InputError(
                 where,
                 f"{size} the tool point '{name}' along ({axes}) in the flange, expected u of at "
-                f"most {max_u_mm:g} mm: turn the flange about axes across that direction",
+                f"most {max_u_mm:g} mm: " + "; ".join(apart or ("turn the flange about axes across that direction",)),
             )
 
 

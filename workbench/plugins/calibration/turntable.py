@@ -23,11 +23,14 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.calibration.blunders import LEAST_FREEDOM, enough, noisy, studentised, without_gross
+from workbench.plugins.calibration.blunders import LEAST_FREEDOM, enough, noisy, shared, studentised, without_gross
 from workbench.plugins.calibration.rows import Table
 
 POINT = ("x_mm", "y_mm", "z_mm")
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
+SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
+SURE = 5.0  # standard uncertainties by which the angles are not the table's
+CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +64,8 @@ class Axis:
     freedom: int
     distance: Float  # (n,) of each point from the rest, in its standard deviations
     marker_mm: Float  # (k, 3) from the axis' point, at angle 0
+    scale: float  # of the angles, that the points show: 1, but for its u
+    scale_u: float
 
 
 @stage("calibrate.turntable")
@@ -80,9 +85,10 @@ def turntable(
 
     A marker is any point that the scanner finds again: a sphere's centre, a corner, a section's origin. Marker q at
     angle a lies at c + R(d, a) (q - c): least squares over direction d, a point c of the axis and the markers. The
-    covariance is that of the linearised problem, larger where the residuals ask for it, never smaller. A point that all
-    others contradict by 5 standard deviations is left out, with the cause. `turntable.json` holds the pose for a cell
-    file.
+    covariance is that of the linearised problem, larger where the residuals ask for it, never smaller. A marker's
+    places at angles less than 0.1 deg apart weigh as much as one. A point that all others contradict by 5 standard
+    deviations is left out, with the cause; points that turn by other angles than the table's are refused.
+    `turntable.json` holds the pose for a cell file.
 
     Args:
         marks: the table.
@@ -113,17 +119,25 @@ def turntable(
         spare=LEAST_FREEDOM + 3,
     )
     kept = every.only(rows)
+    _check_angles(found, str(marks))
+    apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(found, kept, reach_mm)
     if not u <= max_u_mm:
         axes = ", ".join(f"{v:+.2f}" for v in direction)
         raise InputError(
             str(marks),
             f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
-            f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: measure at angles farther apart, or "
-            "markers farther from the axis",
+            f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: "
+            + "; ".join(apart or ("measure at angles farther apart, or markers farther from the axis",)),
         )
     good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
-    warnings = tuple(left_out.values()) + noisy(found, "the points", "does the table wobble?")
+    warnings = tuple(left_out.values()) + apart
+    if found.scale_u > CHECKED:
+        good, verdict = False, f"{verdict}; not good enough: the points do not check the table's angles"
+        warnings += (
+            f"the table's angles are believed: the points tell them to {100.0 * found.scale_u:.2g} % only, and an "
+            "error of them displaces the axis; measure at a third angle, or a marker farther from the others",
+        )
     document = {
         "format": "turntable-calibration",
         "version": 1,
@@ -170,7 +184,9 @@ def read_marks(path: InputFile) -> Marks:
 
 def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis:
     """Least squares with the noise of points and of the table's angle over each marker's radius."""
-    freedom = 3 * len(marks.lines) - 4 - 3 * marks.markers
+    turn = np.abs(marks.angle[:, None] - marks.angle[None, :])
+    once = np.sqrt(shared(marks.marker, turn, SAME_ANGLE))[:, None, None]
+    freedom = 3 * round(float((once**-2.0).sum())) - 4 - 3 * marks.markers
     if freedom < 0:
         raise InputError(
             where,
@@ -191,6 +207,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         away = _predicted(marks, x, middle, direction, across) - marks.point_mm
         return np.asarray(np.einsum("nij,nj->ni", root, away).ravel())
 
+    root = root / once
     for _ in range(2):  # the angle's noise has the radius of the answer
         fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
         unknown = fitted.x
@@ -198,7 +215,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         arm = np.cross(axis, marks.point_mm - (middle + unknown[:2] @ across))
         covariance = noise_mm**2 * np.eye(3) + angle_noise**2 * arm[:, :, None] * arm[:, None, :]
         values, vectors = np.linalg.eigh(covariance)
-        root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2) / once
     fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
     jacobian, misfit = fitted.jac, float(2.0 * fitted.cost / max(freedom, 1))
     scale = np.linalg.norm(jacobian, axis=0) + 1e-30
@@ -207,6 +224,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     white = fitted.fun.reshape(-1, 3)
     rows = jacobian.reshape(-1, 3, unknown.size)
     distance = studentised(white, rows, inverse)
+    turned_by = marks.angle[:, None] - marks.angle.mean()
     found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
     return Axis(
         middle + fitted.x[:2] @ across,
@@ -218,7 +236,33 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         freedom,
         distance,
         fitted.x[4:].reshape(-1, 3),
+        *_angle_scale(fitted, np.einsum("nij,nj->ni", root, np.cross(found, marks.point_mm - middle) * turned_by)),
     )
+
+
+def _angle_scale(fitted: scipy.optimize.OptimizeResult, slope: Float) -> tuple[float, float]:
+    """By what factor the angles would fit best, and its standard uncertainty: one Gauss-Newton step with it free.
+
+    `slope` (n, 3): the change of the whitened residuals with the factor.
+    """
+    column = slope.ravel()
+    left = column - fitted.jac @ np.linalg.lstsq(fitted.jac, column, rcond=1e-10)[0]
+    size = float(left @ left)
+    if size <= 1e-9 * float(column @ column):
+        return 1.0, math.inf
+    step = -float(left @ fitted.fun) / size
+    freedom = max(len(column) - fitted.jac.shape[1] - 1, 1)
+    rest = float(((fitted.fun + step * left) ** 2).sum()) / freedom
+    return 1.0 + step, math.sqrt(max(1.0, rest) / size)
+
+
+def _check_angles(found: Axis, where: str) -> None:
+    if abs(found.scale - 1.0) > SURE * found.scale_u:
+        raise InputError(
+            where,
+            f"the points turn by {found.scale:.4g} times the angles given, to {found.scale_u:.2g} (u): are angle_deg "
+            "the table's own angles, in deg?",
+        )
 
 
 def worst(found: Axis, marks: Marks, reach_mm: float) -> tuple[float, Float]:

@@ -54,6 +54,12 @@ def test_faces_of_bevels_pass(condition: str) -> None:
     assert [check.name for check in judge_faces(cloud, segment(cloud).labels) if not check.passed] == []
 
 
+def test_sides_that_overlap_are_read() -> None:
+    """An ordinary edge, in a profile of which strays make two plates whose last returns lie the wrong way round."""
+    recording, _ = simulate_recording(random_recipe("outliers_5", 1_000_015))
+    assert two_plates_share(denoise(fuse(recording))) < 0.1
+
+
 @pytest.mark.parametrize("kind", GROOVES)
 @pytest.mark.parametrize("simulator", ["swept", "prism"])
 def test_a_groove_is_no_bevel_and_no_raw_edge(kind: str, simulator: str) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.edge.raw_measure import LOCAL_MM, _shared, local_mean, running_median
+from workbench.edge.directions import LOCAL_MM, go_together
+from workbench.edge.raw_measure import local_mean, running_median
 from workbench.edge.sizes import changes, off_commonest
 
 RNG = np.random.default_rng(8)
@@ -67,8 +68,8 @@ def test_texture_does_not_reach_from_frame_to_frame_and_what_a_flame_cut_leaves_
     noise = rng.normal(0.0, 0.002, s.size)
     passes = (np.arange(s.size) > 200).astype(np.int64)
     variance = np.full(s.size, 0.002**2)
-    assert _shared(s, face + turning + noise, variance, passes) == expected
-    assert not _shared(s, turning + noise, variance, passes)
+    assert go_together(s, face + turning + noise, variance, passes) == expected
+    assert not go_together(s, turning + noise, variance, passes)
 
 
 def test_a_running_median_leaves_strays_out_and_bridges_gaps() -> None:

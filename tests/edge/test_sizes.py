@@ -41,6 +41,7 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
         root_course=course(tilt, u["root"]),
         bevel_course=course(tilt - beta, u["bevel"]),
         opening_course=course(beta, 9.0),
+        even=None,
         follows=0.0,
     )
     return SimpleNamespace(

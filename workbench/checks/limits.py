@@ -194,9 +194,10 @@ LIMITS: dict[str, Limit] = {
         "end by half",
     ),
     "size_scatter": Limit(
-        0.15,
+        0.3,
         "scatter of the root face's width from frame to frame, over its width; 1.5 columns where that is more",
-        "a root face changes slowly along the edge; what is cut out of a cable or of noise does not",
+        "a root face changes slowly along the edge, by up to 0.25 where it is rough by a fifth of it; what is cut "
+        "out of noise by more",
     ),
     "hollow_share": Limit(
         0.3,

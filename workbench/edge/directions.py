@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.geometry.faces import FaceLines
 from workbench.units import Float, Int
 
+# A rough face: directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS and SHARED_LEAST. Texture does not
+# reach so far, what a flame cut leaves does.
+SHARED_LAG_MM, SHARED_SIGMAS, SHARED_LEAST = (0.7, 1.5), 3.0, 0.4
+TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
+LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
+TREND = 3  # order of what a face may do over the whole edge without being rough
 SLOPE_MM = 4.0  # a face's slope is averaged over this much edge, to linearise a frame's own about it
 LEG_FRAMES = 2000  # of a pass, by which it is looked at for where it turns back
 
@@ -62,3 +70,34 @@ def _legs(s: Float, pass_index: Int) -> Int:
         out[mine] = number + np.searchsorted(turns, mine, side="right")
         number += len(turns) + 1
     return out
+
+
+def go_together(s: Float, angle: Float, variance: Float, pass_index: Int) -> bool:
+    """Do the directions (N,) of frames at s (N,) go together over SHARED_LAG_MM, beside their mean over LOCAL_MM?
+
+    variance (N,): of a direction by the range noise, which is left out of the share that has to go together.
+    """
+    product, square, noise, pairs = 0.0, 0.0, 0.0, 0
+    for p in np.unique(pass_index):
+        on = np.flatnonzero((pass_index == p) & np.isfinite(s) & np.isfinite(angle))
+        on = on[np.argsort(s[on], kind="stable")]
+        if on.size <= TREND:
+            continue
+        place, value = s[on], angle[on]
+        value = value - np.polynomial.Polynomial.fit(place, value, TREND)(place)
+        total = np.concatenate([[0.0], np.cumsum(value)])
+        first = np.searchsorted(place, place - 0.5 * LOCAL_MM)
+        last = np.searchsorted(place, place + 0.5 * LOCAL_MM, side="right")
+        off = value - (total[last] - total[first]) / np.maximum(last - first, 1)
+        most = 4.0 * float(np.median(np.abs(off)))
+        off = np.clip(off, -most, most)
+        other = np.searchsorted(place, place + sum(SHARED_LAG_MM) / 2.0)
+        near = other < place.size
+        far = place[np.minimum(other, place.size - 1)] - place
+        near &= (far >= SHARED_LAG_MM[0]) & (far <= SHARED_LAG_MM[1])
+        product += float((off[near] * off[other[near]]).sum())
+        square += float((off[near] ** 2).sum())
+        noise += float(variance[on][near].sum())
+        pairs += int(near.sum())
+    least = max(SHARED_SIGMAS / math.sqrt(max(pairs, 1)) * square, SHARED_LEAST * (square - noise))
+    return pairs > 1 and product > least

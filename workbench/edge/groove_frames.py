@@ -137,7 +137,8 @@ def _is_groove(x: Float, y: Float) -> bool:
         return False
     left, right = read
     upper = float(np.median(y[left.upper])), float(np.median(y[right.upper]))
-    depth = max(upper) - float(y[left.last : right.last + 1].min())
+    between = y[min(left.last, right.last) : max(left.last, right.last) + 1]  # roots that touch may overlap
+    depth = max(upper) - float(between.min())
     return abs(float(right.corner[1] - left.corner[1])) < most("groove_level") * depth
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
-from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.root_end import RootEnds, root_ends
 from workbench.errors import InputError
@@ -28,6 +28,10 @@ UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, ar
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
+# A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
+# that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
+# correlated; those left of raw ones rough by 0.3 mm by 6 and 50 or more.
+ROUGH_TIMES, ROUGH_NOISE = 3.0, 36.0
 # By which the lower edge moves from one round to the next: over some mm it would turn the sections by a degree.
 ASTRAY_MM, MOST_ROUNDS = 0.1, 4
 
@@ -42,6 +46,7 @@ class Faces:
     bevel_course: Course  # direction of the bevel face, rad
     opening_course: Course  # angle between both, rad, as each frame shows it
     follows: float  # how likely it is that the angle between the faces runs smoothly, rather than the root face alone
+    even: Course | None  # of a rough root face: its direction as stretches of TOGETHER_MM show it, rad; None: smooth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,11 +197,13 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> 
     group = cloud.pass_index
     bevel_course = fit_course(bevel.s, bevel_angle, bevel.angle_variance, group)
     root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)  # a burr's foot turns the face's line
-    root_course = fit_course(root.s, root_angle, root.angle_variance, group)
+    root_course, even = fit_course(root.s, root_angle, root.angle_variance, group), None
+    if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
+        even = fit_course(root.s, root_angle, root.angle_variance, group, together_mm=TOGETHER_MM)
     opening = root_angle - bevel_course.value(root.s)
     opening_course = fit_course(root.s, opening, root.angle_variance, group)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
-    return Faces(root, bevel, root_course, bevel_course, opening_course, follows)
+    return Faces(root, bevel, root_course, bevel_course, opening_course, follows, even)
 
 
 def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: bool) -> tuple[Measured, Float, Float]:

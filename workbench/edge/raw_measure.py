@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
 from workbench.edge.form import HIDDEN_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
@@ -36,10 +36,7 @@ ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some 
 # Roughness within frames from which a face is its local plane: beyond texture, which bins average, and over the range
 # noise by more than its estimate errs.
 ROUGH_MM, ROUGH_SHARE = 0.02, 0.25
-# From here on it is, where the directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS and SHARED_LEAST:
-# texture does not reach so far, what a flame cut leaves does.
-SHARED_MM, SHARED_LAG_MM, SHARED_SIGMAS, SHARED_LEAST = 0.003, (0.7, 1.5), 3.0, 0.4
-TOGETHER_MM = 10.0  # length over which the scatter of a rough face hangs together
+SHARED_MM = 0.003  # from here on it is, where directions of frames go together (`go_together`)
 RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this long) may be hidden in part
 STATION_MM = 1.0
 UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
@@ -47,8 +44,6 @@ JUMP_STEPS = 3.0  # columns, of both ends together: smaller jumps are followed b
 MORE = 0.5  # times what the other end jumps: this one may be what changes
 LEAST_MEDIAN, NEAR_JUMP_MM = 3, 4.0  # frames; within which a jump is over
 LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
-LOCAL_MM = 20.0  # of edge, over which nothing proves a course straight; a rough face is its least-squares plane
-TREND = 3  # order of what a face may do over the whole edge without being rough
 LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
@@ -150,7 +145,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     height = _roughness(found, sigma)
     rough = height > max(ROUGH_MM, ROUGH_SHARE * sigma)
     if not rough and height > max(SHARED_MM, ROUGH_SHARE * sigma):
-        rough = _shared(face.s, angle, face.angle_variance, cloud.pass_index)
+        rough = go_together(face.s, angle, face.angle_variance, cloud.pass_index)
     if rough:
         face = _lines(cloud, found, found.whole, curve, s, sigma)
         mid = np.where(np.isfinite(face.s), face.s, 0.0)
@@ -271,37 +266,6 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
         variance=variance[shown],
         slope_variance=none,
     )
-
-
-def _shared(s: Float, angle: Float, variance: Float, pass_index: Int) -> bool:
-    """Do the directions (N,) of frames at s (N,) go together over SHARED_LAG_MM, beside their mean over LOCAL_MM?
-
-    variance (N,): of a direction by the range noise, which is left out of the share that has to go together.
-    """
-    product, square, noise, pairs = 0.0, 0.0, 0.0, 0
-    for p in np.unique(pass_index):
-        on = np.flatnonzero((pass_index == p) & np.isfinite(s) & np.isfinite(angle))
-        on = on[np.argsort(s[on], kind="stable")]
-        if on.size <= TREND:
-            continue
-        place, value = s[on], angle[on]
-        value = value - np.polynomial.Polynomial.fit(place, value, TREND)(place)
-        total = np.concatenate([[0.0], np.cumsum(value)])
-        first = np.searchsorted(place, place - 0.5 * LOCAL_MM)
-        last = np.searchsorted(place, place + 0.5 * LOCAL_MM, side="right")
-        off = value - (total[last] - total[first]) / np.maximum(last - first, 1)
-        most = 4.0 * float(np.median(np.abs(off)))
-        off = np.clip(off, -most, most)
-        other = np.searchsorted(place, place + sum(SHARED_LAG_MM) / 2.0)
-        near = other < place.size
-        far = place[np.minimum(other, place.size - 1)] - place
-        near &= (far >= SHARED_LAG_MM[0]) & (far <= SHARED_LAG_MM[1])
-        product += float((off[near] * off[other[near]]).sum())
-        square += float((off[near] ** 2).sum())
-        noise += float(variance[on][near].sum())
-        pairs += int(near.sum())
-    least = max(SHARED_SIGMAS / math.sqrt(max(pairs, 1)) * square, SHARED_LEAST * (square - noise))
-    return pairs > 1 and product > least
 
 
 def _whole(found: RawFaces) -> Bool:

@@ -11,12 +11,13 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel, require_columns
+from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
-from workbench.edge.sizes import corrected_angles, sizes, turned_u
+from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope
@@ -34,6 +35,10 @@ LEDGE, EVEN_MM = 12.0, 0.003
 ROUNDED = (
     "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
+)
+ROUGH = (
+    "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
+    "angle counts from what stretches of {:g} mm show"
 )
 
 
@@ -140,7 +145,9 @@ def milled_edge(
     form = replace(form, corner_u_mm=np.hypot(form.corner_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm)
     position -= rounding.beyond_mm * across
-    told = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
+    told: tuple[str, ...] = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
+    if measured.faces.even is not None:
+        told += (ROUGH.format(rough_deg(measured, at + measured.shift), TOGETHER_MM),)
     return MilledEdge(
         part=cloud.part,
         source=cloud.source,

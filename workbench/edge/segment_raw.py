@@ -13,13 +13,14 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import require_end_face
 from workbench.checks.faces import plates_check
+from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.parameters import EndU, Limits, RobotNoise
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
-from workbench.edge.raw_measure import LOCAL_MM, STATION_MM, TOGETHER_MM, RawMeasured, axes, measure_raw_edge
+from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, doubtful_slope

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
+from workbench.edge.directions import LOCAL_MM
 from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
 from workbench.geometry.silhouette import EndCourse
@@ -190,14 +191,33 @@ def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:
     angle = (1.0 - faces.follows) * (faces.root_course.u(s) ** 2 + bevel_u**2 + (alone - mean) ** 2)
     angle += faces.follows * (faces.opening_course.u(s) ** 2 + bevel_u**2 + (apart - mean) ** 2)
     tilt = (1.0 - faces.follows) * faces.root_course.u(s) ** 2 + faces.follows * faces.opening_course.u(s) ** 2
+    if faces.even is not None:
+        around = np.mean([_turned(measured, s + off) for off in np.linspace(-0.5, 0.5, 21) * LOCAL_MM], axis=0)
+        angle = faces.even.u(s) ** 2 + bevel_u**2 + np.var(around)  # a section's own stretch turns by that
     return np.sqrt(tilt), bevel_u, np.sqrt(angle)
 
 
 def corrected_angles(measured: Measured, s: Float) -> tuple[Float, Float]:
-    """Direction of the root face and bevel angle (m,) at s, rad, obliquity taken back."""
-    return face_angles(
+    """Direction of the root face and bevel angle (m,) at s, rad, obliquity taken back.
+
+    A rough root face turns from place to place: its corner lies where it does, its direction is what 10 mm show.
+    """
+    tilt, beta = face_angles(
         measured.faces, s, _along(measured, measured.root_turn, s), _along(measured, measured.bevel_turn, s)
     )
+    off = _turned(measured, s)
+    return tilt - off, beta - off
+
+
+def rough_deg(measured: Measured, s: Float) -> float:
+    """Standard deviation of a rough root face's direction at s (m,) about what 10 mm show, deg."""
+    return float(np.std(_turned(measured, s))) / DEG
+
+
+def _turned(measured: Measured, s: Float) -> Float:
+    """By how much a rough root face is turned at s (m,) beside what 10 mm show, rad."""
+    even = measured.faces.even
+    return np.zeros(s.size) if even is None else face_angles(measured.faces, s)[0] - even.value(s)
 
 
 def _along(measured: Measured, value: Float, s: Float) -> Float:

@@ -48,6 +48,62 @@ def test_the_chain_with_errors_is_the_product_of_exponentials() -> None:
     np.testing.assert_allclose(_exponential(twist), expm(matrix), atol=1e-10)
 
 
+def changed_readings(folder: Path, change: Any) -> Path:
+    """The shipped readings with `change` of each row's joints (6,) and place (3,)."""
+    note, header, *rows = (DATA / "tracker.csv").read_text().splitlines()
+    out = []
+    for row in rows:
+        target, *numbers = row.split(",")
+        values = change(np.array([float(v) for v in numbers]))
+        out.append(",".join([target, *(f"{v:.9f}" for v in values)]))
+    path = folder / "readings.csv"
+    path.write_text("\n".join([note, header, *out]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda v: np.r_[v[:6], v[6:] / 25.4], "the rows contradict each other"),
+        (lambda v: np.r_[v[:6], v[6:] * [1, -1, 1]], "from where such a robot would put them"),
+        (lambda v: np.r_[np.radians(v[:6]), v[6:]], "from where such a robot would put them"),
+        (lambda v: np.r_[v[:6] * [1, 1, -1, 1, 1, 1], v[6:]], "from where such a robot would put them"),
+        (lambda v: np.r_[v[[0, 1, 2, 5, 4, 3]], v[6:]], "from where such a robot would put them"),
+        (lambda v: np.r_[v[:2], v[2] + v[1], v[3:]], "from where such a robot would put them"),
+    ],
+    ids=["inches", "mirrored", "radians", "sign of joint 3", "order of joints", "coupled joints"],
+)
+def test_readings_of_no_such_robot_are_refused(tmp_path: Path, change: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        tracker_stage(readings=changed_readings(tmp_path, change), cell=CELL)
+
+
+def test_a_joint_that_is_counted_from_elsewhere_is_told(tmp_path: Path) -> None:
+    """5 deg off where the robot is said to be built to 0.3: found, and told."""
+    path = changed_readings(tmp_path, lambda v: v + np.r_[0, 0, 5.0, np.zeros(6)])
+    found = json.loads(tracker_stage(readings=path, cell=CELL)[0].content)
+    offset = next(one for one in found["parameters"] if one["name"] == "offset of joint 3")
+    assert offset["value_deg"] == pytest.approx(0.27 - 5.0, abs=0.05)
+    assert any("the offset of joint 3 is 16 times what was stated" in words for words in found["warnings"])
+
+
+def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path) -> None:
+    """Nine readings of each, joints but for what a robot at rest shows: nothing is known better."""
+    rng, note = np.random.default_rng(4), (DATA / "tracker.csv").read_text().splitlines()
+    again = []
+    for row in note[2:] * 8:
+        target, *numbers = row.split(",")
+        values = np.array([float(v) for v in numbers]) + np.r_[rng.normal(size=6) * 0.0005, rng.normal(size=3) * 0.002]
+        again.append(",".join([target, *(f"{v:.9f}" for v in values)]))
+    path = tmp_path / "readings.csv"
+    path.write_text("\n".join([*note, *again]) + "\n")
+    once, often = (
+        {one["name"]: one.get("u_deg", one.get("u_mm")) for one in json.loads(each[0].content)["parameters"]}
+        for each in (tracker_stage(readings=DATA / "tracker.csv", cell=CELL), tracker_stage(readings=path, cell=CELL))
+    )
+    assert all(often[name] > 0.7 * once[name] for name in once)  # a third of the readings' own noise is left
+
+
 @pytest.mark.parametrize("one", [one_tracked, one_sphere])
 def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
     """Over six robots drawn from the priors; `bench.calibration arm` shows more."""

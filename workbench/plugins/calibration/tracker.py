@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -41,6 +43,9 @@ if TYPE_CHECKING:
 PLACE = ("tracker_x_mm", "tracker_y_mm", "tracker_z_mm")
 LEAST_POSTURES = 4
 STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
+SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
+MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
+BEYOND = 5.0  # standard deviations of how a robot is built
 START_ROUNDS = 30  # of registration and lever arms in turn, each by medians
 
 
@@ -136,7 +141,10 @@ def tracker(
     sigma = (tracker_noise_mm, robot_noise_mm, robot_noise_deg * DEG)
 
     def fit(rows: Int, arm: ArmErrors = arm) -> Tracked:
-        return solve(every.only(rows), chain, arm, sigma, where)
+        try:
+            return solve(every.only(rows), chain, arm, sigma, where)
+        except np.linalg.LinAlgError:  # its errors have run away
+            raise _no_such_robot(where, arm, math.inf) from None
 
     found, kept, left_out = without_gross(
         len(every.lines),
@@ -148,11 +156,14 @@ def tracker(
     )
     built = fit(kept, NO_ERRORS) if len(arm) else found
     rms = float(np.sqrt(np.mean(found.residual_mm**2)))
+    if rms > MOST_MM:
+        raise _no_such_robot(where, arm, rms)
     u = float(np.sqrt(np.mean(found.predicted_u_mm**2) + max(rms**2 - tracker_noise_mm**2, 0.0)))
     good, verdict = enough(
         u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works"
     )
     reasons = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
+    reasons += _not_as_built(arm, found.errors)
     document = arm_document(
         arm,
         found.errors,
@@ -190,6 +201,25 @@ def tracker(
     )
 
 
+def _no_such_robot(where: str, arm: ArmErrors, rms_mm: float) -> InputError:
+    by = "such a robot" if len(arm) else "these poses"
+    far = f"{rms_mm:.3g} mm RMS" if math.isfinite(rms_mm) else "far"
+    return InputError(
+        where,
+        f"the readings lie {far} from where {by} would put them: are joint angles in deg, in the URDF's order and "
+        "senses, poses the flange's, positions in mm and right-handed, rows in the order of the postures?",
+    )
+
+
+def _not_as_built(arm: ArmErrors, values: Float) -> tuple[str, ...]:
+    """A warning for each error that is far beyond how well the robot was said to be built."""
+    return tuple(
+        f"the {arm.names[k]} is {abs(values[k]) / arm.prior[k]:.0f} times what was stated of how it was built: does "
+        "the table count the joints as the cell's URDF does?"
+        for k in np.flatnonzero(np.abs(values) > BEYOND * arm.prior)
+    )
+
+
 def chain_of(cell: InputFile | None) -> Chain | None:
     """The cell's robot; None without a cell."""
     from workbench.api import read_cell
@@ -207,10 +237,10 @@ def read_readings(path: InputFile, chain: Chain | None) -> Seen:
     else:
         joints = table.numbers(JOINTS) * DEG
         flange = flange_poses(chain, joints)
-    postures = np.unique(np.round(flange.reshape(len(flange), -1), 6), axis=0)
-    if len(postures) < LEAST_POSTURES:
-        raise InputError(str(path), f"expected at least {LEAST_POSTURES} different postures, found {len(postures)}")
-    return Seen(flange, joints, target, place, targets, tuple(table.lines))
+    seen = Seen(flange, joints, target, place, targets, tuple(table.lines))
+    if (count := len(_postures(seen))) < LEAST_POSTURES:
+        raise InputError(str(path), f"expected at least {LEAST_POSTURES} different postures, found {count}")
+    return seen
 
 
 def solve(seen: Seen, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float], where: str) -> Tracked:
@@ -290,9 +320,13 @@ def _homogeneous(points: Float) -> Float:
 
 
 def _postures(seen: Seen) -> list[Int]:
-    """Rows of each posture: readings whose pose error is one."""
-    _, number = np.unique(np.round(seen.base_from_flange.reshape(len(seen.lines), -1), 6), axis=0, return_inverse=True)
-    return [np.flatnonzero(number.ravel() == k) for k in range(int(number.max()) + 1)]
+    """Rows of each posture: readings whose pose error is one, those of a robot that came back to it too."""
+    place, turn = seen.base_from_flange[:, :3, 3], seen.base_from_flange[:, :3, :3].reshape(len(seen.lines), 9)
+    distance = scipy.spatial.distance
+    apart = np.hypot(distance.pdist(place) / SAME_MM, distance.pdist(turn) / (math.sqrt(2.0) * SAME))
+    near = distance.squareform(apart) <= 1.0
+    count, number = scipy.sparse.csgraph.connected_components(near, directed=False)
+    return [np.flatnonzero(number == k) for k in range(count)]
 
 
 def _whitened(

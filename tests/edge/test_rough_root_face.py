@@ -1,0 +1,49 @@
+"""Milled edges of raw plates whose root face stays rough: which direction the bevel angle counts from, and its u."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench import cloud, edge, inspect, scan
+from workbench.synthetic import parse_recipe, simulate_recording
+
+
+def inspected(seed: int, roughness_mm: float) -> tuple[Any, Any, Any]:
+    """Edge, inspection and truth of 120 mm of an edge whose root face is rough."""
+    recording, truth = simulate_recording(
+        parse_recipe(
+            {
+                "format": "bevel-recipe",
+                "version": 1,
+                "seed": seed,
+                "part": {"kind": "milled", "length_mm": 120, "roughness_mm": roughness_mm},
+                "robot": {"frame_pitch_mm": 0.3},
+                "passes": [{"from_mm": 1, "to_mm": 119, "elevation_deg": 40, "lead_deg": 3}],
+            }
+        )
+    )
+    found = edge.segment(cloud.denoise(scan.fuse(recording)))
+    return found, inspect.sections(found), truth
+
+
+@pytest.mark.parametrize(("seed", "roughness_mm"), [(101, 0.1), (102, 0.2), (103, 0.3)])
+def test_a_rough_face_is_known_as_well_as_it_turns(seed: int, roughness_mm: float) -> None:
+    """Its direction turns by degrees from place to place; the smooth face's bevel angle lies within 3 u everywhere."""
+    found, inspection, truth = inspected(seed, roughness_mm)
+    assert any("the root face is rough" in words for words in found.warnings)
+    at = np.array([section.origin_mm for section in inspection.sections])
+    off = np.array([section.bevel_deg for section in inspection.sections]) - truth.bevel_deg_at(at)
+    u = np.array([section.bevel_u_deg for section in inspection.sections])
+    assert np.abs(off / u).max() < 3.0
+    assert np.median(u) < 12.0 * roughness_mm  # deg: no more than its waves can turn a face of 1.5 mm
+    root = np.array([section.root_mm for section in inspection.sections]) - truth.root_mm_at(at)
+    assert np.abs(root / np.array([section.root_u_mm for section in inspection.sections])).max() < 3.0
+
+
+def test_a_smooth_face_is_not_rough() -> None:
+    found, inspection, _ = inspected(104, 0.0)
+    assert not any("rough" in words for words in found.warnings)
+    assert max(section.bevel_u_deg for section in inspection.sections) < 0.1

@@ -274,6 +274,8 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     across = np.stack([np.cos(nu), np.sin(nu)], axis=1)
     place = bevel.place - (turn[1] * bevel.run * bevel.spread)[:, None] * across
     up = crossing(root.place, tilt, place, tilt - beta)
+    far = np.abs(up) > max(FAR_MM, FAR_TIMES * float(np.nanmedian(np.abs(up))))
+    up = np.where(far, np.nan, up)  # where the courses run parallel, beyond clamps, corners lie anywhere
     lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
     bevel_turn = bevel.run * (size_slope * np.sin(beta) + size * turn[0] * np.cos(beta) + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)

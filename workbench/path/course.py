@@ -95,7 +95,7 @@ def stocked_course(edge: Edge, s: Float, toolpath: Toolpath) -> Course:
         return edge_course(edge, s, 0.0)
     final, course = toolpath.layers[-1], lower_course(edge, toolpath.layers[-1].arc_length_mm)
     poses = poses_of(toolpath, final)
-    top = poses.origin_mm - 0.5 * final.width_mm[:, None] * poses.z
+    top = toolpath.in_base(toolpath.face_middle_mm(final)) - 0.5 * final.width_mm[:, None] * poses.z
     height, cut = ((top - course.position_mm) * course.across).sum(axis=1), final.cutting
     if not cut.any():
         return with_thickness(lower_course(edge, s), np.zeros(1), np.full(1, toolpath.root_mm))

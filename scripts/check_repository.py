@@ -1,4 +1,4 @@
-"""Refuse what must not stand in the repository: hosts of package registries, paths of one machine, large files."""
+"""Refuse what must not stand in the repository: hosts of package registries, paths of one machine, links, large files."""
 
 import re
 import shutil
@@ -31,6 +31,8 @@ def files() -> list[Path]:
 def findings(path: Path) -> list[str]:
     """What is wrong with one file, one line each."""
     name = path.relative_to(ROOT)
+    if path.is_symlink():
+        return [f"{name}: a symbolic link"]
     size = path.stat().st_size
     if size > LARGEST_BYTES:
         return [f"{name}: {size} bytes, at most {LARGEST_BYTES}"]
@@ -46,7 +48,7 @@ def findings(path: Path) -> list[str]:
 
 
 def main() -> int:
-    found = [finding for path in files() if path.is_file() for finding in findings(path)]
+    found = [finding for path in files() if path.is_file() or path.is_symlink() for finding in findings(path)]
     print("\n".join(found) if found else "repository: nothing that must not stand here")
     return bool(found)
 

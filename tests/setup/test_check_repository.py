@@ -43,6 +43,13 @@ def test_a_large_file_is_found(findings, monkeypatch):
     assert findings("eleven byte") == ["file.txt: 11 bytes, at most 10"]
 
 
+def test_a_link_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "ROOT", tmp_path)
+    link = tmp_path / ".venv"
+    link.symlink_to(tmp_path)
+    assert check.findings(link) == [".venv: a symbolic link"]
+
+
 def test_without_git_the_files_made_by_tools_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(check, "ROOT", tmp_path)
     monkeypatch.setenv("PATH", "")

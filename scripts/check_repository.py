@@ -1,4 +1,4 @@
-"""Refuse what must not stand in the repository: hosts of package registries, paths of one machine, links, large files."""
+"""Refuse what must not stand in the repository: hosts of package registries, paths of a machine, links, large files."""
 
 import re
 import shutil

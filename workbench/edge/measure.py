@@ -34,6 +34,7 @@ LEAST_SIGMA_MM = 1e-3
 ROUGH_TIMES, ROUGH_NOISE = 3.0, 36.0
 # By which the lower edge moves from one round to the next: over some mm it would turn the sections by a degree.
 ASTRAY_MM, MOST_ROUNDS = 0.1, 4
+MOST_ASTRAY = 0.05  # of the frames, whose corners may lie far off the edge: beside clamps a few do
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +91,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     for _ in range(MOST_ROUNDS):
         before = lower_edge
         measured, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=True)
+        astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
             break
@@ -98,6 +100,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
         curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
+    if astray > MOST_ASTRAY:
+        raise np.linalg.LinAlgError("corners of the frames lie anywhere")
     return measured
 
 

@@ -7,20 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from tests.twin.test_compound import RECIPE as COMPOUND
 from workbench import cloud, edge, path, scan, twin
 from workbench.synthetic import parse_recipe
 from workbench.synthetic.truth import milled_truth
 from workbench.synthetic.workpiece import Workpiece
 
 ROOT, RADIUS, ANGLE = 1.5, 3.0, math.radians(20.0)
-RECIPE = {
-    "format": "bevel-recipe",
-    "version": 1,
-    "seed": 11,
-    "part": {"kind": "raw", "length_mm": 40, "thickness_mm": 8},
-    "scanner": {"columns": 600, "pitch_mm": 0.05},
-    "passes": [{"from_mm": 1, "to_mm": 39, "elevation_deg": 45, "lead_deg": 3, "aim_mm": [-2, 4.5]}],
-}
+RECIPE = {**COMPOUND, "seed": 11}
 
 
 @pytest.fixture(scope="module")

@@ -224,7 +224,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     white = fitted.fun.reshape(-1, 3)
     rows = jacobian.reshape(-1, 3, unknown.size)
     distance = studentised(white, rows, inverse)
-    turned_by = marks.angle[:, None] - marks.angle.mean()
+    turned_by, arms = marks.angle[:, None] - marks.angle.mean(), marks.point_mm - (middle + fitted.x[:2] @ across)
     found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
     return Axis(
         middle + fitted.x[:2] @ across,
@@ -236,7 +236,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         freedom,
         distance,
         fitted.x[4:].reshape(-1, 3),
-        *_angle_scale(fitted, np.einsum("nij,nj->ni", root, np.cross(found, marks.point_mm - middle) * turned_by)),
+        *_angle_scale(fitted, np.einsum("nij,nj->ni", root, np.cross(found, arms) * turned_by)),
     )
 
 

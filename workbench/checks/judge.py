@@ -371,7 +371,8 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     told += "a median filter, or a held value? switch the sensor's filters off"
     yield check("equal_share", traces.equal_share, told, given=given)
     told = (
-        f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns hold one value: a median filter? "
+        f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "
+        "hold one value: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
     seen = returned(recording)
@@ -465,7 +466,9 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
     What it turns with the edge, as along an arc, shows nothing: only what the section turns in the view, or the laser
     plane against the edge, does.
     """
-    against = max((float(np.degrees(np.ptp(chain.track[1]))) for chain in found.values()), default=0.0)
+    # nine tenths of it: a single pair of profiles that goes together wrongly is no turn
+    ranges = [float(np.degrees(np.ptp(np.percentile(chain.track[1], [5, 95])))) for chain in found.values()]
+    against = max(ranges, default=0.0)
     against += 2.0 * now.varies_deg if np.isfinite(now.varies_deg) else 0.0
     turned = max(
         _turned_deg(recording.robot_quaternion_wxyz[recording.robot_pass == number])

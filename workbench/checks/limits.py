@@ -96,7 +96,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "held_end_share": Limit(
         0.3,
-        "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the digit",
+        "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the "
+        "digit; or of short gaps in steep faces that hold the range before them",
         "a median over returns and losses, or a filter that fills them, makes nearly all of one side so; good "
         "recordings have up to 0.2",
     ),
@@ -117,7 +118,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "obliquity_varies_deg": Limit(
         8.0,
-        "how much that angle varies within a pass, to each side of its middle; 3 where another reading leaves little",
+        "how much that angle varies within a pass, to each side of its middle, or what is slow of it where that is "
+        "less; 3 where another reading leaves little",
         "scans of rings, saddles and swaying robots vary by 1 to 3, of wavy edges by up to 6 under any reading; wrong "
         "orientations or axes along a curved edge by 5 to 40",
     ),

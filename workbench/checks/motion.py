@@ -28,7 +28,7 @@ class Consistency:
     """How poses and profiles agree over all passes; NaN where nothing tells."""
 
     obliquity_deg: float  # between the laser plane's normal and the edge, the worst pass's median
-    varies_deg: float  # of that angle within a pass: half of its middle nine tenths
+    varies_deg: float  # of that angle within a pass: half of its middle nine tenths, or of what is slow of it
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     wiggle_mm: float  # robust standard deviation of a place across its way from a smooth one
@@ -74,13 +74,17 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
     here = np.isfinite(way.oblique_deg)
     if here.sum() < 2:
         return None
-    low, high = np.percentile(way.oblique_deg[here], [5, 95])
+    # what is slow of it: an edge that is cut in parts goes there and back on short ramps, which the robot does not
+    slow = twisted(np.arange(float(here.sum())))
+    ranges = [
+        np.ptp(np.percentile(one, [5, 95])) for one in (way.oblique_deg[here], slow @ (slow.T @ way.oblique_deg[here]))
+    ]
     wiggle = _wiggle(place, stretch)
     aside = np.einsum("kij,ki->kj", pose[here][:, :3, [0, 2]], way.tangent[here])
     swing = np.degrees(np.linalg.norm(np.ptp(np.percentile(aside, [5, 95], axis=0), axis=0)))
     return (
         float(np.median(way.oblique_deg[here])),
-        float(high - low) / 2.0,
+        float(min(ranges)) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
         wiggle,
         _in_view(chain, wiggle),
@@ -212,7 +216,7 @@ def _twist(across: Float, way: Way, stretch: Int, turn_u: Float) -> tuple[float,
 
 
 def twisted(arc: Float, degree: int = DEGREE) -> Float:
-    """Orthonormal columns (k, <= degree + 1): how a plate may be twisted over its arc length (k,)."""
+    """Orthonormal columns (k, <= degree + 1): slow functions of arc length (k,), as a plate may be twisted."""
     low, high = float(arc.min()), float(arc.max())
     share = (2.0 * arc - low - high) / max(high - low, LEAST_MM)
     degree = min(degree, len(arc) // 4)

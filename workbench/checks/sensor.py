@@ -32,6 +32,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
+STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to column; times what chance explains
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -88,6 +89,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
     plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
     noise = float(np.median(size))
+    held = max(held, _filled_share(z, noise, digit))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
@@ -134,6 +136,24 @@ def _held_ends(z: Float, digit_mm: float) -> float:
         return 0.0
     inside = _on_line(z, digit_mm)[np.isfinite(z[:, :-2] + z[:, 1:-1] + z[:, 2:])]
     return max(*(float(one.mean() - inside.mean()) for one in ends), 0.0)
+
+
+def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
+    """Of the short gaps within steep faces in rows of ranges (n, M), the share that a filter has filled.
+
+    Beside each other on a steep face two ranges are equal where the second was held; noise makes them so in few of the
+    places that `chance` counts. A sensor that fills single losses so fills those beside a face's end too.
+    """
+    if z.shape[1] < 4 or noise_mm <= 0.0:
+        return 0.0
+    step = np.abs(z[:, 3:] - z[:, :-3]) / 3.0
+    steep = (step > STEEP * noise_mm) & (step > STEEP * digit_mm) & (step < JUMP_MM)
+    equal = steep & (np.abs(z[:, 2:-1] - z[:, 1:-2]) < 0.5 * digit_mm)
+    chance = digit_mm / (2.0 * np.sqrt(np.pi) * noise_mm) * np.exp(-((step[steep] / (2.0 * noise_mm)) ** 2)).sum()
+    lost = np.isnan(z)
+    lone = steep & (lost[:, 1:-2] | lost[:, 2:-1])
+    held = float(equal.sum()) - SURELY * chance
+    return held / (held + float(lone.sum())) if held >= LEAST_ENDS else 0.0
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:

@@ -28,7 +28,7 @@ MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
 STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave out</p>"),)
-LOOPS = ("closed_loop", "compensated_loop", "measured_loop")  # they begin with a recipe
+LOOPS = ("closed_loop", "compensated_loop", "compound_loop", "j_loop", "measured_loop")  # they begin with a recipe
 COMPARED = Path(__file__).parents[1] / "compare" / "data"
 GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipeline that have no defaults
     "cloud.crop": {"low_mm": [-1e5, -1e5, -1e5], "high_mm": [1e5, 1e5, 1e5]},

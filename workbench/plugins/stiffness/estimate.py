@@ -13,6 +13,7 @@ from workbench.plugins.stiffness.equations import Equations, covariances, curvat
 GROSS = 1e-4  # chance that a sound set of loads loses one
 ITERATIONS = 6
 TYPICAL = 1e-6  # rad/Nm, scales the unknowns
+SOFTEST = 1e-3  # rad/Nm, three times the softest plausible
 WIDE = 1e-3  # rad/Nm, standard deviation of a prior that decides nothing: it keeps what no load determines finite
 
 
@@ -42,31 +43,37 @@ def solve(eq: Equations, use: Float) -> Estimate:
     """
     compliance: Float = np.full(6, TYPICAL)
     for iteration in range(ITERATIONS):
-        whitened = _whiten(eq, np.abs(compliance)) * use[:, None, None]
+        whitened = whiten(eq, np.abs(compliance)) * use[:, None, None]
         extra = curvature(eq, compliance) if iteration else 0.0
         a = (whitened @ eq.a).reshape(-1, 6) * TYPICAL
         y = (whitened @ (eq.y - extra)[..., None]).reshape(-1)
         information = a.T @ a + np.eye(6) * (TYPICAL / WIDE) ** 2
-        found = np.asarray(TYPICAL * np.linalg.solve(information, a.T @ y))
+        # softer joints than any robot's come of loads that contradict each other: their second order would run away
+        found = np.clip(TYPICAL * np.linalg.solve(information, a.T @ y), -SOFTEST, SOFTEST)
         resting = np.abs(found - compliance).max() < 1e-10 * np.abs(found).max()
         compliance = found
         if resting:
             break
     residual = (eq.y - curvature(eq, compliance) - eq.a @ compliance) * eq.seen
-    misfit = np.sum((_whiten(eq, np.abs(compliance)) @ residual[..., None])[..., 0] ** 2, axis=1)
+    misfit = np.sum((whiten(eq, np.abs(compliance)) @ residual[..., None])[..., 0] ** 2, axis=1)
     rows = eq.seen.sum(axis=1)
     freedom = max(float((rows * use).sum()) - 6, 1.0)
     covariance: AnyArray = np.linalg.inv(information) * TYPICAL**2
     return Estimate(compliance, covariance, misfit, rows, residual, float((misfit * use).sum()) / freedom, freedom)
 
 
-def _whiten(eq: Equations, compliance: Float) -> Float:
+def whiten(eq: Equations, compliance: Float) -> Float:
     """(L, r, r) that turns rows into independent ones of variance 1; what was not seen becomes 0."""
     covariance = covariances(eq, compliance)
     both = eq.seen[:, :, None] * eq.seen[:, None, :]
     hidden = (1 - eq.seen)[:, :, None] * np.eye(eq.seen.shape[1])
     lower = np.linalg.cholesky(covariance * both + hidden)
     return np.asarray(np.linalg.inv(lower) * eq.seen[:, None, :])
+
+
+def most_put_aside(loads: int) -> int:
+    """Loads that may be put aside as gross errors."""
+    return loads // 5
 
 
 def robust(eq: Equations) -> tuple[Estimate, Float]:
@@ -76,12 +83,11 @@ def robust(eq: Equations) -> tuple[Estimate, Float]:
     """
     use = np.ones(len(eq.y))
     found = solve(eq, use)
-    limit = len(use) // 5
-    for _ in range(limit):
+    for _ in range(most_put_aside(len(use))):
         inside = use > 0
         level = scipy.special.chdtri(found.rows, GROSS / len(use))
         spread = max(1.0, float(np.median(found.misfit[inside] / scipy.special.chdtri(found.rows[inside], 0.5))))
-        excess = np.where(inside, found.misfit / (level * spread), 0.0)
+        excess = np.where(inside & (found.rows > 0), found.misfit / np.maximum(level * spread, 1e-300), 0.0)
         if excess.max() <= 1:
             break
         use[int(np.argmax(excess))] = 0.0

@@ -16,7 +16,10 @@ LITTLE = 0.02  # torque over force times reach below which a load does not turn 
 
 def unobserved(found: Estimate, largest_relative_u: float) -> list[int]:
     """Joints (from 0) whose compliance has a relative uncertainty above the limit, the worst first."""
-    relative = found.u * np.sqrt(max(found.scale2, 1.0)) / np.maximum(found.compliance, 1e-300)
+    relative = np.full(6, np.inf)
+    np.divide(
+        found.u * np.sqrt(max(found.scale2, 1.0)), found.compliance, out=relative, where=found.compliance > 1e-300
+    )
     return [int(j) for j in np.argsort(-relative) if relative[j] > largest_relative_u]
 
 

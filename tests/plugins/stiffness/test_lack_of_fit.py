@@ -1,0 +1,207 @@
+"""Loading tests that are not what six springs and the cell file say: named, and right within u or refused."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.plugins import stiffness
+from workbench.plugins.stiffness.beyond_springs import lack_of_fit
+from workbench.plugins.stiffness.equations import equations
+from workbench.plugins.stiffness.estimate import robust
+from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness.load_checks import rounded, step_of
+from workbench.plugins.stiffness.values import LoadingTests
+from workbench.robot import Cell, forward_kinematics
+
+from .conftest import ROOT, K
+
+Change = Callable[[LoadingTests, Cell], LoadingTests]
+
+
+def lever(mm: float) -> Change:
+    """The sensor stands `mm` nearer along z than the cell file says."""
+
+    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+        wrench = tests.wrench.copy()
+        wrench[:, 3:] += np.cross([0.0, 0.0, mm / 1e3], wrench[:, :3])
+        return dataclasses.replace(tests, wrench=wrench)
+
+    return change
+
+
+def moved(tests: LoadingTests, by_mm: Any) -> LoadingTests:
+    if tests.targets_mm is not None:
+        return dataclasses.replace(tests, targets_mm=tests.targets_mm + by_mm[:, None])
+    assert tests.displacement is not None
+    return dataclasses.replace(tests, displacement=tests.displacement + np.hstack([by_mm, 0 * by_mm]))
+
+
+def giving(um_per_n: float) -> Change:
+    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+        assert cell.loading is not None
+        sensor = (forward_kinematics(cell.chain, tests.joints) @ cell.loading.flange_from_sensor)[:, :3, :3]
+        return moved(tests, 1e-3 * um_per_n * (sensor @ tests.wrench[:, :3, None])[..., 0])
+
+    return change
+
+
+def forces(factor: float) -> Change:
+    return lambda tests, cell: dataclasses.replace(tests, wrench=tests.wrench * ([factor] * 3 + [1.0] * 3))
+
+
+def offset_n(newton: float) -> Change:
+    return lambda tests, cell: dataclasses.replace(tests, wrench=tests.wrench + newton * np.eye(6)[2])
+
+
+def backlash(mm: float) -> Change:
+    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+        seen = tests.displacement[:, :3] if tests.displacement is not None else np.mean(tests.targets_mm, axis=1)
+        return moved(tests, mm * np.sign(seen))
+
+    return change
+
+
+def turned_joint(joint: int, deg: float) -> Change:
+    return lambda tests, cell: dataclasses.replace(tests, joints=tests.joints + np.radians(deg) * np.eye(6)[joint - 1])
+
+
+SMALL: list[tuple[str, Change, str]] = [
+    ("sensor 60 mm nearer", lever(60.0), "the force sensor -"),
+    ("base that gives", giving(0.1), "a base or links that give by +0."),
+    ("base that gives much", giving(1.0), "a base or links that give by +"),
+    ("forces 8 % too large", forces(1.08), "forces that need -"),
+    ("offset of 10 N", offset_n(10.0), "along the sensor's z axis in every load"),
+    ("joint 3 off by 3 deg", turned_joint(3, 3.0), "off its recorded angle"),
+    ("backlash of 0.02 mm", backlash(0.02), "backlash: +0.0"),
+]
+
+
+@pytest.mark.parametrize("targets", [0, 4])
+@pytest.mark.parametrize(("change", "words"), [pytest.param(*one[1:], id=one[0]) for one in SMALL])
+def test_small_faults_stand_in_u_and_are_named(
+    cell: Cell, noisy: Any, targets: int, change: Change, words: str
+) -> None:
+    assert cell.loading is not None
+    found, _ = identify_from(cell.chain, cell.loading, change(noisy(61, targets), cell))
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+    assert any(words in note for note in found.warnings), found.warnings
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (forces(2.0), "forces that need -"),
+        (offset_n(300.0), "N along the sensor's z axis in every load"),
+    ],
+)
+def test_large_faults_are_refused_with_what_would_explain_them(
+    cell: Cell, noisy: Any, change: Change, words: str
+) -> None:
+    assert cell.loading is not None
+    with pytest.raises(InputError, match="what would") as caught:
+        identify_from(cell.chain, cell.loading, change(noisy(62), cell))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("targets", [0, 4])
+def test_sound_loads_lack_nothing(cell: Cell, noisy: Any, targets: int) -> None:
+    assert cell.loading is not None
+    for seed in range(70, 82):
+        tests = noisy(seed, targets)
+        eq = equations(cell.chain, cell.loading, tests)
+        found, use = robust(eq)
+        lack = lack_of_fit(cell.chain, cell.loading, tests, eq, found, use)
+        assert lack.causes == ""
+        assert lack.widened < 1.5
+        assert lack.change == pytest.approx(np.zeros(6), abs=1e-12)
+
+
+def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared(cell: Cell, noisy: Any) -> None:
+    assert cell.loading is not None
+    tests = noisy(63)
+    blind = identify_from(cell.chain, cell.loading, tests)[0]
+    told = identify_from(cell.chain, cell.loading, tests, scale_relative_u=0.02)[0]
+    more = told.u_nm_per_rad**2 - blind.u_nm_per_rad**2
+    assert np.sqrt(more) == pytest.approx(0.02 * told.nm_per_rad, rel=0.05)
+
+
+# Files: what only their figures tell.
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[[Callable[[list[str], Any], Any]], Path]:
+    """The shipped tests with their table changed: `change(header, values)` gives the new values."""
+
+    def write(change: Callable[[list[str], Any], Any]) -> Path:
+        lines = (ROOT / "data" / "synthetic" / "loads.csv").read_text().splitlines()
+        header = lines[1].split(",")
+        values = change(header, np.array([[float(cell) for cell in line.split(",")] for line in lines[2:]]))
+        path = tmp_path / "loads.csv"
+        rows = [f"{row[0]:.0f}," + ",".join(f"{value:.6f}" for value in row[1:]) for row in values]
+        path.write_text("\n".join([lines[1], *rows]) + "\n")
+        return path
+
+    return write
+
+
+def test_loads_that_stand_twice_count_once(cell: Cell, written: Any) -> None:
+    once, *_ = stiffness.identify(cell, loads=written(lambda header, values: values))
+    twice, *_ = stiffness.identify(cell, loads=written(lambda header, values: np.vstack([values, values])))
+    assert twice.u_nm_per_rad == pytest.approx(once.u_nm_per_rad, rel=1e-9)
+    assert any("counted once" in note for note in twice.warnings)
+
+
+def scaled_columns(names: str, factor: float) -> Callable[[list[str], Any], Any]:
+    def change(header: list[str], values: Any) -> Any:
+        values[:, [i for i, name in enumerate(header) if name[0] in names and name[1] in "xyz"]] *= factor
+        return values
+
+    return change
+
+
+def test_a_wrench_in_kgf_is_refused(cell: Cell, written: Any) -> None:
+    with pytest.raises(InputError, match=r"0\.1 times as stiff .* kgf"):
+        stiffness.identify(cell, loads=written(scaled_columns("ft", 1 / 9.80665)))
+
+
+def test_a_sensor_at_the_end_of_its_range_is_refused(cell: Cell, written: Any) -> None:
+    def clipped(header: list[str], values: Any) -> Any:
+        return np.column_stack([values[:, :7], np.clip(values[:, 7:10], -130.0, 130.0), values[:, 10:]])
+
+    with pytest.raises(InputError, match=r"column f._n stands at 130 to the last figure in \d+ loads"):
+        stiffness.identify(cell, loads=written(clipped))
+
+
+def test_a_column_of_zeros_is_named(cell: Cell, written: Any) -> None:
+    def empty(header: list[str], values: Any) -> Any:
+        values[:, header.index("rx_deg")] = 0.0
+        return values
+
+    with pytest.raises(InputError, match="column rx_deg is 0 in every load"):
+        stiffness.identify(cell, loads=written(empty))
+
+
+@pytest.mark.parametrize("step", [0.01, 0.05])
+def test_rounded_figures_are_noise(cell: Cell, noisy: Any, step: float) -> None:
+    assert cell.loading is not None
+    tests = noisy(64)
+    assert tests.displacement is not None
+    coarse = tests.displacement.copy()
+    coarse[:, :3] = np.round(coarse[:, :3] / step) * step
+    tests = dataclasses.replace(tests, displacement=coarse)
+    assert step_of(coarse[:, 0]) == pytest.approx(step)
+    setup = rounded(cell.loading, tests)
+    assert setup.displacement_noise_mm == pytest.approx(np.hypot(cell.loading.displacement_noise_mm, step / 6**0.5))
+    found, _ = identify_from(cell.chain, setup, tests)
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+
+
+@pytest.mark.parametrize("values", [[0.0, 0.0], [1 / 3, 1 / 7, 0.1234567891]])
+def test_no_step(values: list[float]) -> None:
+    assert step_of(np.array(values)) == 0.0

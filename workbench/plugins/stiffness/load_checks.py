@@ -1,0 +1,247 @@
+"""What loading tests must be, before and after their equations are solved; each refusal is one line."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import scipy
+
+from workbench.api import (
+    DEG,
+    AngleConvention,
+    Chain,
+    Float,
+    InputError,
+    LoadingSetup,
+    within_limits,
+)
+from workbench.plugins.stiffness.beyond_springs import LackOfFit
+from workbench.plugins.stiffness.equations import Equations, covariances, curvature
+from workbench.plugins.stiffness.estimate import Estimate, most_put_aside
+from workbench.plugins.stiffness.load_mistakes import PLAUSIBLE_NM_PER_RAD, mean_stiffness
+from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.observability import reason, unobserved
+from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
+
+UNLIKE = 3.0  # times the stated stiffness: robots of a type differ by less, units by more
+CLIPPED, CLIPPED_SHARE, NEARLY, FINE = 4, 0.5, 0.99, 1e-3  # loads at the end of a range; of those within 1 % of it
+
+# Pairs of opposite loads: what does not reverse is drift, backlash or friction, not elasticity.
+
+OPPOSITE = 0.05  # of the wrench: how far the two may be from opposite
+SURE = 1e-3  # chance that sound pairs are complained of
+
+
+def opposite_pairs(tests: LoadingTests) -> list[tuple[int, int]]:
+    """Loads (i, j) of one posture whose wrenches are opposite; each load in one pair at most."""
+    pairs: list[tuple[int, int]] = []
+    free = set(range(len(tests.lines)))
+    for i in range(len(tests.lines)):
+        for j in range(i + 1, len(tests.lines)):
+            same = tests.labels[i] == tests.labels[j] and np.abs(tests.joints[i] - tests.joints[j]).max() < 1e-6
+            opposed = np.abs(tests.wrench[i] + tests.wrench[j]).max() <= OPPOSITE * np.abs(tests.wrench[i]).max()
+            if same and opposed and {i, j} <= free:
+                pairs.append((i, j))
+                free -= {i, j}
+    return pairs
+
+
+def check_pairs(tests: LoadingTests, eq: Equations, compliance: Float, use: Float, scale2: float) -> tuple[str, ...]:
+    """A line for each posture whose opposite loads do not give opposite displacements."""
+    covariance = covariances(eq, compliance) * max(scale2, 1.0)
+    even = eq.y - eq.a @ compliance - curvature(eq, compliance)
+    sums: dict[str, list[tuple[float, int, float]]] = {}
+    for i, j in opposite_pairs(tests):
+        both = (eq.seen[i] * eq.seen[j] * use[i] * use[j]) > 0
+        if not both.any():
+            continue
+        e = (even[i] + even[j])[both] / 2
+        square = e @ np.linalg.solve((covariance[i] + covariance[j])[np.ix_(both, both)] / 4, e)
+        sums.setdefault(tests.labels[i], []).append((float(square), int(both.sum()), float(np.linalg.norm(e[:3]))))
+    notes = []
+    for label, found in sums.items():
+        if sum(s for s, _, _ in found) > scipy.special.chdtri(sum(n for _, n, _ in found), SURE / len(sums)):
+            most = max(mm for _, _, mm in found)
+            notes.append(
+                f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
+                "remain): drift, backlash or friction beside elasticity"
+            )
+    return tuple(notes)
+
+
+def check_filled(tests: LoadingTests) -> None:
+    """Columns of zeros are no tests."""
+    if not tests.wrench.any():
+        raise InputError(tests.source, "loads without wrench: every force and torque is 0")
+    moved = tests.displacement if tests.targets_mm is None else np.nan_to_num(tests.targets_mm)
+    if moved is None or not moved.any():
+        raise InputError(tests.source, "loads without displacement: every displacement is 0")
+    if tests.displacement is not None and not tests.displacement.any(axis=0).all():
+        empty = DISPLACEMENT[int(np.argmin(tests.displacement.any(axis=0)))]
+        raise InputError(
+            tests.source,
+            f"column {empty} is 0 in every load: expected what was measured; where no rotations were measured, give "
+            "tracked points p1x_mm ... instead",
+        )
+
+
+def check_agreement(tests: LoadingTests, use: Float) -> None:
+    """Loads of which a fifth contradict the rest are no test with gross errors here and there."""
+    out = np.flatnonzero(use == 0)
+    if len(out) and len(out) >= most_put_aside(len(use)):
+        names = [tests.labels[i] for i in out]
+        label = max(set(names), key=lambda one: names.count(one) / tests.labels.count(one))
+        raise InputError(
+            tests.source,
+            f"{len(out)} of {len(use)} loads contradict the others, most of them at posture {label}: are its angles "
+            "those at which the loads were put on?",
+        )
+
+
+def counted_once(tests: LoadingTests) -> LoadingTests:
+    """The tests without loads that stand in the file again, figure by figure: they are no further evidence."""
+    moved = tests.displacement if tests.targets_mm is None else tests.targets_mm.reshape(len(tests.lines), -1)
+    assert moved is not None
+    whole = np.nan_to_num(np.column_stack([tests.joints, tests.wrench, moved]), nan=np.inf)
+    first = np.sort(np.unique(whole, axis=0, return_index=True)[1])
+    again = len(whole) - len(first)
+    if not again or not tests.wrench.any():
+        return tests
+    return dataclasses.replace(
+        tests,
+        labels=tuple(tests.labels[i] for i in first),
+        lines=tuple(tests.lines[i] for i in first),
+        joints=tests.joints[first],
+        wrench=tests.wrench[first],
+        displacement=None if tests.displacement is None else tests.displacement[first],
+        targets_mm=None if tests.targets_mm is None else tests.targets_mm[first],
+        warnings=(*tests.warnings, f"{again} loads stand in the file again, figure by figure: counted once"),
+    )
+
+
+def step_of(values: Float) -> float:
+    """The greatest step 1, 2 or 5 times a power of ten of which all values (n,) are multiples; 0: of none."""
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if largest == 0.0:
+        return 0.0
+    top = int(np.floor(np.log10(largest)))
+    for power in range(top, top - 7, -1):
+        for factor in (5.0, 2.0, 1.0):
+            share = values[np.isfinite(values)] / (factor * 10.0**power)
+            if np.abs(share - np.round(share)).max() < 1e-6:
+                return float(factor * 10.0**power)
+    return 0.0
+
+
+def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
+    """The setup with the noise of figures that are rounded: a step s adds s^2 / 6 to the variance.
+
+    That is twice s^2 / 12, since opposite loads and repeated ones are rounded alike.
+    """
+
+    def with_step(noise: float, *groups: Float) -> float:
+        step = max((step_of(column) for group in groups for column in group.T), default=0.0)
+        return float(np.hypot(noise, step / np.sqrt(6.0)))
+
+    force, torque = tests.wrench[:, :3], tests.wrench[:, 3:]
+    changes: dict[str, Any] = {
+        "force_noise_n": with_step(setup.force_noise_n, force),
+        "torque_noise_nm": with_step(setup.torque_noise_nm, torque),
+    }
+    if tests.displacement is not None:
+        changes["displacement_noise_mm"] = with_step(setup.displacement_noise_mm, tests.displacement[:, :3])
+        changes["rotation_noise"] = DEG * with_step(setup.rotation_noise / DEG, tests.displacement[:, 3:] / DEG)
+    elif tests.targets_mm is not None:
+        points = tests.targets_mm.reshape(len(tests.lines), -1)
+        changes["target_noise_mm"] = with_step(setup.target_noise_mm, points)
+    return dataclasses.replace(setup, **changes)
+
+
+def check_clipped(tests: LoadingTests) -> None:
+    """A force sensor at the end of its range repeats its greatest reading to the last figure; noise does not."""
+    for name, column in zip(WRENCH, tests.wrench.T, strict=True):
+        size = np.abs(column)
+        at_most = int((size == size.max()).sum())
+        fine = step_of(column) < FINE * size.max()
+        nearly = int((size > NEARLY * size.max()).sum())
+        if fine and at_most >= CLIPPED and size.max() > 0 and at_most > CLIPPED_SHARE * nearly:
+            raise InputError(
+                tests.source,
+                f"column {name} stands at {size.max():.6g} to the last figure in {at_most} loads: the sensor is at the "
+                "end of its range, or the wrench was not measured; use smaller loads",
+            )
+
+
+def check_stated(found: JointStiffness, stated: Float, source: str, tests: LoadingTests) -> None:
+    """All loads in kgf or lbf fit as well as they should: only what is known of this robot tells."""
+    ratio = float(np.exp(np.mean(np.log(found.nm_per_rad / stated))))
+    if max(ratio, 1 / ratio) > UNLIKE:
+        raise InputError(
+            tests.source,
+            f"the joints would be {ratio:.2g} times as stiff as {source} states: is the wrench in kgf (9.807 N) or "
+            "lbf (4.448 N), or the displacement in other units? if that is another robot's stiffness, take it out",
+        )
+
+
+def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention) -> None:
+    """Angles beyond the robot's limits are no angles of this robot, or of another convention."""
+    beyond = np.isnan(within_limits(chain, tests.joints, tests.joints))
+    beyond |= (tests.joints < chain.limits[:, 0] - 1e-6) | (tests.joints > chain.limits[:, 1] + 1e-6)
+    if beyond.any() and convention == "abb":
+        i, j = np.argwhere(beyond)[0]
+        low, high = chain.limits[j] / DEG
+        raise InputError(
+            f"{tests.source}: line {tests.lines[i]}: q{j + 1}_deg",
+            f"expected {low:.5g} to {high:.5g} deg (the robot's limits), found {tests.joints[i, j] / DEG:.5g}; "
+            "Denavit-Hartenberg angles need angle_convention 'dh'",
+        )
+
+
+def check_observed(
+    found: Estimate,
+    eq: Equations,
+    chain: Chain,
+    setup: LoadingSetup,
+    tests: LoadingTests,
+    largest_relative_u: float,
+    lack: LackOfFit,
+) -> None:
+    """Joints that are not known well enough are refused, each with the reason, and with what else may be wrong."""
+    lost = unobserved(found, largest_relative_u)
+    if lost:
+        why = {j: reason(j, found, eq, chain, setup, tests) for j in sorted(lost)}
+        texts = {text: [str(j + 1) for j in why if why[j] == text] for text in why.values()}
+        lines = [
+            f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"
+            for text, j in texts.items()
+        ]
+        if lack.causes:
+            lines.append(f"what would explain the displacements better: {lack.causes}")
+        raise InputError(tests.source, "; ".join(lines))
+
+
+def check_springs(known: Estimate, lack: LackOfFit, tests: LoadingTests, largest_relative_u: float) -> None:
+    """Displacements of which something else than six springs has a large share are refused, and it is named."""
+    lost = unobserved(known, largest_relative_u)
+    if lost:
+        share = 100 * abs(lack.change[lost[0]] / known.compliance[lost[0]])
+        raise InputError(
+            tests.source,
+            f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
+            f"change joint {lost[0] + 1} by {share:.0f} %: put it right, here or in the cell file's $.loading",
+        )
+
+
+def check_size(found: Estimate, tests: LoadingTests) -> None:
+    """All lengths or all forces in another unit fit as well as they should, but to an impossible robot."""
+    mean = mean_stiffness(found)
+    low, high = PLAUSIBLE_NM_PER_RAD
+    if not low <= mean <= high:
+        cause = "displacements in m, or wrenches in mN" if mean > high else "wrenches in kN, or displacements too large"
+        raise InputError(
+            tests.source,
+            f"expected joint stiffness of some 1e5 to 1e7 Nm/rad, found a mean of {mean:.2g}: "
+            f"are units mixed by a factor of 1,000 ({cause})?",
+        )

@@ -241,6 +241,26 @@ def test_a_cut_that_was_hardly_measured_is_refused(scan: Raw, plan: Toolpath) ->
     assert "of what the finishing pass cuts" in found.refused
 
 
+def test_a_cut_that_is_as_deep_as_the_finished_one_is_told(scan: Raw, plan: Toolpath) -> None:
+    for root_mm, told in ((ROOT, True), (FIRST_ROOT - 0.3 / SINE, False), (FIRST_ROOT, False)):
+        _, found = correct(inspected(scan, root_mm), plan, **QUIET)
+        assert any("milled already" in said for said in found.warnings) == told
+
+
+def test_a_trend_is_not_continued_beyond_what_was_measured(scan: Raw, plan: Toolpath) -> None:
+    """Half of the edge shows a slope of 1 mm in a metre: held in the other half, whose u takes what it would come to."""
+    s = scan.edge.arc_length_mm
+    slope = 1e-3 * (s - s[-1])
+    cut = inspected(scan, FIRST_ROOT + (slope - 0.2) / SINE)
+    root = np.where(s > 0.5 * s[-1], cut.profile.root_mm, np.nan)
+    _, found = correct(replace(cut, profile=replace(cut.profile, root_mm=root)), plan, **QUIET)
+    unseen = found.arc_length_mm < 0.4 * s[-1]
+    at_middle = float(np.interp(0.5 * s[-1], s, slope - 0.2))
+    assert found.displacement_mm[unseen] == pytest.approx(at_middle, abs=0.01)
+    true = np.interp(found.arc_length_mm, s, slope - 0.2)
+    assert (np.abs(found.displacement_mm - true)[unseen] < 2.0 * found.displacement_u_mm[unseen]).all()
+
+
 def test_inputs_that_do_not_belong_together(scan: Raw, plan: Toolpath) -> None:
     cut = inspected(scan, FIRST_ROOT)
     with pytest.raises(InputError, match="finish_allowance_mm"):

@@ -186,7 +186,9 @@ def correct(
         variation_mm=shift.variation,
         comes=comes,
         reason=_reason(shift, made, turn, by, tilt, finish.cutting),
-        warnings=finishing.warnings + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm),
+        warnings=finishing.warnings
+        + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm)
+        + _as_if_finished(toolpath.finish_allowance_mm, shift, finish.cutting),
     )
     checks = _checks(cut, found, shift, finish, most_moved_mm, toolpath.depth_of_cut_mm)
     evidence = (*finishing.evidence, *inspection.checks, *checks)
@@ -407,6 +409,17 @@ def _beyond_chain(toolpath: Toolpath, shift: Estimate, cut: Bool, repeatability_
     return (
         f"the cut lies {mean:+.2f} mm off its plan, where {links} and repeatability say {stated:.2f} mm (u): one of "
         "them is wrong, or the part has moved",
+    )
+
+
+def _as_if_finished(allowance_mm: float, shift: Estimate, cut: Bool) -> tuple[str, ...]:
+    """A cut that lies deeper by the allowance is a finished one rather than that of a tool which errs by just that."""
+    value, u = shift.value[cut] + allowance_mm, shift.u[cut]
+    if abs(float(value.mean())) > max(LEAST_DEPTH_MM, BEYOND * float(u.mean())) or np.ptp(value) > LEAST_DEPTH_MM:
+        return ()
+    return (
+        f"the cut lies {-float(shift.value[cut].mean()):.2f} mm deeper than planned, as much as the finish allowance: "
+        "was the finishing pass, or a path without an allowance, milled already?",
     )
 
 

@@ -9,7 +9,8 @@ c is an error constant in the tool's frame, v one constant in the base (a: the d
 along the edge (wear); f repeats whenever the robot goes the same way; g, the robot's repeatability, does not; e is the
 measurement's, as far as it differs along the edge: what does not, no averaging reduces, and makes `less_sure`. What the
 next pass will show again is c + a . v + w s + f: its expectation given d is the estimate. How large e and f are and how
-far each reaches, d itself says, by its likelihood: the estimate is the mean over what that leaves open.
+far each reaches, d itself says, by its likelihood: the estimate is the mean over what that leaves open. Beyond the
+values w s is held where they end, since f may have passed for it; what it would come to there counts in u.
 """
 
 from __future__ import annotations
@@ -93,7 +94,8 @@ def estimate(
     order = np.argsort(s)[few]
     s, d, u_d, axes = s[order], values[order], u[order], axes[order]
     middle, span = 0.5 * (s[0] + s[-1]), max(float(s[-1] - s[0]), 1.0)
-    constant, constant_at = _constant(s, axes, middle, span), _constant(at, axes_at, middle, span)
+    held = np.clip(at, s[0], s[-1])
+    constant, constant_at = _constant(s, axes, middle, span), _constant(held, axes_at, middle, span)
     known = largest**2 * constant @ constant.T
     by_run = (GRAIN * largest) ** 2 * np.eye(len(s)) + unrepeated**2 * _rough(s, unrepeated_length_mm)
     usual = np.minimum(u_d, np.median(u_d))
@@ -109,6 +111,7 @@ def estimate(
     share = np.where(share > LEAST_SHARE * share.sum(), share, 0.0)
     share /= share.sum()
     means, gains, variances, chance, f = [], [], [], np.zeros((len(s), len(s))), np.zeros(len(at))
+    growing = 0.0  # expected square of w, over its prior standard deviation
     weights = share[share > 0.0]
     for weight, row in zip(weights, np.flatnonzero(share), strict=True):
         k, (sd, long) = trials[row]
@@ -120,10 +123,14 @@ def estimate(
         means.append(d @ gain)
         gains.append(gain)
         variances.append(np.maximum(before - (repeated * gain).sum(axis=0), 0.0))
+        along = largest**2 * constant[:, -1]
+        by_w = scipy.linalg.cho_solve(factor, along)
+        growing += weight * float((d @ by_w) ** 2 + largest**2 - along @ by_w)
         chance += weight * chances[k]
         f += weight * (scipy.linalg.cho_solve(factor, d) @ varied)
     value, gain = weights @ np.array(means), np.tensordot(weights, np.array(gains), axes=1)
     variance = weights @ (np.array(variances) + (np.array(means) - value) ** 2)
+    variance += growing * (WEAR_SHARE * (at - held) / span) ** 2
     return Estimate(value, np.sqrt(variance), float(np.sqrt(np.mean(f**2))), gain.T @ chance @ gain)
 
 

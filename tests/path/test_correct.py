@@ -248,7 +248,7 @@ def test_a_cut_that_is_as_deep_as_the_finished_one_is_told(scan: Raw, plan: Tool
 
 
 def test_a_trend_is_not_continued_beyond_what_was_measured(scan: Raw, plan: Toolpath) -> None:
-    """Half of the edge shows a slope of 1 mm in a metre: held in the other half, whose u takes what it would come to."""
+    """Half of the edge shows a slope of 1 mm in a metre: held in the other half, whose u has what it would come to."""
     s = scan.edge.arc_length_mm
     slope = 1e-3 * (s - s[-1])
     cut = inspected(scan, FIRST_ROOT + (slope - 0.2) / SINE)

@@ -33,6 +33,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to column; times what chance explains
+REACH = 6  # columns about a place that tell how steep the face is there
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -144,16 +145,20 @@ def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
     Beside each other on a steep face two ranges are equal where the second was held; noise makes them so in few of the
     places that `chance` counts. A sensor that fills single losses so fills those beside a face's end too.
     """
-    if z.shape[1] < 4 or noise_mm <= 0.0:
+    if z.shape[1] < REACH or noise_mm <= 0.0:
         return 0.0
-    step = np.abs(z[:, 3:] - z[:, :-3]) / 3.0
-    steep = (step > STEEP * noise_mm) & (step > STEEP * digit_mm) & (step < JUMP_MM)
-    equal = steep & (np.abs(z[:, 2:-1] - z[:, 1:-2]) < 0.5 * digit_mm)
+    step = np.abs(z[:, REACH - 1 :] - z[:, : 1 - REACH]) / (REACH - 1)
+    least = STEEP * max(noise_mm, digit_mm)
+    steep = (step > least) & (step < JUMP_MM)
+    half = REACH // 2
+    middle = z[:, half - 1 : -half], z[:, half : 1 - half]
+    row, first = np.nonzero(steep & (np.abs(middle[1] - middle[0]) < 0.5 * digit_mm))
+    near = z[row[:, None], first[:, None] + np.arange(REACH)]
+    held = int((np.abs(np.median(np.diff(near, axis=1), axis=1)) > least).sum())  # beside a stray the face is not steep
     chance = digit_mm / (2.0 * np.sqrt(np.pi) * noise_mm) * np.exp(-((step[steep] / (2.0 * noise_mm)) ** 2)).sum()
-    lost = np.isnan(z)
-    lone = steep & (lost[:, 1:-2] | lost[:, 2:-1])
-    held = float(equal.sum()) - SURELY * chance
-    return held / (held + float(lone.sum())) if held >= LEAST_ENDS else 0.0
+    surely = held - SURELY * float(chance)
+    lost = float((steep & (np.isnan(middle[0]) | np.isnan(middle[1]))).sum())
+    return surely / (surely + lost) if surely >= LEAST_ENDS else 0.0
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:

@@ -125,7 +125,7 @@ def test_a_hidden_section_is_left_out_and_told(tmp_path: Path) -> None:
 
 def test_sections_at_other_places_are_told(tmp_path: Path) -> None:
     for k in range(2):
-        document = inspection(1.5)
+        document = inspection(1.5 + 0.001 * k)
         document["sections"][0]["arc_length_mm"] = 10.0 + 5.0 * k
         written(tmp_path, json.dumps(document), f"{k}.json")
     (words,) = study(study=written(tmp_path, "inspection\n0.json\n1.json\n")).warnings
@@ -147,6 +147,11 @@ REFUSED = {
     "both": ("inspection,section\na.json,1\n", "either an inspection or a section"),
     "missing file": ("inspection\nnone.json\n", "none.json: "),
     "other sections": (rows("P,A,1,1,1.5,0.01", "P,A,2,2,1.5,0.01"), "expected sections 1 to 1"),
+    "copied": (
+        rows(*(f"P{part},{by},1,1,{1.5 + 0.1 * part + 0.01 * (by == 'A')},0.01" for part in range(4) for by in "AB"))
+        + "".join(f"P{part},{by},2,1,{1.51 + 0.1 * part},0.01\n" for part in range(4) for by in "AB"),
+        "operator 'A', trial 2 repeats operator 'A', trial 1 figure by figure in all 4 values",
+    ),
     "no values": ("part,operator,trial,section\nP,A,1,1\nP,A,2,1\n", "expected values of"),
 }
 

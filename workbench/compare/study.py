@@ -8,7 +8,16 @@ import numpy as np
 from pydantic import Field
 
 from workbench.compare.measurements import measurements_of, plain_measurements, read_inspection
-from workbench.compare.study_tables import apart, balanced, limits_of, mean_of_seen, reference_of, sections_of, table_of
+from workbench.compare.study_tables import (
+    apart,
+    balanced,
+    limits_of,
+    mean_of_seen,
+    reference_of,
+    refuse_copies,
+    sections_of,
+    table_of,
+)
 from workbench.compare.values import CHARACTERISTICS, Study
 from workbench.errors import InputError
 from workbench.stage import InputFile, stage
@@ -68,7 +77,7 @@ def study(
         unit: of the characteristics.
 
     Raises:
-        InputError: unreadable, unbalanced, or fewer than two trials.
+        InputError: unreadable, unbalanced, fewer than two trials, or trials that are copies.
 
     Example:
         >>> from workbench import compare
@@ -99,6 +108,7 @@ def study(
     names = [name for name in known if np.isfinite(table[name]).any()]
     if not names:
         raise InputError(where, f"expected values of {' or '.join(known)}, found none")
+    refuse_copies({name: table[name] for name in names}, parts, operators, where)
     reference = reference_of(others, parts, sections, names)
     given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}
     return Study(

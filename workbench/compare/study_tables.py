@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError
 from workbench.units import Float
 
+LEAST_VALUES = 4  # that are equal one by one: fewer may be by chance, rounded as gauges show them
 APART_MM = 1.0  # sections of one number that lie farther apart measure different places
 Limits = tuple[float, float]
 
@@ -62,6 +64,25 @@ def table_of(
             for p in parts
         ]
     )
+
+
+def refuse_copies(measured: Mapping[str, Float], parts: list[str], operators: list[str], where: str) -> None:
+    """Refuse trials that repeat others figure by figure, each characteristic (P, O, R, S): copies are no evidence.
+
+    Looked for over all parts, and part by part where one trial has enough values.
+    """
+    table = np.concatenate(list(measured.values()), axis=3)
+    runs = [(o, r) for o in range(table.shape[1]) for r in range(table.shape[2])]
+    for rows, name in [(slice(None), ""), *((slice(k, k + 1), f"part '{part}', ") for k, part in enumerate(parts))]:
+        for (a, first), (b, second) in itertools.combinations(runs, 2):
+            one, other = table[rows, a, first], table[rows, b, second]
+            seen = int(np.isfinite(one).sum())
+            if seen >= LEAST_VALUES and np.array_equal(one, other, equal_nan=True):
+                raise InputError(
+                    where,
+                    f"{name}operator '{operators[b]}', trial {second + 1} repeats operator '{operators[a]}', trial "
+                    f"{first + 1} figure by figure in all {seen} values: copied, or rounded too coarsely to differ?",
+                )
 
 
 def reference_of(

@@ -103,6 +103,7 @@ def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:
         "clock": "does not show whether the clocks agree" in told,
         "order": "frames out of order; nothing tells which" in told,
         "digits": "were they rounded, or commanded instead" in told,
+        "poses": "poses only: noise in them" in told,
     }
     seen = kind.unseen not in ("sensor", "travel", "end") and not named.get(kind.unseen, False)
     return "confidently wrong" if seen else NAMED

@@ -24,12 +24,13 @@ class Kind(NamedTuple):
     `unseen`: what results say of what they leave out names it, where the recording cannot show it: sensor (a scale of
     it), travel (a scale or the sense of it), flange (all that only a flange that turns within a pass shows), window
     (its end on a part that lies still in it), order (of frames that are alike), clock (where the motion does not show
-    it), end (of the root face, lost in every frame), digits (of the positions); empty: it must be seen.
+    it), end (of the root face, lost in every frame), digits (of the positions), poses (noise of the few that a pass
+    has); empty: it must be seen.
     """
 
     spoil: Spoil
     words: tuple[str, ...]
-    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end", "digits"] = ""
+    unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end", "digits", "poses"] = ""
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -522,7 +523,7 @@ KINDS: dict[str, Kind] = {
     "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded"), "digits"),
     "quaternions rounded to 0.001": Kind(_quaternion(_as_read(1e-3)), (*ORIENTATION, "rounded", "norm")),
     "quaternions rounded to 0.01": Kind(_quaternion(_as_read(1e-2)), (*ORIENTATION, "rounded", "norm")),
-    "poses noisy by 0.3 mm": Kind(_noisy(0.3, 0.0), ("poses",)),
+    "poses noisy by 0.3 mm": Kind(_noisy(0.3, 0.0), ("poses",), "poses"),
     "poses noisy by 0.3 deg": Kind(_noisy(0.0, 0.3), ("poses", "orientation"), "flange"),
     "clock 1 % fast": Kind(_drifting_clock(0.01), ("clock",), "flange"),
     "clock 10 % fast": Kind(_drifting_clock(0.1), ("clock",), "flange"),

@@ -423,6 +423,13 @@ def test_a_median_over_returns_and_losses_is_told_by_the_ends_of_faces(columns: 
     assert "median filter" in found.finding
 
 
+def test_noise_of_few_poses_is_told_as_unseen() -> None:
+    recording, _ = simulate_recording(random_recipe("raw_straight", 8_910_000))
+    found = {one.name: one for one in judge_recording(recording)}["wiggle_mm"]
+    assert found.passed
+    assert found.finding == "a pass has 2 poses only: noise in them would not show"
+
+
 def test_a_sensor_that_fills_single_losses_is_told_by_steep_faces() -> None:
     """The ends that it fills too were 4 % of all, and the root face 0.07 mm too large at u 0.013."""
     recording, _ = simulate_recording(random_recipe("oblique", 8_800_002))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench.confidently_wrong.kinds import KINDS
 from bench.groove.__main__ import errors, measured
 from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
@@ -44,6 +45,15 @@ def test_the_other_simulator_too() -> None:
     assert "V" in (inspection.type, *inspection.alternatives)
     z = np.array([abs(error) / u for _, error, u in errors(inspection, truth)])
     assert np.mean(z < 2.0) > 0.8
+
+
+def test_ends_beside_blind_columns_are_known_to_their_width() -> None:
+    """A dirty window: bands of 8 columns that never measure. The depth was 0.4 mm off at 25 u."""
+    recording, truth = simulate_prism(random_prism_recipe("V", 5_540_000))
+    dirty = KINDS["12 bands of 8 blind columns"].spoil(recording, np.random.default_rng([5_540_000, 0]))
+    rows = errors(inspect_groove(segment_groove(denoise(fuse(dirty)))), truth)
+    assert {"depth_mm", "gap_mm"} <= {size for size, _, _ in rows}
+    assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
 def test_a_wrong_type_is_refused() -> None:

@@ -34,6 +34,7 @@ NOT_JUDGED = Check(
     "not judged: a cloud holds neither poses nor profiles; whoever made it answers for both",
 )
 STANDING_MM = 1e-6  # of way from frame to frame
+FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
@@ -424,6 +425,9 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
             f"the section's place in the view scatters by {now.wiggle_mm:.2f} mm between neighbouring frames as over "
         )
         told += "the whole pass: vibration, noise, or frames out of order; nothing tells which"
+    fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
+    if fewest < FEW_POSES and now.wiggle_mm < allowed:
+        told = f"a pass has {fewest} poses only: noise in them would not show"
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
     unexplained = now.twist_deg > sure + now.waved_deg

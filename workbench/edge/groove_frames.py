@@ -15,6 +15,7 @@ from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.grids import columns_to_next
 from workbench.units import Bool, Float, Int
 
 SAMPLE = 24  # profiles that show which way is up
@@ -60,6 +61,7 @@ class Lines:
     last: Float  # (n, 2) innermost return of the plate
     step: Float  # (n,) from there to the next column
     edge_step: Float  # (n,) from the upper surface's last return to the next column
+    grazing: Float  # (n,) how many times as far apart as on the plate the returns stand on the face
     rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
     radius: Float  # (n,) of the fillet; NaN where there is none
@@ -315,6 +317,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "rms_f",
         "share",
         "edge_step",
+        "grazing",
         "lever",
         "plate_way",
         "face_way",
@@ -324,6 +327,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     last, lowest, ends = (np.full((n, 2), np.nan) for _ in range(3))
     held = []
     added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
+    beyond_end, beyond_last = (_columns_on(cloud, read, which, name) for name in ("end", "last"))
     for k, side in enumerate(read.sides[which]):
         if not np.isfinite(s[k]):
             continue
@@ -335,8 +339,9 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         if face.size:
             value["face_s"][k] = float(np.split(at, cuts)[1].mean())
         held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2]))
-        ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm
-        value["edge_step"][k] = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
+        ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
+        spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
+        value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
             lowest[k] = below[np.argmin(below[:, 1])]
             value["root_a"][k] = float(np.median(below[:, 0]))
@@ -407,6 +412,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         last,
         value["step"],
         value["edge_step"],
+        value["grazing"],
         float(np.median([side.rounded_mm for side in read.sides[which]])),
         max(noise_f * across, LEAST_SIGMA_MM),
         value["radius"],
@@ -419,6 +425,15 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["spacing"],
         _pattern(added, count, squares),
     )
+
+
+def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
+    """Columns (n,) from a side's `end` or `last` return towards the groove to the next that ever measures; mostly 1."""
+    outwards = np.zeros(len(read.frame), np.int64)
+    for k, (columns, side) in enumerate(zip(read.columns, read.sides[which], strict=True)):
+        rises = columns[-1] >= columns[0]
+        outwards[k] = columns[getattr(side, name)] * (1 if rises == (which == 0) else -1)
+    return columns_to_next(cloud.keep, outwards)
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

@@ -118,9 +118,7 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     level = measured.level_share()
     gap, radius = measured.sizes["gap_mm"], measured.sizes.get("root_radius_mm")
     overlap, wide = typical(-gap.value - 3.0 * gap.u), typical(gap.value)
-    grazing = max(
-        (typical(one.step / one.edge_step) for one in measured.lines if one.kind == "bevel"), default=math.nan
-    )
+    grazing = max((typical(one.grazing) for one in measured.lines if one.kind == "bevel"), default=math.nan)
     small = math.nan if radius is None else typical(radius.value)
     stands = (
         f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"

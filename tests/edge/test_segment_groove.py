@@ -56,6 +56,14 @@ def test_ends_beside_blind_columns_are_known_to_their_width() -> None:
     assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
+def test_a_profile_that_is_too_coarse_for_a_type_is_refused() -> None:
+    """Every eighth column of a U groove was an HV of 16 deg less included angle, at u 0.014."""
+    recording, _ = simulate_prism(random_prism_recipe("U", 5_540_004))
+    coarse = KINDS["every 8th column delivered"].spoil(recording, np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"expected 150 returns and more in a profile, found \d+: .* every column"):
+        segment_groove(denoise(fuse(coarse)))
+
+
 def test_a_wrong_type_is_refused() -> None:
     with pytest.raises(InputError, match=r"groove 'U'.*shows a bevel.*expected V"):
         found("V", groove="U")

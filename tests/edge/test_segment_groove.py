@@ -208,6 +208,16 @@ def test_a_bevel_that_the_view_may_hide_is_in_u() -> None:
         segment_groove(cloud, groove="HV")
 
 
+def test_no_included_angle_where_the_other_plate_may_have_a_bevel_too() -> None:
+    part = {"thickness_mm": flat(8.0), "gap_mm": flat(2.0), "bevelled": "left", "bevel_left_deg": flat(40.0)}
+    recording, _ = changed("HV", part | {"misalignment_mm": flat(0.0), "background_mm": 10.0}, lean_deg=-18.0)
+    cloud = denoise(fuse(recording))
+    seen, said = segment_groove(cloud), segment_groove(cloud, groove="HV")
+    assert {"V", "Y"} <= set(seen.alternatives)
+    assert "included_deg" not in seen.sizes
+    assert np.nanmedian(said.sizes["included_deg"].value) == pytest.approx(40.0, abs=0.2)
+
+
 def test_a_flank_that_the_view_may_hide_is_in_u() -> None:
     part = {
         "thickness_mm": flat(12.0),

@@ -121,7 +121,7 @@ class GrooveSizes:
                 self._shared(left.face_variance, right.face_variance),
                 ("left", "right"),
             )
-        elif both and "hidden" not in (left.kind, right.kind):
+        elif both and "hidden" not in (left.kind, right.kind) and not (doubtful and self.hides_bevels):
             self._deg(
                 "included_deg",
                 math.pi / 2 - both[0][0],

@@ -14,6 +14,7 @@ from workbench.units import DEG, Float
 
 STEP_S = 0.04  # for the derivative of the poses: over less it is their noise
 DEGREE = 5  # of what the plate itself may do along the edge: a slow twist
+MOST_TURN = 8.0 * DEG  # from place to place: around a small ring chords stand for the edge, and their error sways too
 LEAST_RATE = 2.0 * DEG  # per second, of the turning that is not slow: with less 5 ms turn the section by 0.01 deg
 
 
@@ -39,6 +40,8 @@ def clock_offset(chains: Mapping[int, Chain], poses_at: Callable[[int, float], F
             continue
         now, later = (section_turns(chain, one) for one in poses)
         if now is None or later is None or not 12 <= len(now[1]) == len(later[1]):  # where poses stand still it differs
+            continue
+        if np.median(np.linalg.norm(np.diff(now[2], axis=0), axis=1)) > MOST_TURN:
             continue
         rate, left = (later[1] - now[1]) / STEP_S, (now[1] + later[1]) / 2.0
         slow = twisted((now[0] + later[0]) / 2.0, DEGREE)

@@ -8,8 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from bench.confidently_wrong.kinds import KINDS
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
-from bench.groove.plates import measured
+from bench.groove.plates import measured, swept_plate
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
@@ -89,6 +90,14 @@ def test_another_kind_than_is_seen_is_refused(cloud) -> None:
 def test_a_plate_without_its_upper_surface_in_view_is_refused() -> None:
     with pytest.raises(InputError, match=r"upper surface|prepared plate"):
         segment_preparation(denoise(fuse(read(recording="data/synthetic/raw_edge.h5"))))
+
+
+def test_swapped_axes_of_a_fillet_are_refused_in_a_line() -> None:
+    """Its returns then run to and fro, and a width of 0 was a crash."""
+    recording, _ = simulate_swept(swept_plate("J", 5_570_002))
+    swapped = KINDS["x and z swapped"].spoil(recording, np.random.default_rng([5_570_002, 2]))
+    with pytest.raises(InputError, match="expected a plate with its upper surface"):
+        segment_preparation(denoise(fuse(swapped)), root_nominal_mm=1.0)
 
 
 def test_two_plates_are_refused() -> None:

@@ -178,8 +178,9 @@ def _plate(
                 for one in found[i]
                 if (one.side, one.sense) == (sides[i], sense) and _is_upper(cloud, i, one, upper_side)
             ]
-            if len(roots) >= SHOWN * len(shows):
-                best.append((abs(math.log(float(np.median(roots)) / root_nominal_mm)), sense, sides))
+            typical = float(np.median(roots)) if len(roots) >= SHOWN * len(shows) else 0.0
+            if typical > 0.0:  # returns of swapped axes run to and fro
+                best.append((abs(math.log(typical / root_nominal_mm)), sense, sides))
     if not best:
         raise InputError(cloud.source, f"{refused}; the profiles do not agree on one: give upper_side, if you know it")
     best.sort(key=lambda one: one[0])

@@ -101,6 +101,14 @@ def test_units(tmp_path: Path, points: Float) -> None:
         read(file=path, unit="m")
 
 
+def test_a_part_in_inches_is_no_small_part(tmp_path: Path, points: Float) -> None:
+    """Of 130 mm: 5.1 inch, which was measured as a plate of 5 mm."""
+    path, size = tmp_path / "inches.xyz", float(np.ptp(points, axis=0).max())
+    np.savetxt(path, points * (130.0 / size) / 25.4, fmt="%.6f")
+    with pytest.raises(InputError, match=r"expected a part of 12 mm .* in m or inch"):
+        read(file=path)
+
+
 def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) -> None:
     path = tmp_path / "cloud.xyz"
     points[7] = np.nan

@@ -274,7 +274,7 @@ REAL = {
     "real/kistler_dynoware_f300.csv": "strongest at 199.98 Hz",
     "real/adaptio_ABW_head.csv": "rows: 836, 836 with the torch's place",
     "real/trispector_table.pcd": "--input unit=m",
-    "real/nist_SPH105_metres.xyz": "coordinates in m or inch",
+    "real/nist_SPH105_metres.xyz": "are its coordinates in m?",
     "real/akig_ur5_poses.txt": "poses: 27",
     "real/akig_tscan_values.txt": "positions: 27 with 130 readings",
     "sphere_r12.7.h5": "calibration recording",

@@ -225,7 +225,7 @@ def check_observed(
 def check_springs(known: Estimate, lack: LackOfFit, tests: LoadingTests, largest_relative_u: float) -> None:
     """Displacements of which something else than six springs has a large share are refused, and it is named."""
     lost = unobserved(known, largest_relative_u)
-    if lost:
+    if lost and lack.causes:  # else it is what was declared of the scale
         share = 100 * abs(lack.change[lost[0]] / known.compliance[lost[0]])
         raise InputError(
             tests.source,

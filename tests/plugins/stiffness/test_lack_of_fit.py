@@ -202,6 +202,16 @@ def test_rounded_figures_are_noise(cell: Cell, noisy: Any, step: float) -> None:
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
 
 
+@pytest.mark.parametrize("targets", [0, 4])
+def test_figures_rounded_more_coarsely_are_refused(cell: Cell, noisy: Any, targets: int) -> None:
+    assert cell.loading is not None
+    tests = noisy(65, targets)
+    name = "targets_mm" if targets else "displacement"
+    coarse = dataclasses.replace(tests, **{name: np.round(getattr(tests, name), 1) + 0.0})
+    with pytest.raises(InputError, match=r"rounded to 0\.1 mm, where the cell file states a noise of 0\.01"):
+        rounded(cell.loading, coarse)
+
+
 @pytest.mark.parametrize("values", [[0.0, 0.0], [1 / 3, 1 / 7, 0.1234567891]])
 def test_no_step(values: list[float]) -> None:
     assert step_of(np.array(values)) == 0.0

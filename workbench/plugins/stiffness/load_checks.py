@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.observability import reason, unobserved
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
+COARSE = 5.0  # standard deviations of the noise: rounded to 0.1 mm of 0.015, stiffness was up to 4.5 u off
 UNLIKE = 3.0  # times the stated stiffness: robots of a type differ by less, units by more
 CLIPPED, CLIPPED_SHARE, NEARLY, FINE = 4, 0.5, 0.99, 1e-3  # loads at the end of a range; of those within 1 % of it
 
@@ -139,10 +141,19 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
     """The setup with the noise of figures that are rounded: a step s adds s^2 / 6 to the variance.
 
     That is twice s^2 / 12, since opposite loads and repeated ones are rounded alike.
+
+    Raises:
+        InputError: displacements are rounded so coarsely that the error is no noise.
     """
 
-    def with_step(noise: float, *groups: Float) -> float:
-        step = max((step_of(column) for group in groups for column in group.T), default=0.0)
+    def with_step(noise: float, values: Float, most: float = math.inf) -> float:
+        step = max((step_of(column) for column in values.T), default=0.0)
+        if step > most * noise:
+            raise InputError(
+                tests.source,
+                f"displacements are rounded to {step:g} mm, where the cell file states a noise of {noise:g} mm: small "
+                "ones vanish; give more figures",
+            )
         return float(np.hypot(noise, step / np.sqrt(6.0)))
 
     force, torque = tests.wrench[:, :3], tests.wrench[:, 3:]
@@ -151,11 +162,11 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
         "torque_noise_nm": with_step(setup.torque_noise_nm, torque),
     }
     if tests.displacement is not None:
-        changes["displacement_noise_mm"] = with_step(setup.displacement_noise_mm, tests.displacement[:, :3])
+        changes["displacement_noise_mm"] = with_step(setup.displacement_noise_mm, tests.displacement[:, :3], COARSE)
         changes["rotation_noise"] = DEG * with_step(setup.rotation_noise / DEG, tests.displacement[:, 3:] / DEG)
     elif tests.targets_mm is not None:
         points = tests.targets_mm.reshape(len(tests.lines), -1)
-        changes["target_noise_mm"] = with_step(setup.target_noise_mm, points)
+        changes["target_noise_mm"] = with_step(setup.target_noise_mm, points, COARSE)
     return dataclasses.replace(setup, **changes)
 
 

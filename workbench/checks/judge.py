@@ -427,7 +427,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         told += "the whole pass: vibration, noise, or frames out of order; nothing tells which"
     fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
     if fewest < FEW_POSES and now.wiggle_mm < allowed:
-        told = f"a pass has {fewest} poses only: noise in them would not show"
+        few = f"a pass has {fewest} poses only: noise in them would not show"
+        told = f"{told}; {few}" if now.in_view > UNORDERED else few
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
     unexplained = now.twist_deg > sure + now.waved_deg

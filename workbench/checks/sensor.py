@@ -90,9 +90,9 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
     plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
     noise = float(np.median(size))
-    held = max(held, _filled_share(z, noise, digit))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
+    held = max(held, _filled_share(z, noise, digit))
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     flat = plain & (np.abs(slope) * pitch < FLAT * noise)  # elsewhere a median changes nothing
     both = used[flat][:, 1:] & used[flat][:, :-1]

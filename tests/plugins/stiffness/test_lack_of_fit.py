@@ -178,6 +178,24 @@ def test_a_sensor_at_the_end_of_its_range_is_refused(cell: Cell, written: Any) -
         stiffness.identify(cell, loads=written(clipped))
 
 
+def test_weights_that_are_written_down_are_no_clipped_readings(cell: Cell, exact: Any, tmp_path: Path) -> None:
+    """200 N along three axes at four points, exact in the file: nothing is rounded, nothing at the end of a range."""
+    tests, rng = exact(), np.random.default_rng(8)
+    assert cell.loading is not None
+    noise = rng.normal(size=(72, 6)) * ([0.01] * 3 + [0.002] * 3)
+    table = np.column_stack(
+        [np.degrees(tests.joints), tests.wrench, tests.displacement * ([1.0] * 3 + [180 / np.pi] * 3) + noise]
+    )
+    header = (ROOT / "data" / "synthetic" / "loads.csv").read_text().splitlines()[1]
+    rows = [f"{label}," + ",".join(f"{v:.6f}" for v in row) for label, row in zip(tests.labels, table, strict=True)]
+    (tmp_path / "weights.csv").write_text("\n".join([header, *rows]) + "\n")
+    setup = rounded(cell.loading, dataclasses.replace(tests, wrench=np.round(tests.wrench, 6)))
+    assert setup.force_noise_n == pytest.approx(cell.loading.force_noise_n, rel=1e-6)
+    found, *_ = stiffness.identify(cell, loads=tmp_path / "weights.csv")
+    assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
+    assert (found.u_nm_per_rad < 0.1 * K).all()
+
+
 def test_a_column_of_zeros_is_named(cell: Cell, written: Any) -> None:
     def empty(header: list[str], values: Any) -> Any:
         values[:, header.index("rx_deg")] = 0.0

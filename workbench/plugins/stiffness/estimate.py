@@ -71,25 +71,30 @@ def whiten(eq: Equations, compliance: Float) -> Float:
     return np.asarray(np.linalg.inv(lower) * eq.seen[:, None, :])
 
 
-def most_put_aside(loads: int) -> int:
-    """Loads that may be put aside as gross errors."""
-    return loads // 5
+def excess(found: Estimate, use: Float) -> Float:
+    """(L,) misfit of each load in use over what chance explains; above 1 it contradicts the others.
+
+    Judged against the noise or, where all loads fit worse than that, against the spread of most of them.
+    """
+    inside = (use > 0) & (found.rows > 0)
+    if not inside.any():
+        return np.zeros(len(use))
+    level = scipy.special.chdtri(found.rows, GROSS / len(use))
+    spread = max(1.0, float(np.median(found.misfit[inside] / scipy.special.chdtri(found.rows[inside], 0.5))))
+    return np.asarray(np.where(inside, found.misfit / np.maximum(level * spread, 1e-300), 0.0))
 
 
 def robust(eq: Equations) -> tuple[Estimate, Float]:
     """The estimate, and which loads it rests on (L,): the worst is put aside as long as chance does not explain it.
 
-    Judged against the noise or, where all loads fit worse than that, against the spread of most of them.
+    At most a fifth of them: where one more contradicts the rest, see `excess`.
     """
     use = np.ones(len(eq.y))
     found = solve(eq, use)
-    for _ in range(most_put_aside(len(use))):
-        inside = use > 0
-        level = scipy.special.chdtri(found.rows, GROSS / len(use))
-        spread = max(1.0, float(np.median(found.misfit[inside] / scipy.special.chdtri(found.rows[inside], 0.5))))
-        excess = np.where(inside & (found.rows > 0), found.misfit / np.maximum(level * spread, 1e-300), 0.0)
-        if excess.max() <= 1:
+    for _ in range(len(use) // 5):
+        over = excess(found, use)
+        if over.max() <= 1:
             break
-        use[int(np.argmax(excess))] = 0.0
+        use[int(np.argmax(over))] = 0.0
         found = solve(eq, use)
     return found, use

@@ -116,7 +116,7 @@ def identify_from(
     eq = equations(chain, setup, sound)
     found, use = robust(eq)
     _refuse_mistakes(chain, setup, tests, found, use, len(points_out), largest_relative_u)
-    check_agreement(tests, use)
+    check_agreement(tests, found, use)
     lack = lack_of_fit(chain, setup, sound, eq, found, use)
     covariance = found.covariance * max(lack.widened, _surely_more(found))
     by_noise = dataclasses.replace(found, covariance=covariance, scale2=min(found.scale2, 1.0))

@@ -122,6 +122,17 @@ def test_sound_loads_lack_nothing(cell: Cell, noisy: Any, targets: int) -> None:
         assert lack.change == pytest.approx(np.zeros(6), abs=1e-12)
 
 
+def test_a_joint_that_no_load_turns_is_no_error_of_the_search(cell: Cell, noisy: Any) -> None:
+    assert cell.loading is not None
+    tests = noisy(66)
+    eq = equations(cell.chain, cell.loading, tests)
+    eq = dataclasses.replace(eq, a=eq.a * [1, 1, 1, 1, 1, 0], torque=eq.torque * [1, 1, 1, 1, 1, 0])
+    found, use = robust(eq)
+    lack = lack_of_fit(cell.chain, cell.loading, tests, eq, found, use)
+    assert np.isfinite(lack.change).all()
+    assert lack.change[5] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared(cell: Cell, noisy: Any) -> None:
     assert cell.loading is not None
     tests = noisy(63)

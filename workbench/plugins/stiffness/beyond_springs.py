@@ -62,7 +62,7 @@ def lack_of_fit(
     told: list[str] = []
     taken = columns
     while len(told) < MOST_CAUSES and directions:
-        basis = np.linalg.qr(taken / np.maximum(np.linalg.norm(taken, axis=0), 1e-300))[0]
+        basis = np.linalg.qr(taken / _sizes(taken))[0]
         left = rest - basis @ (basis.T @ rest)
         noise2 = _noise(left.reshape(len(use), -1), groups, eq)
         gains = []
@@ -78,12 +78,19 @@ def lack_of_fit(
         cause, direction = directions.pop(best)
         told.append(f"{cause.words.format(f'{value:+.3g}')} ({np.sqrt(gain):.0f} standard uncertainties)")
         taken = np.column_stack([taken, direction])
-    solved = np.linalg.lstsq(taken / np.linalg.norm(taken, axis=0), rest, rcond=None)[0] / np.linalg.norm(taken, axis=0)
+    sizes = _sizes(taken)
+    solved = np.linalg.lstsq(taken / sizes, rest, rcond=None)[0] / sizes
     left = (rest - taken @ solved).reshape(len(use), -1)
     more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
     return LackOfFit(
         "; ".join([*told[:TOLD], *more]), np.asarray(solved[:6]), _widened(left, groups, eq, taken.shape[1])
     )
+
+
+def _sizes(columns: Float) -> Float:
+    """Lengths of columns (n, m), to divide by: a joint that no load turns has 0."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.where(size > 0.0, size, 1.0))
 
 
 def _whole(whitened: Float, rows: Float) -> Float:

@@ -66,7 +66,7 @@ def test_registration_enters_the_level() -> None:
     pivot = AT + np.array([20.0, -4.0, -3.0])
     covariance = np.diag([0.0, 0.03, 0.04, 0.0, 0.0, 0.0]) ** 2
     pose = Registration(np.eye(4), covariance, pivot, 1.0, 0.0, (), 100)
-    found = deviation(scanned(1), scanned(2), pose)[0]
+    found = deviation(scanned(1), scanned(2), pose, position_u_mm=0.0)[0]
     for axis, u in ((1, 0.03), (2, 0.04)):
         assert np.nanmedian(found.u_mm[found.normal[:, axis] > 0.99]) == pytest.approx(u, rel=0.03)
 
@@ -75,7 +75,7 @@ def test_registered_scans(tmp_path: object) -> None:
     """A part laid down anew: what the registration takes away is no change, what it leaves is within its level."""
     scan, reference = scanned(5, "corner"), scanned(6, "corner")
     moved = Surface(scan.points_mm + np.array([0.2, -0.1, 0.15]), frame=scan.frame, range_axis=scan.range_axis)
-    found = deviation(moved, reference, register(moved, reference)[0])[0]
+    found = deviation(moved, reference, register(moved, reference)[0], position_u_mm=0.0)[0]
     assert found.significant[np.isfinite(found.distance_mm)].mean() < 0.1
 
 
@@ -138,7 +138,8 @@ def test_regions_are_kept_apart_by_sign_and_by_distance() -> None:
     places = np.stack([arc, across, np.zeros(n)], axis=1)
     up = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
     made = Deviations(places, up, distance, np.full(n, 0.01), np.full(n, 0.02), arc, across)
-    found = changed_regions(made, distance != 0, 1.0)
+    kept, found = changed_regions(made, distance != 0, 1.0)
+    assert (kept == (distance != 0)).all()
     assert [(one.places, one.from_mm, one.to_mm, round(one.mean_mm, 3)) for one in found] == [
         (36, 0.0, 5.0, 0.1),
         (24, 6.0, 9.0, -0.1),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,18 +12,27 @@ import scipy
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge
+from workbench.artefacts.checks import UNSEEN
 from workbench.compare.deviation_chapter import deviation_chapter
-from workbench.compare.statistics import Summary, summarise
+from workbench.compare.heights import heights
+from workbench.compare.path_error import path_error_u
+from workbench.compare.statistics import Summary, median, summarise
 from workbench.compare.surface_values import Deviations, Registration, Surface
-from workbench.compare.surfels import Surfels, neighbours, surfels
+from workbench.compare.surfels import Surfels, surfels
 from workbench.compare.target import on_mesh
 from workbench.errors import InputError
-from workbench.geometry.fits_steps import across
 from workbench.stage import stage
 from workbench.strict_json import strict_json
-from workbench.units import Float, Int
+from workbench.units import Float
 
 LEAST_PLACES = 20
+DETECTION = 1.959964  # two-sided 95 %
+ROOT_2 = math.sqrt(2.0)  # two passes that err alike lie so many times their standard uncertainty apart
+PATH = "errors of the path that all faces share"
+ONE_FACE = (
+    "one face is compared, or faces at right angles: nothing tells a change of one from a smooth error of the robot's "
+    "path, so position_u_mm is in u"
+)
 
 
 @stage("compare.deviation")
@@ -35,7 +45,9 @@ def deviation(
     position_u_mm: Annotated[
         float,
         Field(
-            ge=0, le=100, description="standard uncertainty of the scan's place along a normal, where none is fitted"
+            ge=0,
+            le=100,
+            description="standard uncertainty of the scan's place along a normal, where nothing fitted tells it",
         ),
     ] = 0.1,
     spacing_mm: Annotated[float, Field(gt=0, le=50, description="between the places that are compared")] = 1.0,
@@ -51,15 +63,17 @@ def deviation(
 
     M3C2 (Lague, Brodu and Leroux 2013): both surfaces are averaged in cylinders along the normal; a distance below the
     level of detection, 1.96 standard uncertainties, is no significant change. The uncertainty holds the noise of both
-    scans, frames as a whole, and the registration. Whether anything changed at all is decided with 5 % false
-    discoveries among all that is reported (Benjamini and Hochberg 1995).
+    scans, frames as a whole, the registration, what all faces of a stretch do together (the robot's path), and passes
+    that do not agree. Whether anything changed at all is decided with 5 % false discoveries among all that is reported
+    (Benjamini and Hochberg 1995).
 
     Args:
         scan: from `compare.surface`, as recorded.
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         registration: moves the scan; without it, both are taken as they lie in the base.
         edge: gives arc lengths; without it the plan's path does, or the scan's longest direction.
-        position_u_mm: without a registration: what robot and fixture leave open (two scans of 0.07 mm an axis).
+        position_u_mm: what robot and fixture leave open (two scans of 0.07 mm an axis), without a registration; with
+            one, where a single face is compared, or passes see no face together.
         spacing_mm: of the places.
         normal_mm: the normal's scale, D.
         projection_mm: the projection's scale, d.
@@ -138,6 +152,12 @@ def deviation_document(
         "percentiles_mm": {f"{k}": value for k, value in summary.percentiles_mm.items()},
         "significant_share": summary.significant,
         "level_of_detection_mm": summary.detectable_mm,
+        "uncertainty": {"median_u_mm": dict(found.sources), "not_included": list(UNSEEN)},
+        "checks": {
+            side: [dataclasses.asdict(check) for check in one.checks]
+            for side, one in (("scan", scan), ("reference", reference))
+        },
+        "warnings": list(found.warnings),
         "scales": dataclasses.asdict(scales),
         "arc_length_along": summary.along,
         "sections": [dataclasses.asdict(section) for section in summary.sections],
@@ -188,7 +208,10 @@ def deviations(
     course: Course,
     scales: Scales,
 ) -> Deviations:
-    """M3C2 distances at places of a registered scan; NaN where one of the surfaces is missing."""
+    """M3C2 distances at places of a registered scan; NaN where one of the surfaces is missing.
+
+    u^2 = noise^2 + registration^2 + path^2 + passes^2 of both sides.
+    """
     position, normal, radius = places.centre_mm, places.normal, 0.5 * scales.projection_mm
     depth_mm = scales.depth_mm
     if reference.triangles is None:
@@ -201,9 +224,31 @@ def deviations(
         off[np.abs(off) > depth_mm] = np.nan
         mine = heights(scan.points_mm, off, scan.frame, position, normal, radius, depth_mm)
         distance, noise = mine.height_mm, mine.u_mm
-    u = np.hypot(noise, position_u(registration, position, normal, position_u_mm))
     along, aside = course.locate(position)
-    return Deviations(position, normal, distance, u, DETECTION * u, along, aside)
+    place = position_u(registration, position, normal, position_u_mm)
+    path = None if registration is None else path_error_u(position, distance, normal, along)
+    passes = [
+        position_u_mm if one.passes_apart_mm is None else one.passes_apart_mm / ROOT_2 for one in (scan, reference)
+    ]
+    unknown = registration is not None and path is None
+    sources: dict[str, Float | float] = {
+        "noise of both surfaces": noise,
+        "position" if registration is None else "registration": place,
+        PATH: 0.0 if registration is None else position_u_mm if path is None else path,
+        "passes of a scan beside each other": math.hypot(*passes),
+    }
+    u = np.sqrt(sum(np.square(one) for one in sources.values()))
+    return Deviations(
+        position,
+        normal,
+        distance,
+        u,
+        DETECTION * u,
+        along,
+        aside,
+        tuple((name, median(np.ravel(one)[np.isfinite(np.ravel(one))])) for name, one in sources.items()),
+        (ONE_FACE,) if unknown else (),
+    )
 
 
 def position_u(registration: Registration | None, position_mm: Float, normal: Float, position_u_mm: float) -> Float:
@@ -212,121 +257,6 @@ def position_u(registration: Registration | None, position_mm: Float, normal: Fl
         return np.full(len(position_mm), position_u_mm)
     rows = np.hstack([normal, np.cross(position_mm - registration.pivot_mm, normal)])
     return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, registration.covariance, rows)))
-
-
-# Signed distances between a scan and a reference along normals, with their uncertainty.
-#
-# Multiscale model to model cloud comparison (Lague, Brodu and Leroux, "Accurate 3D comparison of complex topography
-# with
-# terrestrial laser scanner", ISPRS J. Photogramm. 82, 2013): the normal at one scale, the mean of each surface in a
-# cylinder along it at another. Departures: the surface at the axis is that of a plane fitted in the cylinder, so
-# that
-# unequal sampling of a slope is no distance; points of one frame share the robot's error, so the noise of a mean is
-# enlarged by what residuals of a frame have in common; and the registration's covariance at the place is added in
-# quadrature (the paper adds one number linearly).
-
-DETECTION = 1.959964  # two-sided 95 %
-LEAST_POINTS = 8  # in a cylinder
-LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
-LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
-BATCH = 2_000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Heights:
-    """Where a surface meets the axes of c cylinders, along their normals; NaN: it does not."""
-
-    height_mm: Float  # (c,)
-    variance_mm2: Float  # (c,) of the height, as if all points were independent
-    shared_mm2: Float  # (c,) the same by the frames' sums
-    leverage: Float  # (c,) variance of the height for an error of unit variance that each frame has as a whole
-
-    @property
-    def u_mm(self) -> Float:
-        """(c,) standard uncertainty; the variance of what a frame's points share is one for the whole surface."""
-        good = np.isfinite(self.variance_mm2)
-        excess = float((self.shared_mm2 - self.variance_mm2)[good].sum())
-        of_frame = max(0.0, excess / float(self.leverage[good].sum())) if good.any() else 0.0
-        return np.asarray(np.sqrt(self.variance_mm2 + of_frame * self.leverage))
-
-
-def heights(
-    points_mm: Float,
-    values: Float | None,
-    frame: Int | None,
-    position_mm: Float,
-    normal: Float,
-    radius_mm: float,
-    depth_mm: float,
-) -> Heights:
-    """The surface of points (n, 3) in cylinders about axes through `position_mm` along `normal`, both (c, 3).
-
-    `values` (n,): what to average instead of the height over the position, such as distances from a mesh (NaN: none).
-    `frame` (n,) in which each point was measured.
-    """
-    tree = scipy.spatial.cKDTree(points_mm)
-    parts = [
-        _batch(points_mm, values, frame, tree, position_mm[k : k + BATCH], normal[k : k + BATCH], radius_mm, depth_mm)
-        for k in range(0, len(position_mm), BATCH)
-    ]
-    return Heights(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def _batch(
-    points: Float,
-    values: Float | None,
-    frame: Int | None,
-    tree: scipy.spatial.cKDTree,
-    position: Float,
-    normal: Float,
-    radius: float,
-    depth: float,
-) -> tuple[Float, ...]:
-    index, start = neighbours(tree, position, float(np.hypot(radius, depth)))
-    owner = np.repeat(np.arange(len(position)), np.diff(start))
-    off = points[index] - position[owner]
-    height = (off * normal[owner]).sum(axis=1)
-    aside = off - height[:, None] * normal[owner]
-    what = height if values is None else values[index]
-    inside = ((aside**2).sum(axis=1) <= radius**2) & (np.abs(height) <= depth) & np.isfinite(what)
-    index, owner, aside, what = index[inside], owner[inside], aside[inside], what[inside]
-    across_axes = across(normal)[owner] / radius
-    design = np.column_stack([np.ones(len(owner)), np.einsum("nij,nj->ni", across_axes, aside)])
-    return _intercepts(design, what, owner, index if frame is None else frame[index], len(position))
-
-
-def _intercepts(design: Float, what: Float, owner: Int, cluster: Int, count: int) -> tuple[Float, ...]:
-    """Planes (1, u, v) through `what` of each owner: the intercept, and what `Heights` says of it."""
-    moments = np.empty((count, 3, 3))
-    side = np.empty((count, 3))
-    for i in range(3):
-        side[:, i] = np.bincount(owner, design[:, i] * what, count)
-        for j in range(3):
-            moments[:, i, j] = np.bincount(owner, design[:, i] * design[:, j], count)
-    number = np.bincount(owner, minlength=count)
-    good = (number >= LEAST_POINTS) & (np.linalg.det(moments) > 1e-6 * np.maximum(number, 1.0) ** 3)
-    moments[~good] = np.eye(3)
-    inverse = np.linalg.inv(moments)
-    plane = np.einsum("kij,kj->ki", inverse, side)
-    residual = what - (design * plane[owner]).sum(axis=1)
-    spread = np.bincount(owner, residual**2, count) / np.maximum(number - 3, 1)
-    pull = (inverse[owner, 0] * design).sum(axis=1)
-    group, first = _groups(owner, cluster)
-    frames = np.bincount(owner[first], minlength=count)
-    shared = (
-        np.bincount(owner[first], np.bincount(group, pull * residual) ** 2, count) * frames / np.maximum(frames - 2, 1)
-    )
-    good &= (inverse[:, 0, 0] <= LEAST_LEVERAGE) & (frames >= LEAST_FRAMES)
-    leverage = np.bincount(owner[first], np.bincount(group, pull) ** 2, count)
-    found = plane[:, 0], spread * inverse[:, 0, 0], shared, leverage
-    return tuple(np.where(good, one, np.nan) for one in found)
-
-
-def _groups(owner: Int, cluster: Int) -> tuple[Int, Int]:
-    """A number for every pair of owner and cluster, and where each first occurs."""
-    key = owner * (int(cluster.max(initial=0)) + 1) + cluster
-    _, first, group = np.unique(key, return_index=True, return_inverse=True)
-    return group, first
 
 
 # Where places lie along the part: arc length on a course, and across it as seen from outside.

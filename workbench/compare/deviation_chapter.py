@@ -47,11 +47,23 @@ def deviation_chapter(
         _sections(summary),
         pieces.heading("Percentiles"),
         _percentiles(summary),
+        pieces.heading("Uncertainty"),
+        pieces.table_html(
+            ("Source", "Standard uncertainty of a place, median, mm"),
+            [(name[:1].upper() + name[1:], f"{u_mm:.4f}") for name, u_mm in found.sources],
+            "A motion that all faces of a stretch share counts as an error of the robot's path; a part that is bent, "
+            "or faces that were machined together, move so too",
+        ),
+        *(pieces.note(words) for words in (*_not_shown(scan), *_not_shown(reference))),
         pieces.heading("Registration"),
         *_registration(registration, position_u_mm),
     ]
     unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
-    warnings = (*(registration.warnings if registration else ()), *((NO_FRAMES,) if unknown else ()))
+    warnings = (
+        *found.warnings,
+        *(registration.warnings if registration else ()),
+        *((NO_FRAMES,) if unknown else ()),
+    )
     return Chapter(
         "Deviation from the reference",
         "\n".join(parts),
@@ -59,6 +71,12 @@ def deviation_chapter(
         part=scan.part,
         warnings=warnings,
     )
+
+
+def _not_shown(surface: Surface) -> list[str]:
+    """What the recording could not tell about its own poses."""
+    told = [one.finding for one in surface.checks if one.name == "flange_turn_deg" and one.passed and one.finding]
+    return [f"{PurePath(surface.source).name}: {finding}." for finding in told]
 
 
 def _facts(summary: Summary, found: Deviations, scan: Surface, reference: Surface) -> list[tuple[str, str]]:

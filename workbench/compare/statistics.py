@@ -34,19 +34,21 @@ class Region:
     extreme_mm: float  # the distance furthest from 0
 
 
-def changed_regions(found: Deviations, changed: Bool, spacing_mm: float) -> tuple[Region, ...]:
-    """Regions by falling area: connected components of the changed cells of a grid of `spacing_mm` over the map.
+def changed_regions(found: Deviations, changed: Bool, spacing_mm: float) -> tuple[Bool, tuple[Region, ...]]:
+    """Changed places (c,) that lie beside others, and their regions by falling area.
 
-    Gaps of one cell between places are closed first, as places are no regular grid.
+    Regions are connected components of the changed cells of a grid of `spacing_mm` over the map. Gaps of one cell
+    between places are closed first, as places are no regular grid. A few places alone are a streak of returns.
     """
-    regions = []
+    regions, kept = [], np.zeros(len(changed), bool)
     for sign in (1.0, -1.0):
         mine = np.flatnonzero(changed & (sign * found.distance_mm > 0))
         if mine.size:
             owner = _labels(found, mine, spacing_mm)
-            regions += [_region(found, mine[owner == k], spacing_mm) for k in range(1, owner.max() + 1)]
-    kept = [region for region in regions if region.places >= LEAST_PLACES]
-    return tuple(sorted(kept, key=lambda region: -region.area_mm2))
+            many = np.flatnonzero(np.bincount(owner) >= LEAST_PLACES)
+            kept[mine[np.isin(owner, many)]] = True
+            regions += [_region(found, mine[owner == k], spacing_mm) for k in many]
+    return kept, tuple(sorted(regions, key=lambda region: -region.area_mm2))
 
 
 def _labels(found: Deviations, mine: Int, spacing_mm: float) -> Int:
@@ -102,7 +104,7 @@ class Summary:
     rms_mm: float
     percentiles_mm: dict[int, float]
     significant: float  # share of places beyond their own level of detection: about 0.05 where nothing changed
-    changed: Bool  # (c,) changed, with 5 % false discoveries among these
+    changed: Bool  # (c,) changed beside others that did, with 5 % false discoveries among these
     regions: tuple[Region, ...]  # of these, the largest first
     detectable_mm: float  # median level of detection
     sections: tuple[SectionDeviation, ...]
@@ -132,7 +134,7 @@ def summarise(
     values = found.distance_mm[seen]
     if not len(values):
         values = np.array([math.nan])
-    new = changed(found.distance_mm, found.u_mm)
+    new, regions = changed_regions(found, changed(found.distance_mm, found.u_mm), spacing_mm)
     counts, edges = np.histogram(values, bins=BINS, range=_range(values))
     return Summary(
         int(seen.sum()),
@@ -141,8 +143,8 @@ def summarise(
         {k: float(np.percentile(values, k)) for k in PERCENTILES},
         _share(found.significant[seen]),
         new,
-        changed_regions(found, new, spacing_mm),
-        _median(found.detectable_mm[seen]),
+        regions,
+        median(found.detectable_mm[seen]),
         _sections(found, seen, sections, half_width_mm),
         counts.astype(float),
         edges,
@@ -183,14 +185,15 @@ def _sections(found: Deviations, seen: Bool, count: int, half_width_mm: float) -
                 float(values.mean()),
                 float(values.min()),
                 float(values.max()),
-                _median(found.detectable_mm[mine]),
+                median(found.detectable_mm[mine]),
                 _share(found.significant[mine]),
             )
         )
     return tuple(rows)
 
 
-def _median(values: Float) -> float:
+def median(values: Float) -> float:
+    """NaN of none."""
     return float(np.median(values)) if len(values) else math.nan
 
 

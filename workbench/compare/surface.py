@@ -159,7 +159,16 @@ def _of_cloud(cloud: Cloud, most_points: int) -> Surface:
         range_axis=view / np.linalg.norm(view),
         source=cloud.source,
         part=cloud.part,
+        checks=cloud.checks,
+        passes_apart_mm=_passes_apart_mm(cloud),
     )
+
+
+def _passes_apart_mm(cloud: Cloud) -> float | None:
+    """How far apart passes see one face; None: no check says."""
+    if len(np.unique(cloud.pass_index)) < 2:
+        return 0.0
+    return next((check.value for check in cloud.checks if check.name == "pass_disagreement_mm"), None)
 
 
 # The planned bevel face as a strip of triangles.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.artefacts import UNKNOWN_PART, Part
+from workbench.artefacts import UNKNOWN_PART, Check, Part
 from workbench.units import Bool, Float, Int
 
 
@@ -19,6 +19,8 @@ class Surface:
     course_mm: Float | None = None  # (m, 3) along which arc length counts; None: none is known
     source: str = ""
     part: Part = UNKNOWN_PART
+    checks: tuple[Check, ...] = ()  # of the recording that it was made from
+    passes_apart_mm: float | None = 0.0  # of several passes, how far from one place they see a face; None: not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,10 +48,12 @@ class Deviations:
     position_mm: Float  # (c, 3) on the scan, registered
     normal: Float  # (c, 3) unit, outwards
     distance_mm: Float  # (c,)
-    u_mm: Float  # (c,) standard uncertainty, registration included
+    u_mm: Float  # (c,) standard uncertainty, that of the place included
     detectable_mm: Float  # (c,) level of detection at 95 %: below, no change is significant
     arc_length_mm: Float  # (c,) along the course
     across_mm: Float  # (c,) from the course, over the surface: for the map
+    sources: tuple[tuple[str, float], ...] = ()  # of u, each with its median in mm
+    warnings: tuple[str, ...] = ()
 
     @property
     def significant(self) -> Bool:

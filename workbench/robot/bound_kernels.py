@@ -46,9 +46,15 @@ def _place(
     solid: AnyArray,
     ends: AnyArray,
     pose: AnyArray,
+    arm_only: bool = False,
 ) -> None:
-    """Every volume where its link carries it: ends of capsules, poses of solids, the middles of both."""
+    """Every volume where its link carries it: ends of capsules, poses of solids, the middles of both.
+
+    `arm_only`: those of base and turntable stay where they are.
+    """
     for s in range(len(link)):
+        if arm_only and not 1 <= link[s] <= 6:
+            continue
         _carry(at, middle, s, motion, link[s], ends)
         if solid[s] != NONE:
             _compose(placed, s, motion, link[s], pose, s)
@@ -112,17 +118,24 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: float) 
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    scene: Scene, joints: AnyArray, turned: AnyArray, outer: AnyArray, moves: AnyArray, least: float
+    scene: Scene, joints: AnyArray, turned: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: float
 ) -> AnyArray:
-    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved."""
+    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved.
+
+    Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these.
+    """
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
     motion, turn, at, placed, middle = _room(scene)
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
     first, last = np.zeros(64, np.int64), np.zeros(64, np.int64)
+    need = np.zeros(len(carried))
+    near = 0  # the pair that was not proven last: mostly the next that is not
     for n in range(count):
         _steps(joints, n, step)
+        _move(motion, turn, axes, points, joints[n], turned[n], 0)
+        _place(at, placed, middle, motion, link, solid, ends, pose)
         first[0], last[0], waiting = 0, places - 1, 1
         while waiting > 0:
             waiting -= 1
@@ -132,14 +145,14 @@ def swept_kernel(
             free = total < MOST_SWEPT
             if free:
                 _move(motion, turn, axes, points, joints[n], turned[n], m)
-                _place(at, placed, middle, motion, link, solid, ends, pose)
+                _place(at, placed, middle, motion, link, solid, ends, pose, True)
                 _axes_there(motion, axes, points, lever)
-                for i in range(len(scene.pairs)):
-                    moved = _moved(outer[i], moves, i, lever, reach, middle, scene.around) / (1.0 - total)
-                    need = least + moved
-                    if _smallest(at, placed, middle, scene, i, i + 1, need + 1e-6) <= need:
-                        free = False
-                        break
+                for w in range(len(carried)):
+                    moved = _moved(carried[w], moves, w, lever, reach, middle, scene.around) / (1.0 - total)
+                    need[w] = least + moved
+                near = _not_proven(at, placed, middle, scene, need, by, near)
+                free = near < 0
+                near = max(near, 0)
             if not free and a == b:
                 found[n, a] = True
             elif not free:
@@ -147,6 +160,23 @@ def swept_kernel(
                 first[waiting + 1], last[waiting + 1] = m + 1, b
                 waiting += 2
     return found
+
+
+@kernel(error_model="numpy")
+def _not_proven(
+    at: AnyArray, placed: AnyArray, middle: AnyArray, scene: Scene, need: AnyArray, by: AnyArray, begin: int
+) -> int:
+    """The first pair, counted around from `begin`, that may be no farther apart than it needs to be; -1: none."""
+    pairs, around = scene.pairs, scene.around
+    for k in range(len(pairs)):
+        i = (begin + k) % len(pairs)
+        s, t, apart = pairs[i, 0], pairs[i, 1], need[by[i]]
+        far = apart + 1e-6
+        reach = far + around[s] + around[t]
+        x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
+        if x * x + y * y + z * z < reach * reach and _smallest(at, placed, middle, scene, i, i + 1, far) <= apart:
+            return i
+    return -1
 
 
 @kernel(error_model="numpy")

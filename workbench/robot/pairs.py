@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.geometry.blocks import in_order
 from workbench.robot.bound_kernels import swept_kernel
 from workbench.robot.bounds import bounding_volumes, scene
 from workbench.robot.cell import Cell
@@ -17,6 +18,7 @@ from workbench.robot.margins import COVERAGE
 from workbench.robot.shapes import ON_TURNTABLE
 from workbench.units import Bool, Float, Int
 
+WAYS_A_BLOCK = 8  # some 20 ms
 OFF_MM = 1.0  # at most between a way and what its places tell of it
 
 
@@ -33,6 +35,9 @@ class Pairs:
         low, high = arm.min(axis=1), arm.max(axis=1)
         self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
         self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
+        # Many pairs come nearer by the same motion: that of one volume by the same joints.
+        motions, self.by = np.unique(np.column_stack([self.outer, self.joints]), axis=0, return_inverse=True)
+        self.carried, self.moves = motions[:, 0].astype(np.int64), motions[:, 1:].astype(bool)
         self.table = on_table.any(axis=1)
         self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
         self.least_mm = self._least(pairs)
@@ -74,13 +79,13 @@ class Pairs:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
             table: (c,) rad, standing.
         """
-        return np.asarray(
-            swept_kernel(
-                scene(self.cell, self.volumes),
-                np.ascontiguousarray(joints, float),
-                np.ascontiguousarray(table, float),
-                self.outer,
-                self.joints,
-                self.cell.margin_mm + OFF_MM,
+        ways, turned = np.ascontiguousarray(joints, float), np.ascontiguousarray(table, float)
+        bodies, least = scene(self.cell, self.volumes), self.cell.margin_mm + OFF_MM
+
+        def some(first: int, last: int) -> Bool:
+            chosen = slice(first, last)
+            return np.asarray(
+                swept_kernel(bodies, ways[chosen], turned[chosen], self.carried, self.moves, self.by, least)
             )
-        )
+
+        return np.concatenate([np.zeros((0, ways.shape[1]), bool), *in_order(some, len(ways), WAYS_A_BLOCK)])

@@ -17,6 +17,7 @@ NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule; a box is no
 SECTION = 0.6180339887498949  # golden
 FAR_MM = 1e9  # farther apart than anything
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
+DEPTHS = 34  # of halving a way of up to 2**31 places, and one more
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
@@ -122,61 +123,72 @@ def swept_kernel(
 ) -> AnyArray:
     """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved.
 
-    Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these.
+    Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
+    proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.
     """
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
     motion, turn, at, placed, middle = _room(scene)
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
-    first, last = np.zeros(64, np.int64), np.zeros(64, np.int64)
-    need = np.zeros(len(carried))
-    near = 0  # the pair that was not proven last: mostly the next that is not
+    first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
+    asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
+    asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
+    need = np.empty(len(carried))
     for n in range(count):
         _steps(joints, n, step)
         _move(motion, turn, axes, points, joints[n], turned[n], 0)
         _place(at, placed, middle, motion, link, solid, ends, pose)
-        first[0], last[0], waiting = 0, places - 1, 1
+        first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
         while waiting > 0:
             waiting -= 1
-            a, b = first[waiting], last[waiting]
+            a, b, d = first[waiting], last[waiting], depth[waiting]
             m = (a + b) // 2
-            total = _reach(joints, n, a, b, m, step, reach)
-            free = total < MOST_SWEPT
-            if free:
+            total, proven = _reach(joints, n, a, b, m, step, reach), 0
+            if total < MOST_SWEPT:
                 _move(motion, turn, axes, points, joints[n], turned[n], m)
                 _place(at, placed, middle, motion, link, solid, ends, pose, True)
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
-                    moved = _moved(carried[w], moves, w, lever, reach, middle, scene.around) / (1.0 - total)
-                    need[w] = least + moved
-                near = _not_proven(at, placed, middle, scene, need, by, near)
-                free = near < 0
-                near = max(near, 0)
-            if not free and a == b:
+                    moved = _moved(carried[w], moves, w, lever, reach, middle, scene.around)
+                    need[w] = least + moved / (1.0 - total)
+                proven = _proven(at, placed, middle, scene, need, by, asked, d, many[d])
+            left = many[d] - proven
+            if left > 0 and a == b:
                 found[n, a] = True
-            elif not free:
-                first[waiting], last[waiting] = a, m
-                first[waiting + 1], last[waiting + 1] = m + 1, b
+            elif left > 0:
+                for k in range(left):
+                    asked[d + 1, k] = asked[d, proven + k]
+                many[d + 1] = left
+                first[waiting], last[waiting], depth[waiting] = a, m, d + 1
+                first[waiting + 1], last[waiting + 1], depth[waiting + 1] = m + 1, b, d + 1
                 waiting += 2
     return found
 
 
 @kernel(error_model="numpy")
-def _not_proven(
-    at: AnyArray, placed: AnyArray, middle: AnyArray, scene: Scene, need: AnyArray, by: AnyArray, begin: int
+def _proven(
+    at: AnyArray,
+    placed: AnyArray,
+    middle: AnyArray,
+    scene: Scene,
+    need: AnyArray,
+    by: AnyArray,
+    asked: AnyArray,
+    d: int,
+    many: int,
 ) -> int:
-    """The first pair, counted around from `begin`, that may be no farther apart than it needs to be; -1: none."""
+    """How many pairs of `asked[d, :many]` are farther apart than they need to be, before the first that may not be."""
     pairs, around = scene.pairs, scene.around
-    for k in range(len(pairs)):
-        i = (begin + k) % len(pairs)
+    for k in range(many):
+        i = asked[d, k]
         s, t, apart = pairs[i, 0], pairs[i, 1], need[by[i]]
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
         if x * x + y * y + z * z < reach * reach and _smallest(at, placed, middle, scene, i, i + 1, far) <= apart:
-            return i
-    return -1
+            return k
+    return many
 
 
 @kernel(error_model="numpy")

@@ -118,7 +118,35 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
     (lambda t: t.update(margin_mm=0.005), "$.margin_mm"),
     (lambda t: t.update(margin_mm=-5), "$.margin_mm"),
     (lambda t: t["uncertainty"].update(tool_u_mm=5e-5), "$.uncertainty.tool_u_mm"),
+    (lambda t: t["tool"]["flange_from_cutter"][0].__setitem__(3, 210), "reaches 50 mm beyond: another cutter"),
+    (lambda t: t["tool"].update(centre_of_gravity_mm=[3000, 0, 110]), "$.tool.centre_of_gravity_mm: expected a place"),
+    (lambda t: t["robot"].update(joint_stiffness_nm_per_rad=[1.8e9] * 6), "$.robot.joint_stiffness_nm_per_rad"),
+    (lambda t: t["robot"].update(acceleration_deg_s2=[1.57] * 6), "$.robot.acceleration_deg_s2"),
+    (
+        lambda t: t.update(process={"home": {"joints_deg": [0, -20, 20, 0, 30, 0]}, "feed": {"most_mm_s": 0.02}}),
+        "$.process.feed.most_mm_s",
+    ),
 ]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t["tool"]["flange_from_cutter"][0].__setitem__(3, 360), "shapes end 100 mm from its tip"),
+        (lambda t: t["tool"]["shapes"].pop(), "collision of the cutter: the tool's shapes end"),
+        (lambda t: t.update(may_touch=[["cutter", "workpiece"], ["tool", "workpiece"]]), "lets them touch"),
+    ],
+)
+def test_what_a_tool_leaves_open_is_named(tmp_path: Path, change: Change, words: str) -> None:
+    tree = json.loads((DATA / "cell.json").read_text())
+    tree["robot"]["urdf"] = str((DATA / tree["robot"]["urdf"]).resolve())
+    path = tmp_path / "cell.json"
+    path.write_text(json.dumps(tree))
+    assert not read_cell(path).unchecked
+    change(tree)
+    path.write_text(json.dumps(tree))
+    (open_,) = read_cell(path).unchecked
+    assert words in open_
 
 
 @pytest.mark.parametrize(("change", "message"), IMPLAUSIBLE)

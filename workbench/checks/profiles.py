@@ -24,6 +24,8 @@ SHARE = 0.5  # of the places that must agree
 HUBER_SIGMAS = 2.5
 MISFITS, LEAST_MISFIT_MM = 3.0, 0.01  # of the usual misfit: more is another shape, such as a clamp
 STEPS, LEAST_STEP_MM = 8.0, 2.0  # of the usual motion from profile to profile: more is none
+SLOPE_REACH = 3  # cells of the grid on each side of a slope
+SHAPED, MEDIAN_OF_SQUARE = 10.0, 0.455  # times the noise; of a squared standard normal number
 LEAST_TURN = 0.03  # rad; likewise of the usual turn
 
 
@@ -156,6 +158,8 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     x0 = float(at[GRID // 2])
     before, after = surface[:-1], surface[1:]
     slope = _slopes(before, pitch)
+    lines = _noise_alone(slope)
+    slope[lines] = np.where(np.isfinite(slope[lines]), np.nanmedian(slope[lines], axis=1, keepdims=True), np.nan)
     pairs = len(before)
     motion = np.zeros((pairs, 3))  # shift_x, shift_z, turn
     ridge = np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2]) * 1e-3
@@ -178,11 +182,26 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
 def _slopes(surface: Float, pitch: float) -> Float:
     """dz/dx at the cells of the grid, over three of them on each side where they are there."""
     slope = np.full(surface.shape, np.nan)
-    for reach in (1, 2, 3):
+    for reach in range(1, SLOPE_REACH + 1):
         rise = (surface[:, 2 * reach :] - surface[:, : -2 * reach]) / (2 * reach * pitch)
         inner = slope[:, reach:-reach]
         np.copyto(inner, rise, where=np.isfinite(rise))
     return slope
+
+
+def _noise_alone(slope: Float) -> Bool:
+    """Rows (k,) of slopes (k, m) that vary by no more than their noise: a line, which tells no shift along itself.
+
+    Noise is in both profiles; taken for a shape, it would lay them on each other anywhere. Its slopes differ as much
+    from one place to the next as over the whole profile; those of a bevel's profile differ 200 to 5,000 times as much.
+    """
+    apart = 2 * SLOPE_REACH + 1  # cells between which slopes share no point
+    near = slope[:, apart:] - slope[:, :-apart]
+    found = np.zeros(len(slope), bool)
+    some = np.isfinite(near).any(axis=1)
+    noise = np.nanmedian(near[some] ** 2, axis=1) / (2.0 * MEDIAN_OF_SQUARE)
+    found[some] = np.nanvar(slope[some], axis=1) < SHAPED * noise
+    return found
 
 
 @kernel(error_model="numpy")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.groove_frames import Lines
@@ -32,6 +33,7 @@ LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
 LEAST_ENDS, LEAST_TOGETHER = 6, 0.25  # profiles that show an end, and their share that agrees on it
 TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are lost; so many in a row are one tack weld
+JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
@@ -330,7 +332,7 @@ class GrooveSizes:
         """
         if good.sum() < LEAST_ENDS:
             return np.zeros(good.size, bool)
-        near = self._smooth(low, good, step)
+        near = self._smooth(low, good & ~self._cut_off(low, good, TOGETHER_STEPS * step), step)
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         lost = ~near[order]
         run = np.convolve(lost, np.ones(LOST_RUN), "same") >= LOST_RUN  # its flanks hide the end in part
@@ -338,6 +340,35 @@ class GrooveSizes:
             near &= np.abs(self.s - place) > LOST_BESIDE_MM
         enough = near.sum() >= max(LEAST_ENDS, LEAST_TOGETHER * good.sum())
         return np.asarray(near & enough)
+
+    def _cut_off(self, low: Float, good: Bool, jump: float) -> Bool:
+        """Profiles (n,) of stretches that begin or end where a face suddenly ends earlier, by more than `jump` mm.
+
+        Plates end in smooth curves; returns that are lost over a block of profiles and columns do not. The larger part
+        of a pass stays: beside spatter that makes a face longer it is what ends earlier.
+        """
+        found = np.zeros(good.size, bool)
+        for one in np.unique(self.group[good]):
+            mine = np.flatnonzero(good & (self.group == one))
+            mine = mine[np.argsort(self.s[mine], kind="stable")]
+            if mine.size < 2 * JUMP_PROFILES:
+                continue
+            even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
+            change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
+            steep = np.abs(change) > jump
+            first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
+            last = np.flatnonzero(steep & ~np.r_[steep[1:], False])
+            cuts = [
+                a + int(np.argmax(np.abs(change[a : b + 1]))) + JUMP_PROFILES // 2
+                for a, b in zip(first, last, strict=True)
+            ]
+            pieces = np.split(np.arange(mine.size), [cut + 1 for cut in cuts])
+            level = [float(np.median(even[piece])) for piece in pieces]
+            for k, piece in enumerate(pieces):
+                beside = max(level[max(k - 1, 0) : k + 2])
+                if level[k] < beside - jump and piece.size <= mine.size / 2:
+                    found[mine[piece]] = True
+        return found
 
     def _silhouette(self, low: Float, step: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]

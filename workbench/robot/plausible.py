@@ -23,6 +23,11 @@ BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cu
 FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
 LEAST_DEG = 0.1  # a margin below it is one in radians, to 5 deg
 FOLDED_DEG = 3.2  # a home with all joints within it, but for 0, stretches the arm and its wrist; in radians any does
+AHEAD_MM = 20.0  # that a body around cutter or spindle may reach beyond the cutter's tip
+BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
+OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
+STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
+SLOWEST_DEG_S2, SLOWEST_MM_S = 10.0, 0.2  # industrial axes reach 50 deg/s2 and more; in m/s any feed up to 200 mm/s
 METRES = "is it in metres?"
 
 
@@ -44,6 +49,10 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
     yield from _bodies(part)
     yield from _margins(part)
+    yield from _robot(part)
+    if part.process is not None and part.process.feed is not None and part.process.feed.most_mm_s < SLOWEST_MM_S:
+        found = f"found {part.process.feed.most_mm_s:g}: is it in m/s?"
+        yield "process.feed.most_mm_s", f"expected at least {SLOWEST_MM_S:g} mm/s, {found}"
     if part.process is not None:
         home = part.process.home.joints_deg
         if 0 < max(map(abs, home)) < FOLDED_DEG:
@@ -87,6 +96,30 @@ def _margins(part: CellPart) -> Iterator[tuple[str, str]]:
             yield f"uncertainty.{name}", f"expected 0 or at least {LEAST_U_MM:g} mm, found {u:g}: {METRES}"
 
 
+def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
+    springs, fastest = part.robot.joint_stiffness_nm_per_rad, part.robot.acceleration_deg_s2
+    if springs is not None and max(springs) > STIFFEST:
+        unit = "is it in Nmm/rad, or multiplied by 57.3?"
+        yield (
+            "robot.joint_stiffness_nm_per_rad",
+            f"expected at most {STIFFEST:g} Nm/rad, found {max(springs):g}: {unit}",
+        )
+    if fastest is not None and min(fastest) < SLOWEST_DEG_S2:
+        yield (
+            "robot.acceleration_deg_s2",
+            f"expected at least {SLOWEST_DEG_S2:g} deg/s^2, found {min(fastest):g}: is it in rad/s^2?",
+        )
+
+
+def bare_mm(part: CellPart) -> float:
+    """How much of the cutter's end lies outside the tool's bodies, more than bodies leave uncovered; else 0."""
+    if not part.tool.shapes or any(shape.mesh for shape in part.tool.shapes):
+        return 0.0
+    tip = _matrix(part.tool.flange_from_cutter)[:3, 3]
+    nearest = min(-_depth_mm(shape, tip) for shape in part.tool.shapes)
+    return nearest if nearest > BARE_MM else 0.0
+
+
 def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
     tool = part.tool
     yield from _near(tool.flange_from_cutter, "tool.flange_from_cutter", "flange")
@@ -106,6 +139,14 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
             "tool.flange_from_cutter",
             "expected z from shank to tip, found the shapes ahead of the tip: is z flipped?",
         )
+    else:
+        ahead = max((_ahead_mm(shape, tip) for shape in tool.shapes if shape.mesh is None), default=0.0)
+        if ahead > AHEAD_MM:
+            yield (
+                "tool.flange_from_cutter",
+                f"expected the tool's bodies to end at the cutter's tip, found one that reaches {ahead:.0f} mm beyond: "
+                "another cutter, or is the tip's place wrong?",
+            )
     if tool.mass_kg is not None and tool.mass_kg < LEAST_KG:
         yield (
             "tool.mass_kg",
@@ -114,6 +155,17 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
     if tool.centre_of_gravity_mm is not None and np.linalg.norm(tool.centre_of_gravity_mm) < LEAST_MM:
         found = ", ".join(f"{value:g}" for value in tool.centre_of_gravity_mm)
         yield "tool.centre_of_gravity_mm", f"expected at least {LEAST_MM:g} mm from the flange, found {found}: {METRES}"
+    elif tool.centre_of_gravity_mm is not None and tool.shapes and not any(shape.mesh for shape in tool.shapes):
+        boxes = [_around(shape) for shape in tool.shapes]
+        low, high = np.min([one for one, _ in boxes], axis=0), np.max([one for _, one in boxes], axis=0)
+        at = np.array(tool.centre_of_gravity_mm)
+        off = float(np.maximum(np.minimum(low, 0.0) - at, at - np.maximum(high, 0.0)).max())  # the flange counts too
+        if off > OFF_MM:
+            yield (
+                "tool.centre_of_gravity_mm",
+                f"expected a place among the tool's bodies, found one {off:.0f} mm outside: "
+                "is it in the flange's frame?",
+            )
 
 
 def _near(pose: Pose, place: str, origin: str) -> Iterator[tuple[str, str]]:
@@ -148,6 +200,29 @@ def _extents_mm(shape: ShapePart) -> tuple[float, ...]:
     if shape.capsule_mm is not None:
         return 2 * shape.capsule_mm[0], 2 * shape.capsule_mm[0] + shape.capsule_mm[1]
     return (np.inf,) if shape.sphere_mm is None else (2 * shape.sphere_mm,)
+
+
+def _reach_mm(shape: ShapePart, direction: Float) -> float:
+    """How far a shape, no mesh, reaches from its middle along a unit vector of the frame that it is given in."""
+    x, y, z = np.abs(_matrix(shape.pose)[:3, :3].T @ direction)
+    if shape.box_mm is not None:
+        return float(np.array([x, y, z]) @ np.array(shape.box_mm) / 2)
+    if shape.cylinder_mm is not None:
+        return float(shape.cylinder_mm[0] * np.hypot(x, y) + shape.cylinder_mm[1] / 2 * z)
+    if shape.capsule_mm is not None:
+        return float(shape.capsule_mm[0] + shape.capsule_mm[1] / 2 * z)
+    return shape.sphere_mm or 0.0
+
+
+def _ahead_mm(shape: ShapePart, tip: Float) -> float:
+    """How far a shape reaches beyond the cutter's tip, along its axis."""
+    return float(tip[:3, 2] @ (_matrix(shape.pose)[:3, 3] - tip[:3, 3])) + _reach_mm(shape, tip[:3, 2])
+
+
+def _around(shape: ShapePart) -> tuple[Float, Float]:
+    """Lowest and highest corner of the box around a shape, along the axes of the frame that it is given in."""
+    middle, reach = _matrix(shape.pose)[:3, 3], np.array([_reach_mm(shape, axis) for axis in np.eye(3)])
+    return middle - reach, middle + reach
 
 
 def _depth_mm(shape: ShapePart, point_mm: Float) -> float:

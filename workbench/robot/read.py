@@ -29,7 +29,7 @@ from workbench.robot.cell_file import (
 )
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
-from workbench.robot.plausible import check_plausible
+from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
@@ -40,6 +40,7 @@ from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
+CUTS = {"cutter", "workpiece"}
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
@@ -150,6 +151,11 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
         yield f"that these joints stand where the cell file has them, and nothing moves them: {stands}"
     if not part.tool.shapes:
         yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
+    elif short := bare_mm(part):
+        yield f"collision of the cutter: the tool's shapes end {short:.0f} mm from its tip ($.tool.shapes)"
+    for one, other in part.may_touch:
+        if {one, other} != CUTS and {one, other} & {"tool", "cutter"}:
+            yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
     if part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm):
         yield "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"
     if part.work_object is None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from workbench.errors import InputError
 from workbench.geometry.curves import Curve, along_motion, doubtful_slope, fit_curve
 from workbench.units import Float
 
@@ -194,3 +195,11 @@ def test_a_pass_may_stop_reverse_and_go_round() -> None:
     points += np.random.default_rng(6).normal(0, 0.03, points.shape)
     forward = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     assert np.ptp(along_motion(points, forward, np.zeros(way.size, int)) - way) < 0.5
+
+
+def test_points_on_no_curve_are_refused() -> None:
+    """A curve that swings a metre every millimetre grows at each round, once to 136 km and all memory."""
+    s = np.linspace(0.0, 200.0, 800)
+    points = np.column_stack([s, 1000.0 * (np.arange(800) // 5 % 2), 0.0 * s])
+    with pytest.raises(InputError, match="expected points along a smooth curve"):
+        fit_curve(points, s)

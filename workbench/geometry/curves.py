@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.splines import Spline, derivatives, piece_of
@@ -186,6 +187,9 @@ def _course(s: Float, points: Float) -> tuple[Float, Float]:
     return np.bincount(number, s) / count, np.stack([np.bincount(number, p) / count for p in points.T], axis=1)
 
 
+ENDLESS = 10.0  # times the points' own way: longer is a curve that swings between points that lie on none
+
+
 def fit_curve(
     points_mm: Float,
     s: Float,
@@ -203,6 +207,9 @@ def fit_curve(
         dense = np.linspace(*course.spline.ends, 8 * (course.spline.t.size - 7) + 1)
         speed = np.linalg.norm(course.spline(dense, 1), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
+        if arc[-1] > ENDLESS * (dense[-1] - dense[0]):
+            way = f"through {dense[-1] - dense[0]:.0f} mm of them it would be {arc[-1]:.0f} mm long"
+            raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
         s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
         s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
     course = fit_course(s, points_mm, None, group, (2, 3), stiffness, together_mm=together_mm)

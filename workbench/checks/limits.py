@@ -97,7 +97,7 @@ LIMITS: dict[str, Limit] = {
     "held_end_share": Limit(
         0.3,
         "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the "
-        "digit; or of short gaps in steep faces that hold the range before them",
+        "digit; or of short gaps that hold the range before them, in steep faces, or continue its slope",
         "a median over returns and losses, or a filter that fills them, makes nearly all of one side so; good "
         "recordings have up to 0.2",
     ),

@@ -10,7 +10,7 @@ from workbench.units import AnyArray, Bool, Float, Int
 
 PIECE = 48  # columns of one straight piece
 LAGS = 24
-SAMPLE, FEW = 40, 12  # frames
+SAMPLE, FEW, MANY = 40, 12, 120  # frames
 LEAST_PIECES = 40
 MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
 BLIND = 0.015  # times the columns' square: of the power beside, what the ends of a piece leave (0.2 to 0.6 of it)
@@ -34,6 +34,7 @@ BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to column; times what chance explains
 REACH = 6  # columns about a place that tell how steep the face is there
+SLOPES, SURE_SD, MOST_MORE = (1, 2, 3), 4.0, 0.03  # columns before a gap; of good recordings 3.3 and 0.04 at most
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -92,7 +93,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     noise = float(np.median(size))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
-    held = max(held, _filled_share(z, noise, digit))
+    more = np.unique(np.linspace(0, len(z_mm) - 1, MANY).astype(int))
+    held = max(held, _filled_share(z, noise, digit), _continued_share(z_mm[more].astype(np.float64), digit))
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     flat = plain & (np.abs(slope) * pitch < FLAT * noise)  # elsewhere a median changes nothing
     both = used[flat][:, 1:] & used[flat][:, :-1]
@@ -159,6 +161,31 @@ def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
     surely = held - SURELY * float(chance)
     lost = float((steep & (np.isnan(middle[0]) | np.isnan(middle[1]))).sum())
     return surely / (surely + lost) if surely >= LEAST_ENDS else 0.0
+
+
+def _continued_share(z: Float, digit_mm: float) -> float:
+    """Of the short gaps in rows of ranges (n, M), the share that a filter has filled with the slope before them.
+
+    Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. Noise
+    puts as many there as `digit_mm` further off, on either side: what is more, by SURE_SD standard deviations and by
+    MOST_MORE of them, is a filter's.
+    """
+    found = 0.0
+    for way in (z, z[:, ::-1]):
+        for k in SLOPES:
+            before = way[:, k:-1]
+            off = np.abs(way[:, k + 1 :] - before - (before - way[:, : -k - 1]) / k) / digit_mm
+            # off is a multiple of 1 / k where ranges are rounded: both counts end halfway between two of these
+            edge, inner, outer = (k // 2 + 0.5) / k, 1.0 + 0.5 / k, 2.0 + 0.5 / k
+            share = (2 * (k // 2) + 1) / (2 * k)  # width of the one over that of the other
+            beside = np.count_nonzero((off > inner) & (off < outer))
+            more, noise = np.count_nonzero(off < edge) - share * beside, share * beside
+            surely = more - SURE_SD * np.sqrt(noise * (1.0 + share) + 1.0)
+            if surely > max(MOST_MORE * noise, LEAST_ENDS):
+                found = max(found, more)
+    lost = np.isnan(z)
+    short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
+    return found / (found + float(np.count_nonzero(short))) if found else 0.0
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:

@@ -21,3 +21,8 @@ def test_of_runs() -> None:
     values, edges = np.random.default_rng(1).normal(size=40), np.array([0, 1, 7, 30, 40])
     expected = [np.median(run) for run in np.split(values, edges[1:-1])]
     np.testing.assert_array_equal(medians(values, edges), expected)
+
+
+def test_an_empty_run_has_no_median() -> None:
+    found = medians(np.array([3.0, 1.0, 2.0]), np.array([0, 0, 3, 3]))
+    np.testing.assert_array_equal(found, [np.nan, 2.0, np.nan])

@@ -24,6 +24,7 @@ from workbench.units import DEG, Float, Int
 
 STRETCH_MM = 4.0  # as far as places are taken to share a motion: that of `compare.register`
 ONE_FACE_DEG = 15.0  # normals less apart may belong to one face
+MOST_PLACES = 300  # of a stretch that are paired: 45,000 pairs
 LEAST_STRETCHES = 3  # that show two faces: below, nothing is known of the path
 DETERMINED = 0.05  # least singular value of what the pairs tell of S, of the greatest
 
@@ -44,7 +45,8 @@ def path_error_u(position_mm: Float, distance_mm: Float, normal: Float, arc_leng
     shifts = []
     for k in np.unique(stretch[np.isfinite(stretch)]):
         mine = np.flatnonzero(stretch == k)
-        seen = np.isfinite(distance_mm[mine])
+        seen = np.flatnonzero(np.isfinite(distance_mm[mine]))
+        seen = seen[:: -(-len(seen) // MOST_PLACES) or 1]
         pairs = _of_two_faces(normal[mine[seen]])
         if pairs is not None:
             f = _in_section(position_mm[mine], normal[mine])

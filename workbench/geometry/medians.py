@@ -15,7 +15,7 @@ def median(values: AnyArray) -> float:
 
 
 def medians(values: Float, edges: Int) -> Float:
-    """The median (r,) of each run of values (n,) between edges (r + 1,)."""
+    """The median (r,) of each run of values (n,) between edges (r + 1,); NaN of an empty one."""
     out = np.empty(edges.size - 1)
     _medians(as_input(values), as_input(edges), out)
     return out
@@ -24,7 +24,8 @@ def medians(values: Float, edges: Int) -> Float:
 @kernel
 def _medians(values: Float, edges: Int, out: Float) -> None:
     for k in range(out.size):
-        out[k] = median_of(values[edges[k] : edges[k + 1]].copy(), edges[k + 1] - edges[k])
+        size = edges[k + 1] - edges[k]
+        out[k] = median_of(values[edges[k] : edges[k + 1]].copy(), size) if size else np.nan
 
 
 @kernel

@@ -118,7 +118,7 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
     (lambda t: t.update(margin_mm=0.005), "$.margin_mm"),
     (lambda t: t.update(margin_mm=-5), "$.margin_mm"),
     (lambda t: t["uncertainty"].update(tool_u_mm=5e-5), "$.uncertainty.tool_u_mm"),
-    (lambda t: t["tool"]["flange_from_cutter"][0].__setitem__(3, 210), "reaches 50 mm beyond: another cutter"),
+    (lambda t: t["tool"]["flange_from_cutter"][0].__setitem__(3, 210), "found one 20 mm beyond it: another cutter"),
     (lambda t: t["tool"].update(centre_of_gravity_mm=[3000, 0, 110]), "$.tool.centre_of_gravity_mm: expected a place"),
     (lambda t: t["robot"].update(joint_stiffness_nm_per_rad=[1.8e9] * 6), "$.robot.joint_stiffness_nm_per_rad"),
     (lambda t: t["robot"].update(acceleration_deg_s2=[1.57] * 6), "$.robot.acceleration_deg_s2"),

@@ -23,7 +23,7 @@ BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cu
 FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
 LEAST_DEG = 0.1  # a margin below it is one in radians, to 5 deg
 FOLDED_DEG = 3.2  # a home with all joints within it, but for 0, stretches the arm and its wrist; in radians any does
-AHEAD_MM = 20.0  # that a body around cutter or spindle may reach beyond the cutter's tip
+AHEAD_MM = 20.0  # from the cutter's tip, along its axis: no body of the tool is there; others beside it may be
 BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
 OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
 STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
@@ -139,14 +139,12 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
             "tool.flange_from_cutter",
             "expected z from shank to tip, found the shapes ahead of the tip: is z flipped?",
         )
-    else:
-        ahead = max((_ahead_mm(shape, tip) for shape in tool.shapes if shape.mesh is None), default=0.0)
-        if ahead > AHEAD_MM:
-            yield (
-                "tool.flange_from_cutter",
-                f"expected the tool's bodies to end at the cutter's tip, found one that reaches {ahead:.0f} mm beyond: "
-                "another cutter, or is the tip's place wrong?",
-            )
+    elif any(_depth_mm(shape, tip[:3, 3] + AHEAD_MM * tip[:3, 2]) > 0.0 for shape in tool.shapes):
+        yield (
+            "tool.flange_from_cutter",
+            f"expected the tool's bodies to end at the cutter's tip, found one {AHEAD_MM:g} mm beyond it: another "
+            "cutter, or is the tip's place wrong?",
+        )
     if tool.mass_kg is not None and tool.mass_kg < LEAST_KG:
         yield (
             "tool.mass_kg",
@@ -212,11 +210,6 @@ def _reach_mm(shape: ShapePart, direction: Float) -> float:
     if shape.capsule_mm is not None:
         return float(shape.capsule_mm[0] + shape.capsule_mm[1] / 2 * z)
     return shape.sphere_mm or 0.0
-
-
-def _ahead_mm(shape: ShapePart, tip: Float) -> float:
-    """How far a shape reaches beyond the cutter's tip, along its axis."""
-    return float(tip[:3, 2] @ (_matrix(shape.pose)[:3, 3] - tip[:3, 3])) + _reach_mm(shape, tip[:3, 2])
 
 
 def _around(shape: ShapePart) -> tuple[Float, Float]:

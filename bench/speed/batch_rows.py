@@ -22,6 +22,7 @@ PIPELINE = Path("pipelines/inspect_bevel.json")
 TIME_LIMIT_S = 600.0
 WARM_UP = 4  # parts a worker that are not counted
 CLUSTER_PARTS = 60
+MEASURED = ("passed", "rejected")  # undecided: U holds a rounding of the lower edge
 
 
 def batches(count: int) -> Iterator[Row]:
@@ -85,8 +86,9 @@ def timed(workers: int, pipeline: Path, recordings: list[Path], out: Path) -> tu
             records.append(record)
             memory_mb.append(resident_mb(team.workers[0].process.pid))
         spent_s = time.perf_counter() - start_s
-    if {record.outcome for record in records} != {"passed"}:
-        raise AssertionError(f"expected every part to pass: {[r.cause for r in records if r.outcome != 'passed'][:3]}")
+    unmeasured = [record.cause for record in records if record.outcome not in MEASURED]
+    if unmeasured:
+        raise AssertionError(f"expected every part to be measured: {unmeasured[:3]}")
     return spent_s, records, memory_mb
 
 
@@ -110,7 +112,7 @@ def on_a_cluster(pipeline: Path, recordings: list[Path], folder: Path) -> Iterat
         start_s = time.perf_counter()
         made = run_batch(pipeline, paths, str(out), scheduler=cluster.scheduler_address)
         spent_s = time.perf_counter() - start_s
-    wrong = sum(record.outcome != "passed" for record in made.records) + abs(len(made.records) - len(recordings))
+    wrong = sum(record.outcome not in MEASURED for record in made.records) + abs(len(made.records) - len(recordings))
     for path in recordings:
         wrong += not same_results(out / path.stem, folder / "one" / path.stem)
     yield Row(

@@ -49,10 +49,13 @@ def deviation_chapter(
         _percentiles(summary),
         pieces.heading("Uncertainty"),
         pieces.table_html(
-            ("Source", "Standard uncertainty of a place, median, mm"),
+            ("Source", "Standard uncertainty, median, mm"),
             [(name[:1].upper() + name[1:], f"{u_mm:.4f}") for name, u_mm in found.sources],
+            "Of a single place, by source",
+        ),
+        pieces.note(
             "A motion that all faces of a stretch share counts as an error of the robot's path; a part that is bent, "
-            "or faces that were machined together, move so too",
+            "or faces that were machined together, move so too."
         ),
         *(pieces.note(words) for words in (*_not_shown(scan), *_not_shown(reference))),
         pieces.heading("Registration"),

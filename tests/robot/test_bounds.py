@@ -1,13 +1,18 @@
 """The lower bound of the clearance: nothing that fcl calls colliding is called free, and the bound is a bound."""
 
+import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import open3d
 import pytest
 
+from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, bounding_volumes, clearance_bound_mm, read_cell
 from workbench.robot.bounds import SAFE_MM
+from workbench.robot.pairs import Pairs
+from workbench.robot.picture import cell_picture
 
 
 def crowded(tree: Any) -> None:
@@ -82,3 +87,12 @@ def test_box_and_capsules_are_exact(cell_file: Any) -> None:
         found = model.clearance(q)
         assert found is not None
         assert abs(found.distance_mm - max(low, 0)) < 0.1
+
+
+def test_a_cell_without_bodies() -> None:
+    """No URDF shape, tool shape, fixture or envelope: nothing can touch, nothing is drawn, nothing fails inside."""
+    bare = dataclasses.replace(read_cell(Path("data/robot/cell.json")), shapes=())
+    assert not Pairs(bare).swept(np.zeros((3, 5, 6)), np.zeros(3)).any()
+    assert (clearance_bound_mm(bare, bounding_volumes(bare), np.zeros((2, 6))) > 0).all()
+    with pytest.raises(InputError, match="expected bodies to draw"):
+        cell_picture(bare, np.zeros(6), 0.0)

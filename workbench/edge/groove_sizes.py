@@ -355,6 +355,7 @@ class GrooveSizes:
                 continue
             even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
             change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
+            change -= np.median(change)  # of plates that run together or apart
             steep = np.abs(change) > jump
             first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
             last = np.flatnonzero(steep & ~np.r_[steep[1:], False])

@@ -145,6 +145,7 @@ STRETCHES = 600  # of the charts, each with its worst place
 def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell) -> Chapter:
     """What came of driving the written program through its cell."""
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
+    clearance = f"{judgement.clearance_mm:.1f} mm ({pair})" if np.isfinite(judgement.clearance_mm) else "no bodies"
     name = f"{judgement.program.name} ({judgement.program.dialect})"
     released = "released" if judgement.passed else "not released: it was not written"
     facts = [
@@ -152,7 +153,7 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell) -> Chapter
         ("Release", released),
         ("Length of the way", f"{judgement.length_mm:.0f} mm in {judgement.time_s:.0f} s"),
         ("Postures examined", f"{judgement.postures}"),
-        ("Least clearance, proven", f"{judgement.clearance_mm:.1f} mm ({pair})"),
+        ("Least clearance, proven", clearance),
         ("Least distance from a joint limit", f"{judgement.limit_margin / DEG:.2f}°"),
         ("Least wrist angle", f"{judgement.wrist / DEG:.2f}°"),
         ("Largest condition number, where examined", f"{judgement.condition:.1f}"),
@@ -185,7 +186,8 @@ def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:
 
     def worst(name: str, sign: float = 1.0) -> Float:
         found = np.full(STRETCHES, np.inf)
-        np.minimum.at(found, which, sign * np.nan_to_num(judgement.along[name], nan=sign * np.inf))
+        values = judgement.along[name]
+        np.minimum.at(found, which, np.where(np.isnan(values), np.inf, sign * values))
         return np.asarray(np.where(np.isfinite(found), sign * found, np.nan)[kept])
 
     margins = cell.margins

@@ -47,7 +47,7 @@ def _place(
     solid: AnyArray,
     ends: AnyArray,
     pose: AnyArray,
-    arm_only: bool = False,
+    arm_only: bool,
 ) -> None:
     """Every volume where its link carries it: ends of capsules, poses of solids, the middles of both.
 
@@ -82,7 +82,7 @@ def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) 
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose, False)
         found[n] = _smallest(at, placed, middle, scene, 0, len(scene.pairs), most)
     return found
 
@@ -95,7 +95,7 @@ def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyA
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose, False)
         middles[n] = middle
         for i in range(len(scene.pairs)):
             found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, FAR_MM)
@@ -111,7 +111,7 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: float) 
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose, False)
         for i in range(len(scene.pairs)):
             found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, start) <= least
     return found
@@ -138,7 +138,7 @@ def swept_kernel(
     for n in range(count):
         _steps(joints, n, step)
         _move(motion, turn, axes, points, joints[n], turned[n], 0)
-        _place(at, placed, middle, motion, link, solid, ends, pose)
+        _place(at, placed, middle, motion, link, solid, ends, pose, False)
         first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
         while waiting > 0:
             waiting -= 1

@@ -37,15 +37,17 @@ class BoundingVolumes:
 def bounding_volumes(cell: Cell) -> BoundingVolumes:
     """The cell's shapes in volumes whose distances are quick."""
     made = [_volume(shape) for shape in cell.shapes]
-    ends, radius, half = (np.array(part) for part in zip(*made, strict=True))
+    count = len(made)  # 0: nothing is known of any body
+    ends = np.array([one for one, _, _ in made]).reshape(count, 2, 3)
+    radius, half = np.array([one for _, one, _ in made]), np.array([one for _, _, one in made]).reshape(count, 3)
     inside = np.where(radius < 0, np.linalg.norm(half, axis=1), radius)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + inside
     return BoundingVolumes(
-        link=np.array([max(shape.link, 0) for shape in cell.shapes]),
+        link=np.array([max(shape.link, 0) for shape in cell.shapes], np.int64),
         solid=np.array([_solid(shape, r) for shape, r in zip(cell.shapes, radius, strict=True)], np.int64),
         ends_mm=ends,
         radius_mm=np.maximum(radius, 0.0),
-        pose=np.array([_centred(shape) for shape in cell.shapes]),
+        pose=np.array([_centred(shape) for shape in cell.shapes]).reshape(count, 4, 4),
         half_mm=half,
         around_mm=around,
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.errors import OutputError
+from workbench.errors import InputError, OutputError
 from workbench.offscreen import cause_of, problem_of, start_drawing
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
@@ -68,6 +68,8 @@ def _view(cell: Cell, joints: Float, turntable: float) -> CellPicture:
     hit = {name for gap in gaps if collides(cell, gap) for name in gap.pair}
     shown = [gap.points_mm for gap in nearest_gaps(cell, gaps) if gap.points_mm is not None and gap.distance_mm > 0]
     made = cell_triangles(cell, joints, turntable, SIDES)
+    if not made:
+        raise InputError(cell.source, "expected bodies to draw: neither the URDF nor the cell file gives any")
     names = tuple(dict.fromkeys(name for name, _ in made))
     frames = _frames(cell, joints, turntable)
     posture = posture_text(joints, turntable) + (RED if hit else "")

@@ -149,7 +149,8 @@ def robot_picture(
         faces.append(triangles)
         colour = COLOURS.get(body, ROBOT if body in robot else AROUND)
         colours += [colour] * len(triangles)
-    axes.add_collection3d(Poly3DCollection(np.concatenate(faces), facecolors=colours, shade=True, linewidths=0))
+    if faces:  # a cell may give no bodies: nothing of it is checked then, and the program says so
+        axes.add_collection3d(Poly3DCollection(np.concatenate(faces), facecolors=colours, shade=True, linewidths=0))
     axes.plot(*path_mm.T, color=PATH, lw=1.4, zorder=1e6)
     for name, at in zip(("xlim", "ylim", "zlim"), middle_mm, strict=True):
         getattr(axes, f"set_{name}")(at - size_mm / 2, at + size_mm / 2)

@@ -35,7 +35,8 @@ QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
 STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to column; times what chance explains
 REACH = 6  # columns about a place that tell how steep the face is there
 SLOPES = 1, 2, 3  # columns before a gap
-SURE_SD, MOST_MORE = 4.0, 0.03  # 18 good recordings had up to 3.3 standard deviations
+SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
+VALLEYS, VALLEY = 40, 0.25  # digits of float32 that a step has at most; share of the mean that is a valley
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -62,8 +63,10 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     """Look at some frames of a grid (N, M) of passes (N,)."""
     rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
     step_z, series = _step(z_mm[rows]), _series(z_mm, pass_index)
-    digit = max(step_z, float(np.spacing(np.float32(np.nanmax(np.abs(series), initial=1.0)))))
     x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
+    more = np.unique(np.linspace(0, len(z_mm) - 1, MANY).astype(int))
+    many = z_mm[more].astype(np.float64)
+    digit = _digit(many, step_z)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
     fading_frames, held = fading(_unbent(series), digit), _held_ends(z, digit)
@@ -94,8 +97,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     noise = float(np.median(size))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
-    more = np.unique(np.linspace(0, len(z_mm) - 1, MANY).astype(int))
-    held = max(held, _filled_share(z, noise, digit), _continued_share(z_mm[more].astype(np.float64), digit))
+    held = max(held, _filled_share(z, noise, digit), _continued_share(many, digit))
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     flat = plain & (np.abs(slope) * pitch < FLAT * noise)  # elsewhere a median changes nothing
     both = used[flat][:, 1:] & used[flat][:, :-1]
@@ -167,26 +169,50 @@ def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
 def _continued_share(z: Float, digit_mm: float) -> float:
     """Of the short gaps in rows of ranges (n, M), the share that a filter has filled with the slope before them.
 
-    Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. Noise
-    puts as many there as `digit_mm` further off, on either side: what is more, by SURE_SD standard deviations and by
-    MOST_MORE of them, is a filter's.
+    Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. How
+    many noise puts there, a parabola through their numbers one and two digits off says; what is more, by SURE_SD
+    standard deviations, and by more than MOST_MORE and the parabola's own rise, is a filter's.
     """
     found = 0.0
     for way in (z, z[:, ::-1]):
         for k in SLOPES:
             before = way[:, k:-1]
             off = np.abs(way[:, k + 1 :] - before - (before - way[:, : -k - 1]) / k) / digit_mm
-            # off is a multiple of 1 / k where ranges are rounded: both counts end halfway between two of these
-            edge, inner, outer = (k // 2 + 0.5) / k, 1.0 + 0.5 / k, 2.0 + 0.5 / k
-            share = (2 * (k // 2) + 1) / (2 * k)  # width of the one over that of the other
-            beside = np.count_nonzero((off > inner) & (off < outer))
-            more, noise = np.count_nonzero(off < edge) - share * beside, share * beside
-            surely = more - SURE_SD * np.sqrt(noise * (1.0 + share) + 1.0)
-            if surely > max(MOST_MORE * noise, LEAST_ENDS):
+            # off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
+            edge = (k // 2 + 0.5) / k
+            there, one, two = (np.count_nonzero((off >= low * edge) & (off < (low + 2) * edge)) for low in (-1, 1, 3))
+            noise = max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
+            more = there - noise
+            surely = more - SURE_SD * np.sqrt(noise + (4.0 * one + 0.25 * two) / 9.0 + 1.0)
+            if surely > max(MOST_MORE * noise + max(noise - 0.5 * one, 0.0), LEAST_ENDS):
                 found = max(found, more)
     lost = np.isnan(z)
     short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
     return found / (found + float(np.count_nonzero(short))) if found else 0.0
+
+
+def _digit(z: Float, step_mm: float) -> float:
+    """To what rows of ranges (n, M) are rounded, mm: `step_mm` if that is known, else what float32 tells, or does not.
+
+    Steps of a few digits of float32 leave valleys between the second differences that noise makes.
+    """
+    if step_mm:
+        return step_mm
+    digit = float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=1.0))))
+    off = np.abs(np.diff(z, n=2, axis=1)) / digit
+    off = off[off < VALLEYS]
+    count = np.bincount(off.astype(int), minlength=VALLEYS).astype(float)
+    low = np.flatnonzero(count[1:] < VALLEY * count.mean())
+    if len(off) < LEAST_PAIRS or not len(low):
+        return digit
+    first = 1 + int(low[0])
+    high = np.flatnonzero(count[first:] > 2.0 * VALLEY * count.mean())
+    if not len(high):
+        return digit
+    begin = first + int(high[0])
+    ends = np.flatnonzero(count[begin:] < VALLEY * count.mean())
+    end = begin + int(ends[0]) if len(ends) else VALLEYS
+    return digit * float(np.median(off[(off >= begin) & (off < end)]))
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:

@@ -13,8 +13,10 @@ import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.spatial.transform import Rotation
 
+from bench import outside
 from bench.confidently_wrong.kinds import KINDS
 from bench.coverage.parts import mixed_recipe
+from bench.metrology.part import inspect_as_a_user
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Check, Recording
 from workbench.checks import (
@@ -527,3 +529,37 @@ def _rounded_z(recording: Recording, step_mm: float) -> Recording:
 
 def _told(recording: Recording) -> Check:
     return {one.name: one for one in judge_recording(recording)}["held_end_share"]
+
+
+@pytest.mark.parametrize(("seed", "is_raw"), [(955, False), (957, False), (951, True), (977, True)])
+def test_heavy_tails_and_steps_near_float32s_digits_are_no_filter(seed: int, is_raw: bool) -> None:
+    """Noise of two digits, and steps of 1e-4 mm at 150 mm, which float32 hardly tells: both seemed to fill gaps."""
+    assert _told(outside.simulate(seed, is_raw).recording).value < 0.1
+
+
+def test_frames_that_no_longer_lie_on_each_other_are_refused() -> None:
+    """Shuffled, no seven of them go together: every check of the motion had nothing to judge by, and all passed."""
+    recording, _ = simulate_recording(random_recipe("two_pass", 8_930_003))
+    order = np.random.default_rng(1).permutation(len(recording.time_s))
+    shuffled = spoilt(recording, x_mm=recording.x_mm[order], z_mm=recording.z_mm[order])
+    named = {one.name: one for one in judge_recording(shuffled)}
+    assert named["obliquity_deg"].value is None
+    assert not named["together_share"].passed
+    assert "out of order" in named["together_share"].finding
+    assert {one.name: one for one in judge_recording(recording)}["together_share"].value > 0.9
+
+
+def test_an_end_that_moves_into_blind_columns_is_uncertain_by_their_motion() -> None:
+    """Beyond the band no frame measures, so that it looks like the end of the view, or of the part."""
+    recording, truth = simulate_recording(random_recipe("arc", 8_930_006))
+    banded = KINDS["12 bands of 8 blind columns"].spoil(recording, np.random.default_rng([8_930_000, 6]))
+    good, found = (
+        {one.name: one for one in judge_recording(r)}["fixed_end_columns"].value for r in (recording, banded)
+    )
+    assert good == 0.0
+    assert found > 6.0
+    inspection = inspect_as_a_user(banded, truth)
+    at = truth.arc_length_mm_at(np.array([one.origin_mm for one in inspection.sections]))
+    off = np.array([one.root_mm for one in inspection.sections]) - np.interp(at, truth.arc_length_mm, truth.root_mm)
+    assert off.min() < -0.3  # true at one end, and short by the motion at the other
+    assert np.all(np.abs(off) < 3.0 * np.array([one.root_u_mm for one in inspection.sections]))

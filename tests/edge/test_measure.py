@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.odd_plates import odd_plate
+from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
+from workbench.scan import fuse
 from workbench.synthetic import Truth
 from workbench.units import DEG, Float
 
@@ -138,5 +141,12 @@ def test_lower_end_that_is_blurred_in_every_frame_is_refused_with_the_suspicion(
 
     scan = scanned(part=WAVES)
     blurred = replace(scan.tracked, end_is_burred=np.ones(len(scan.tracked.end_is_burred), bool))
-    with pytest.raises(InputError, match=r"burr all along the edge, or a smoothing filter of the sensor\?"):
+    with pytest.raises(InputError, match=r"a further face beyond a step"):
         measure_edge(scan.cloud, blurred)
+
+
+def test_a_bevel_above_a_ledge_is_no_root_face_although_some_frames_end_cleanly() -> None:
+    """Upper surface and bevel taken for bevel and root face: the ledge beyond looked like a burr in 99 % of them."""
+    part = odd_plate("ledge of 0.05 to 0.5 mm", 1618, False)
+    with pytest.raises(InputError, match="a further face beyond a step"):
+        segment(denoise(fuse(part.recording)), root_nominal_mm=3.0, bevel_nominal_deg=40.0)

@@ -96,8 +96,11 @@ def test_swapped_axes_of_a_fillet_are_refused_in_a_line() -> None:
     """Its returns then run to and fro, and a width of 0 was a crash."""
     recording, _ = simulate_swept(swept_plate("J", 5_570_002))
     swapped = KINDS["x and z swapped"].spoil(recording, np.random.default_rng([5_570_002, 2]))
+    with pytest.raises(InputError, match="0 % of neighbouring profiles lie on each other"):
+        fuse(swapped)
+    cloud = denoise(fuse(swapped, limits={"together_share": [0.0, 1.0]}))
     with pytest.raises(InputError, match="expected a plate with its upper surface"):
-        segment_preparation(denoise(fuse(swapped)), root_nominal_mm=1.0)
+        segment_preparation(cloud, root_nominal_mm=1.0)
 
 
 def test_two_plates_are_refused() -> None:

@@ -12,12 +12,12 @@ from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.clock import clock_offset
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
-from workbench.checks.motion import Consistency, chord_obliquity_deg, consistency
+from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, returned
+from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end, returned
 from workbench.errors import InputError
 from workbench.geometry.grids import blind_columns, extent
 from workbench.geometry.poses import interpolate_poses
@@ -376,20 +376,23 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         "hold one value: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    seen = returned(recording)
-    yield _fixed_end(seen)
-    yield _blind(seen)
+    yield from _fixed_end(recording)
+    yield _blind(returned(recording))
 
 
-def _fixed_end(seen: Bool) -> Check:
+def _fixed_end(recording: Recording) -> Iterator[Check]:
     """Whether an end of all that returned may be the window's; told, not judged."""
-    share = fixed_end_share(seen)
+    share, columns = fixed_end(recording)
     told = "returns end where the part does, or at the ends of the view"
     if share > PINNED:
         told = f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
         told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
     reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
-    return Check("fixed_end_share", share, None, True, reason, told)
+    yield Check("fixed_end_share", share, None, True, reason, told)
+    told = f"while returns end in one column, the part moves by {columns:.1f} columns: the face that ends there may go "
+    told += "on by as much, beyond columns that never return"
+    told = told if columns > 0.0 else "no end stays in a column while the part moves"
+    yield Check("fixed_end_columns", columns, None, True, "in the uncertainty of the end beyond one column", told)
 
 
 def _blind(seen: Bool) -> Check:
@@ -463,6 +466,10 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         told if shown else "the motion does not show whether the clocks agree",
         given=given,
     )
+    together = min((float(one.good.mean()) for one in found.values() if len(one.good) >= LEAST_STRETCH), default=None)
+    told = f"{100 * (together or 0.0):.0f} % of neighbouring profiles lie on each other: frames out of order, "
+    told += "profiles of several parts, or a profiler's axes swapped?"
+    yield check("together_share", together, told, given=given)
 
 
 def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) -> Check:

@@ -139,6 +139,12 @@ LIMITS: dict[str, Limit] = {
         "reading also halves an obliquity of 10 deg and more",
         "a plate does not happen to be twisted as a known mistake would show it",
     ),
+    "together_share": Limit(
+        (0.6, 1.0),
+        "share of neighbouring profiles, some frames apart, that lie on each other; of the worst pass that has seven",
+        "good recordings have 0.73 and more, the least with clamps in view; frames out of order have half of it, and "
+        "no other check can follow the edge through them",
+    ),
     "wiggle_mm": Limit(
         0.12,
         "standard deviation of the edge's way through the base from a smooth one, from profile to profile; 0.08 where "

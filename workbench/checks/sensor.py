@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,8 @@ STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to colu
 REACH = 6  # columns about a place that tell how steep the face is there
 SLOPES = 1, 2, 3  # columns before a gap
 SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
+# Of normal noise 1.25 / wide^2 less lie one and two places off on average than at its middle; of heavy tails more.
+PEAKED = 3.75
 VALLEYS, VALLEY = 40, 0.25  # digits of float32 that a step has at most; share of the mean that is a valley
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
@@ -170,10 +173,11 @@ def _continued_share(z: Float, digit_mm: float) -> float:
     """Of the short gaps in rows of ranges (n, M), the share that a filter has filled with the slope before them.
 
     Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. How
-    many noise puts there, a parabola through their numbers one and two digits off says; what is more, by SURE_SD
-    standard deviations, and by more than MOST_MORE and the parabola's own rise, is a filter's.
+    many noise puts there is told by their numbers one and two digits off: by their mean, where noise is wide, and by
+    a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
+    of heavy tails is denser at its middle, is a filter's.
     """
-    found = 0.0
+    found, spread = 0.0, _bends(z) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
     for way in (z, z[:, ::-1]):
         for k in SLOPES:
             before = way[:, k:-1]
@@ -181,11 +185,18 @@ def _continued_share(z: Float, digit_mm: float) -> float:
             # off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
             edge = (k // 2 + 0.5) / k
             there, one, two = (np.count_nonzero((off >= low * edge) & (off < (low + 2) * edge)) for low in (-1, 1, 3))
-            noise = max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
-            more = there - noise
-            surely = more - SURE_SD * np.sqrt(noise + (4.0 * one + 0.25 * two) / 9.0 + 1.0)
-            if surely > max(MOST_MORE * noise + max(noise - 0.5 * one, 0.0), LEAST_ENDS):
-                found = max(found, more)
+            wide = spread * math.hypot(1.0, 1.0 + 1.0 / k, 1.0 / k) / (2.0 * edge * digit_mm)
+            flat, bent = 0.25 * (one + two), max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
+            peak = max(MOST_MORE, PEAKED / wide**2) if wide > 0.0 else np.inf
+            surely = max(
+                there - flat * (1.0 + peak) - SURE_SD * np.sqrt(1.25 * flat + 1.0),
+                there
+                - bent * (1.0 + MOST_MORE)
+                - max(bent - 0.5 * one, 0.0)
+                - SURE_SD * np.sqrt(bent + (4.0 * one + 0.25 * two) / 9.0 + 1.0),
+            )
+            if surely > LEAST_ENDS:
+                found = max(found, there - min(flat, bent))
     lost = np.isnan(z)
     short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
     return found / (found + float(np.count_nonzero(short))) if found else 0.0

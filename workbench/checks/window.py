@@ -14,6 +14,7 @@ PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
 MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
 # parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
+STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
 def as_delivered(recording: Recording) -> Recording:
@@ -33,18 +34,26 @@ def as_delivered(recording: Recording) -> Recording:
     )
 
 
-def fixed_end_share(seen: Bool) -> float:
+def fixed_end(recording: Recording) -> tuple[float, float]:
     """Greatest share of the frames whose returns end in one and the same column beside others that never return.
 
-    seen (n, M): what `returned` of a recording `as_delivered`: nothing has told whether the part or the window ends
-    there.
+    And by how many columns the part moves while they do. Of a recording `as_delivered`: nothing has told whether the
+    part or the window ends there.
     """
+    seen = returned(recording)
     first, last = _ends(seen)
     if not len(first):
-        return 0.0
+        return 0.0, 0.0
     low, high = int(first.min()), int(last.max())
     begins, ends = low > 0, high < seen.shape[1] - 1
-    return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
+    shares = float(begins * (first == low).mean()), float(ends * (last == high).mean())
+    columns = 0.0
+    if max(shares) > STAYS:
+        found = chains(recording.x_mm, recording.z_mm, recording.pass_index).values()
+        for side, (share, column) in enumerate(zip(shares, (low, high), strict=True)):
+            if share > STAYS:
+                columns = max([columns, *(_columns(chain, recording, side, column) for chain in found)])
+    return max(shares), columns
 
 
 def returned(recording: Recording) -> Bool:
@@ -84,21 +93,37 @@ def _step(seen: Bool) -> int:
 
 def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
     """Whether the first (side 0) or last return moves as the whole profiles do while it stays in one column."""
+    moved, _, pitch = _stayed(chain, recording, side, column)
+    return moved > max(MOVED_MM, MOVED_COLUMNS * pitch)
+
+
+def _columns(chain: Chain, recording: Recording, side: int, column: int) -> float:
+    """By how many columns the part moves while the first (side 0) or last return stays in one."""
+    _, moved, pitch = _stayed(chain, recording, side, column)
+    return moved / pitch
+
+
+def _stayed(chain: Chain, recording: Recording, side: int, column: int) -> tuple[float, float, float]:
+    """How the profiles move while their first (side 0) or last return stays in one column, mm.
+
+    The robust standard deviation, the middle nine tenths, both 0 where nothing shows a motion; the columns' pitch.
+    """
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)
     middle = chain.frames[len(chain.frames) // 2]
     if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
-        return False
+        return 0.0, 0.0, np.inf
     pitch = float(np.median(np.abs(np.diff(recording.x_mm[middle][np.isfinite(recording.z_mm[middle])]))))
     stretch = chain.track[2]
+    moved, most = 0.0, 0.0
     for number in np.unique(stretch[at]):
         mine = at[stretch[at] == number]
         end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
         gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
-        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > max(MOVED_MM, MOVED_COLUMNS * pitch):
-            return True
-    return False
+        low, one, three, high = np.percentile(gone, [5.0, 25.0, 75.0, 95.0])
+        moved, most = max(moved, (three - one) / 1.349), max(most, high - low)
+    return float(moved), float(most), pitch
 
 
 def _bends(x: Float, z: Float) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.checks.sensor import column_pitch_mm
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.faces import FaceLines
@@ -469,3 +470,16 @@ def _quarter_circle(
     missing = float(share @ beyond)
     u = math.sqrt(float(share @ (beyond - missing) ** 2))
     return is_proven, float(share @ radius), missing, u, share @ fall
+
+
+def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
+    """Standard uncertainty of where a face ends, mm, by what columns that never return may hide of it.
+
+    While the end stays in one column the part moves by some (check fixed_end_columns): the face goes on by anything
+    between none and all but one of them.
+    """
+    columns = next((check.value or 0.0 for check in cloud.checks if check.name == "fixed_end_columns"), 0.0)
+    if columns <= 1.0:
+        return 0.0
+    lean = float(np.nanmedian(np.hypot(1.0, face.sxz / face.sxx)))
+    return (columns - 1.0) * column_pitch_mm(cloud.x_mm) * lean / math.sqrt(3.0)

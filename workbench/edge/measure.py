@@ -26,6 +26,7 @@ from workbench.units import Bool, Float
 
 UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
+LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
 # A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
@@ -157,12 +158,12 @@ def check_advance(cloud: Cloud, corners: Float) -> None:
 def check_ends(cloud: Cloud, tracked: TrackedFaces, used: Bool) -> None:
     """Refuse an edge of which too few of the `used` frames (N,) show the root face's lower end as faces end."""
     clean = int((used & ~tracked.end_is_burred).sum())
-    if clean < LEAST_FRAMES:
+    if clean < max(LEAST_FRAMES, LEAST_CLEAN * used.sum()):
         raise InputError(
             cloud.source,
             f"the lower end of the root face is bent or drawn out in all but {clean} of {int(used.sum())} frames, "
-            "so that nothing tells the root face's line: a burr all along the edge, or a smoothing filter of the "
-            "sensor? switch the filter off, or remove the burr",
+            "so that nothing tells the root face's line: a burr all along the edge, a further face beyond a step, or a "
+            "smoothing filter of the sensor? switch the filter off, or remove the burr",
         )
 
 

@@ -13,7 +13,15 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import require_bevel, require_columns
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.form import HIDDEN_RADIUS_MM, Rounding, form_of, is_free_end, root_rim, rounding_of
+from workbench.edge.form import (
+    HIDDEN_RADIUS_MM,
+    Rounding,
+    form_of,
+    hidden_end_u_mm,
+    is_free_end,
+    root_rim,
+    rounding_of,
+)
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
@@ -143,7 +151,8 @@ def milled_edge(
     beta = corrected_angles(measured, at + measured.shift)[1]
     form = form_of(cloud, tracked, s_low, beta, at)
     form = replace(form, corner_u_mm=np.hypot(form.corner_u_mm, ledge_mm))
-    root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm)
+    hidden_mm = hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE])
+    root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
     position -= rounding.beyond_mm * across
     told: tuple[str, ...] = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
     if measured.faces.even is not None:

@@ -14,7 +14,7 @@ from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import require_end_face
 from workbench.checks.faces import plates_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
-from workbench.edge.form import HIDDEN_RADIUS_MM, misfit_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, hidden_end_u_mm, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.parameters import EndU, Limits, RobotNoise
@@ -159,6 +159,7 @@ def _edge(
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
     low_u = np.hypot(low_u, below.offset_u_mm)
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
+    low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)

@@ -24,11 +24,18 @@ MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a 
 
 
 def sizes(
-    measured: Measured, at: Float, tangent_u: Float, form: Form, rounding: Rounding, end_u_mm: float
+    measured: Measured,
+    at: Float,
+    tangent_u: Float,
+    form: Form,
+    rounding: Rounding,
+    end_u_mm: float,
+    hidden_mm: float = 0.0,
 ) -> tuple[Quantity, Quantity]:
     """Root face (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
 
-    tangent_u (m,) rad; end_u_mm: what is declared of the end of the root face beyond what frames show.
+    tangent_u (m,) rad; end_u_mm: what is declared of the end of the root face beyond what frames show; hidden_mm: u of
+    that end by columns that never return.
     """
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
@@ -45,7 +52,7 @@ def sizes(
     turned = np.hypot(lever / np.sin(beta) * np.hypot(bevel_u, turns), 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
     whole = np.ones(at.size)
     root_u = {
-        END: np.hypot(end_u, loose),
+        END: np.hypot(np.hypot(end_u, loose), hidden_mm),
         DIRECTIONS: turned,
         TANGENT: tangent_u * np.abs(run_root) * root,
         FORM: form.corner_u_mm,

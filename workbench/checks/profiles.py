@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.medians import median_of, select
+from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Int
 
@@ -159,7 +159,7 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     before, after = surface[:-1], surface[1:]
     slope = _slopes(before, pitch)
     lines = _noise_alone(slope)
-    slope[lines] = np.where(np.isfinite(slope[lines]), np.nanmedian(slope[lines], axis=1, keepdims=True), np.nan)
+    slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
     pairs = len(before)
     motion = np.zeros((pairs, 3))  # shift_x, shift_z, turn
     ridge = np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2]) * 1e-3
@@ -199,7 +199,7 @@ def _noise_alone(slope: Float) -> Bool:
     near = slope[:, apart:] - slope[:, :-apart]
     found = np.zeros(len(slope), bool)
     some = np.isfinite(near).any(axis=1)
-    noise = np.nanmedian(near[some] ** 2, axis=1) / (2.0 * MEDIAN_OF_SQUARE)
+    noise = row_medians(near[some] ** 2) / (2.0 * MEDIAN_OF_SQUARE)
     found[some] = np.nanvar(slope[some], axis=1) < SHAPED * noise
     return found
 

@@ -6,7 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
 
+from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median, row_medians
+from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Int
 
 PIECE = 48  # columns of one straight piece
@@ -179,12 +183,10 @@ def _continued_share(z: Float, digit_mm: float) -> float:
     """
     found, spread = 0.0, _bends(z) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
     for way in (z, z[:, ::-1]):
-        for k in SLOPES:
-            before = way[:, k:-1]
-            off = np.abs(way[:, k + 1 :] - before - (before - way[:, : -k - 1]) / k) / digit_mm
-            # off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
+        for k in SLOPES if way is z else SLOPES[1:]:  # over one column both ways are the same
+            # what is off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
             edge = (k // 2 + 0.5) / k
-            there, one, two = (np.count_nonzero((off >= low * edge) & (off < (low + 2) * edge)) for low in (-1, 1, 3))
+            there, one, two = _counts_off(as_input(way), k, edge * digit_mm).tolist()
             wide = spread * math.hypot(1.0, 1.0 + 1.0 / k, 1.0 / k) / (2.0 * edge * digit_mm)
             flat, bent = 0.25 * (one + two), max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
             peak = max(MOST_MORE, PEAKED / wide**2) if wide > 0.0 else np.inf
@@ -200,6 +202,22 @@ def _continued_share(z: Float, digit_mm: float) -> float:
     lost = np.isnan(z)
     short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
     return found / (found + float(np.count_nonzero(short))) if found else 0.0
+
+
+@kernel
+def _counts_off(z: Float, k: int, edge_mm: float) -> Int:
+    """How many ranges of rows (n, M) lie off where the slope over k columns before puts them, by what: counts (3,).
+
+    By less than `edge_mm`, from there to less than three times it, and from there to less than five times it.
+    """
+    count = np.zeros(3, np.int64)
+    for i in range(z.shape[0]):
+        for j in range(k + 1, z.shape[1]):
+            near = z[i, j - 1]
+            off = abs(z[i, j] - near - (near - z[i, j - 1 - k]) / k) / edge_mm
+            if off < 5.0:
+                count[0 if off < 1.0 else 1 if off < 3.0 else 2] += 1
+    return count
 
 
 def _digit(z: Float, step_mm: float) -> float:
@@ -235,7 +253,7 @@ def _bends(z: Float) -> float:
     """Median size of the second differences along rows of ranges; infinite: there are none."""
     bend = np.abs(np.diff(z, n=2, axis=1))
     bend = bend[np.isfinite(bend)]
-    return float(np.median(bend)) if bend.size else float("inf")
+    return median(bend) if bend.size else float("inf")
 
 
 def fading(rows: Float, digit_mm: float) -> float:
@@ -316,7 +334,7 @@ def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
         off = w - u * slope[:, None]
         if last:
             break
-        middle = np.nanmedian(np.where(used, np.abs(off), np.nan), axis=1) if len(off) else np.zeros(0)
+        middle = row_medians(np.where(used, np.abs(off), np.nan))
         used = used & (np.abs(off) < OUTLIERS * middle[:, None] + 1e-9)
     return off, used, slope
 
@@ -329,7 +347,7 @@ def _correlation(scaled: Float, used: Bool) -> Float:
 
 def _by_lag(values: Float, used: Bool, lags: int) -> Float:
     """Mean product (lags,) of values (n, M) that lie so many columns apart, of those that are used; by FFT."""
-    size = values.shape[1] + lags
+    size = scipy.fft.next_fast_len(values.shape[1] + lags, real=True)
     total, count = (
         np.fft.irfft((np.abs(np.fft.rfft(one, size)) ** 2).sum(axis=0), size)[:lags]
         for one in (values, used.astype(float))
@@ -403,7 +421,7 @@ def _evenly(grid: AnyArray) -> Bool:
     known = np.isfinite(step)
     many = known.sum(axis=1) >= LEAST_STEPS
     step[~many] = 0.0
-    usual = np.nanmedian(step, axis=1)
+    usual = row_medians(step)
     alike = (np.abs(step - usual[:, None]) < EVEN * np.abs(usual)[:, None]) & known
     return np.asarray(many & (usual != 0.0) & (alike.sum(axis=1) > EVEN_SHARE * known.sum(axis=1)))
 

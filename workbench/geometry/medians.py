@@ -21,6 +21,25 @@ def medians(values: Float, edges: Int) -> Float:
     return out
 
 
+def row_medians(values: Float) -> Float:
+    """The median (n,) of each row of values (n, m) less its NaN; NaN of a row that has nothing else."""
+    out = np.empty(len(values))
+    _row_medians(as_input(values), out)
+    return out
+
+
+@kernel
+def _row_medians(values: Float, out: Float) -> None:
+    known = np.empty(values.shape[1])
+    for i in range(values.shape[0]):
+        count = 0
+        for j in range(values.shape[1]):
+            if not np.isnan(values[i, j]):
+                known[count] = values[i, j]
+                count += 1
+        out[i] = median_of(known, count) if count else np.nan
+
+
 @kernel
 def _medians(values: Float, edges: Int, out: Float) -> None:
     for k in range(out.size):

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.confidently_wrong.kinds import KINDS
+from bench.metrology.part import inspect_as_a_user
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.faces import find_faces, rises_with_column
 from workbench.errors import InputError
-from workbench.synthetic import raycast
+from workbench.synthetic import random_recipe, raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.units import AnyArray, Int
 
@@ -153,3 +155,11 @@ def test_direction_of_x_along_the_columns() -> None:
     rows: Int = np.arange(4)
     assert rises_with_column(x, keep, rows)
     assert not rises_with_column(-x, keep, rows)
+
+
+def test_a_view_that_ends_on_the_root_face_exchanges_no_faces() -> None:
+    """Where the view cuts the root face off, the bevel face passed for it; the frames that show it whole disagree."""
+    recording, truth = simulate_recording(random_recipe("two_pass", 8_950_003))
+    cropped = KINDS["view ends in the part, right"].spoil(recording, np.random.default_rng([8_950_000, 3]))
+    with pytest.raises(InputError, match="frames do not agree which face is the root face"):
+        inspect_as_a_user(cropped, truth)

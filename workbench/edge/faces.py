@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.identify import Candidate, candidates, vote
+from workbench.edge.identify import Candidate, candidates, contradicted, vote
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
@@ -16,6 +16,7 @@ from workbench.geometry.faces import FaceLines
 from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
+MOST_CONTRADICTED = 0.2  # of the key frames: sound recordings have 0.04 at most, a view that ends on the part 0.58
 FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not; the faces are followed between them
 KEY_SPACING = 5  # frames between key frames at the least
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
@@ -116,7 +117,10 @@ def _find_pass(
     """
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
         keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
-        choice = _agreed(keys, readings)
+        found = vote(readings)
+        if found is not None:
+            _refuse_contradicted(cloud, readings, found)
+        choice = None if found is None else _agreed(keys, readings, found)
         if choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
             continue
         at, states, side = choice
@@ -162,11 +166,18 @@ def _chain(x: Float32, z: Float32, keep: Bool, rises: bool) -> tuple[Float, Bool
     return straight_faces(x[keep].astype(np.float64), z[keep].astype(np.float64))[:MAX_LINES], cut
 
 
-def _agreed(keys: Int, readings: list[list[Candidate]]) -> tuple[Int, Float, int] | None:
+def _refuse_contradicted(cloud: Cloud, readings: list[list[Candidate]], choice: tuple[int, int]) -> None:
+    share = contradicted(readings, choice)
+    if share > MOST_CONTRADICTED:
+        raise InputError(
+            cloud.source,
+            f"frames do not agree which face is the root face: in {100 * share:.0f} % of those looked at, other faces "
+            "than in most are root face and bevel face; does the view end on the part? widen or shift the view",
+        )
+
+
+def _agreed(keys: Int, readings: list[list[Candidate]], choice: tuple[int, int]) -> tuple[Int, Float, int] | None:
     """Key frames that show the edge as the pass as a whole does, their states (k, 4, 4) and the side; None: no edge."""
-    choice = vote(readings)
-    if choice is None:
-        return None
     at, states = [], []
     for key, frame in zip(keys, readings, strict=True):
         fitting = [c for c in frame if (c.side, c.sense) == choice]

@@ -206,3 +206,16 @@ def vote(readings: list[list[Candidate]]) -> tuple[int, int] | None:
         for key, value in best.items():
             votes[key] = votes.get(key, 0.0) + value
     return max(votes, key=lambda k: votes[k]) if votes else None
+
+
+def contradicted(readings: list[list[Candidate]], choice: tuple[int, int]) -> float:
+    """Share of the key frames in which another (side, sense) than the chosen one scores better by a corner of context.
+
+    The view may end on the part where most frames stand; the others then tell which face is which. In sound recordings
+    one frame in 25 does at most.
+    """
+
+    def best(frame: list[Candidate], chosen: bool) -> float:
+        return min((c.score for c in frame if ((c.side, c.sense) == choice) == chosen), default=WORST_SCORE)
+
+    return sum(best(frame, True) > best(frame, False) + CONTEXT for frame in readings) / max(len(readings), 1)

@@ -16,12 +16,23 @@ from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError
 from workbench.inspect import gate
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Truth
 from workbench.units import Float
 
 SEED = 2_000_000  # from here on; not used for developing
-INSPECTED = ("straight", "arc", "oblique", "two_pass", "robot_error")
-PLANNED = ("raw_straight", "raw_arc", "raw_two_pass")
+INSPECTED = (  # of both simulators in turn
+    "straight",
+    "swept_twist",
+    "arc",
+    "swept_space_wave",
+    "oblique",
+    "swept_ring",
+    "two_pass",
+    "swept_clamps",
+    "robot_error",
+    "swept_lost_blocks",
+)
+PLANNED = ("raw_straight", "swept_raw_twist", "raw_arc", "swept_raw_ring", "raw_two_pass", "swept_raw_saddle")
 NAMED = "wrong, named as not included"
 CLASSES = (
     "right",
@@ -141,7 +152,7 @@ def main() -> None:
 
 def _table(judge, conditions, count: int, seed: int, words: list[str]) -> list[str]:
     rows = [f"| corruption | {' | '.join(CLASSES)} |", "|" + " --- |" * (len(CLASSES) + 1)]
-    parts = [simulate_recording(random_recipe(conditions[k % len(conditions)], seed + k)) for k in range(count)]
+    parts = [part(conditions[k % len(conditions)], seed + k, None) for k in range(count)]
     total: Counter[str] = Counter()
     for name, kind in KINDS.items():
         if words and not any(word in name for word in words):

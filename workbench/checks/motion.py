@@ -201,7 +201,8 @@ def _twist(across: Float, way: Way, stretch: Int, turn_u: Float) -> tuple[float,
     The greatest over 150 mm of edge or less, and the greatest that is no slow function of the place on the edge.
     """
     greatest, unsteady = 0.0, 0.0
-    for number in np.unique(stretch):
+    size = np.bincount(stretch)
+    for number in np.flatnonzero(2 * size >= size.max()):  # shorter ones lie between clamps, and may show these
         at = np.flatnonzero((stretch == number) & np.isfinite(way.tangent[:, 0]))
         at = at[REACH:-REACH] if len(at) > LONG else at  # at its ends a tangent hangs on the last place
         angle = _turns(across, way.tangent, at)

@@ -94,7 +94,7 @@ def last_pixel_fill(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:
     inside &= (tracked.labels[rows, before] == ROOT_FACE) & cloud.keep[rows, before]
     bright = np.where(inside, cloud.brightness[rows, before].astype(float), np.nan)
     most = float(cloud.brightness.max())
-    sound = (inside.sum(axis=1) >= LEAST_BEFORE) & ~(bright >= most).any(axis=1)
+    sound = (inside.sum(axis=1) >= LEAST_BEFORE) & ~(bright >= most).any(axis=1) & (bright > 0.0).any(axis=1)
     frames, bright, end = frames[sound], bright[sound], end[sound]
     if not frames.size:
         return fill, sigma

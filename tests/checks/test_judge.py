@@ -563,3 +563,9 @@ def test_an_end_that_moves_into_blind_columns_is_uncertain_by_their_motion() -> 
     off = np.array([one.root_mm for one in inspection.sections]) - np.interp(at, truth.arc_length_mm, truth.root_mm)
     assert off.min() < -0.3  # true at one end, and short by the motion at the other
     assert np.all(np.abs(off) < 3.0 * np.array([one.root_u_mm for one in inspection.sections]))
+
+
+def test_what_profiles_show_between_clamps_is_no_twist() -> None:
+    """Six profiles laid on each other by their clamps, another sign in the quaternions that explained their turns."""
+    recording, _ = simulate_recording(mixed_recipe(8_925_504, raw_edge=True))
+    assert [one.name for one in judge_recording(recording) if not one.passed] == []

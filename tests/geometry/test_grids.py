@@ -111,6 +111,7 @@ def test_blind_columns_lie_between_others_that_measure() -> None:
     keep[1:, 40:44] = False  # hardly ever seen, yet no blind ones
     assert grids.blind_columns(keep) == 6
     ends = np.array([19, -26, 18, 49, 39, -44, 0])
-    assert grids.columns_to_next(keep, ends).tolist() == [7, 7, 1, 1, 1, 1, 1]
+    assert grids.columns_to_next(np.where(keep, 1.0, np.nan), ends).tolist() == [7, 7, 1, 1, 1, 1, 1]
+    assert grids.widest_blind(keep) == 6
     keep[:, 26:50] = False  # more than one grain of dust, and beyond it nothing
     assert grids.blind_columns(keep) == 0

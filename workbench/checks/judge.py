@@ -389,9 +389,11 @@ def _fixed_end(recording: Recording) -> Iterator[Check]:
         told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
     reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
     yield Check("fixed_end_share", share, None, True, reason, told)
-    told = f"while returns end in one column, the part moves by {columns:.1f} columns: the face that ends there may go "
-    told += "on by as much, beyond columns that never return"
-    told = told if columns > 0.0 else "no end stays in a column while the part moves"
+    told = (
+        f"returns end in one column while the part moves by up to {columns:.1f} columns, or as many are blind side by "
+    )
+    told += "side elsewhere: the face that ends there may go on by as much, beyond columns that never return"
+    told = told if columns > 0.0 else "no end stays in a column while the part moves, or others are blind"
     yield Check("fixed_end_columns", columns, None, True, "in the uncertainty of the end beyond one column", told)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
+from workbench.geometry.grids import blind_columns, widest_blind
 from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
@@ -37,8 +38,9 @@ def as_delivered(recording: Recording) -> Recording:
 def fixed_end(recording: Recording) -> tuple[float, float]:
     """Greatest share of the frames whose returns end in one and the same column beside others that never return.
 
-    And by how many columns the part moves while they do. Of a recording `as_delivered`: nothing has told whether the
-    part or the window ends there.
+    And how many columns of the part may lie beyond: as many as the part moves while they do; or, where columns are
+    blind elsewhere, as dirt on the window makes them, as lie there side by side. Of a recording `as_delivered`: nothing
+    has told whether the part or the window ends there.
     """
     seen = returned(recording)
     first, last = _ends(seen)
@@ -49,6 +51,7 @@ def fixed_end(recording: Recording) -> tuple[float, float]:
     shares = float(begins * (first == low).mean()), float(ends * (last == high).mean())
     columns = 0.0
     if max(shares) > STAYS:
+        columns = 1.0 + widest_blind(seen) if blind_columns(seen) else 0.0
         found = chains(recording.x_mm, recording.z_mm, recording.pass_index).values()
         for side, (share, column) in enumerate(zip(shares, (low, high), strict=True)):
             if share > STAYS:

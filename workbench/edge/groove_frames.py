@@ -441,7 +441,7 @@ def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
     for k, (columns, side) in enumerate(zip(read.columns, read.sides[which], strict=True)):
         rises = columns[-1] >= columns[0]
         outwards[k] = columns[getattr(side, name)] * (1 if rises == (which == 0) else -1)
-    return columns_to_next(cloud.keep, outwards)
+    return columns_to_next(cloud.z_mm, outwards)
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

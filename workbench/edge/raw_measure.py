@@ -364,7 +364,7 @@ def _side(
     c, d = np.cos(angle)[:, None], np.sin(angle)[:, None]
     m, n = c * a + d * b, c * b - d * a
     slope = np.where(ends.corner, 0.0, ends.slope)[here, None]
-    beyond = columns_to_next(cloud.keep, np.nan_to_num(ends.column[here]).astype(np.int64))
+    beyond = columns_to_next(cloud.z_mm, np.nan_to_num(ends.column[here]).astype(np.int64))
     step = beyond * ends.pitch[here] * np.abs(((pose[:, :, 0] + slope * pose[:, :, 2]) * m).sum(axis=1))
     ray_m, ray_n = np.abs((pose[:, :, 2] * m).sum(axis=1)), np.abs((pose[:, :, 2] * n).sum(axis=1))
     face = found.faces[ROOT_FACE]

@@ -59,7 +59,7 @@ def root_ends(
     ray_m, ray_n = (root.ray * m).sum(axis=1), (root.ray * n).sum(axis=1)
     slide = ((root.place - place) * n).sum(axis=1) / ray_n  # along the ray onto the line of all the face's points
     down = ((place - root.place) * m).sum(axis=1) + slide * ray_m
-    step = columns_to_next(cloud.keep, tracked.end_column) * end[:, 2] / np.hypot(1.0, root.run)
+    step = columns_to_next(cloud.z_mm, tracked.end_column) * end[:, 2] / np.hypot(1.0, root.run)
     down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():

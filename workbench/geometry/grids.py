@@ -159,29 +159,34 @@ def _unshuffle(planes: AnyArray, out: AnyArray) -> None:
         out[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
-def columns_to_next(keep: Bool, outwards: Int) -> Int:
+def columns_to_next(z_mm: AnyArray, outwards: Int) -> Int:
     """How many columns beyond the last return of a face the next one lies that measures anything (N,); mostly 1.
 
     A few neighbouring columns of a grid (N, M) in which no frame has a return, between others that do, are blind (dirt
     on a window, pixels that are masked): they tell nothing of where a face ends.
 
     Args:
-        keep: where something came back.
+        z_mm: NaN where nothing came back; with strays, among which the few returns beyond blind columns may be counted.
         outwards: (N,) column of the face's last return; negative: the face ends towards column 0.
 
     Example:
-        >>> keep = np.ones((30, 9), bool)
-        >>> keep[:, 4:6] = False
-        >>> columns_to_next(keep, np.array([2, 3, -6, 8])).tolist()
+        >>> z = np.ones((30, 9))
+        >>> z[:, 4:6] = np.nan
+        >>> columns_to_next(z, np.array([2, 3, -6, 8])).tolist()
         [1, 3, 3, 1]
     """
-    up, down = _steps_to_next(keep)
+    up, down = _steps_to_next(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))
     return np.asarray(np.where(outwards > 0, up[np.abs(outwards)], down[np.abs(outwards)]))
 
 
 def blind_columns(keep: Bool) -> int:
     """How many columns of a grid (N, M) are blind: see `columns_to_next`."""
     return int((_steps_to_next(keep)[0] - 1).sum())
+
+
+def widest_blind(keep: Bool) -> int:
+    """How many neighbouring columns of a grid (N, M) are blind at most: see `columns_to_next`."""
+    return int(_steps_to_next(keep)[0].max()) - 1
 
 
 def _steps_to_next(keep: Bool) -> tuple[Int, Int]:

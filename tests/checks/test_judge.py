@@ -569,3 +569,14 @@ def test_what_profiles_show_between_clamps_is_no_twist() -> None:
     """Six profiles laid on each other by their clamps, another sign in the quaternions that explained their turns."""
     recording, _ = simulate_recording(mixed_recipe(8_925_504, raw_edge=True))
     assert [one.name for one in judge_recording(recording) if not one.passed] == []
+
+
+@pytest.mark.parametrize("axes", ["axes y x z", "axes z y x", "axes y z x"])
+def test_swapped_axes_of_a_saddle_are_refused_although_the_plate_is_twisted(axes: str) -> None:
+    """The right reading leaves the saddle's own twist, and a sixth of how much the obliquity varies."""
+    recording, _ = simulate_swept(random_swept_recipe("swept_raw_saddle", 8_980_005))
+    assert [one.name for one in judge_recording(recording) if not one.passed] == []
+    swapped = KINDS[axes].spoil(recording, np.random.default_rng(1))
+    failed = {one.name: one for one in judge_recording(swapped) if not one.passed}
+    assert "obliquity_varies_deg" in failed
+    assert "the robot's axes are" in failed["obliquity_varies_deg"].finding

@@ -44,8 +44,8 @@ EXPLAINED = 0.15  # share of the twist that a better reading may leave
 UNORDERED, UNORDERED_MM = 0.5, 0.08  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
-VARIED_DEG = 3.0  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
-STEADIER = 0.1  # share of that which a better reading may leave: chance leaves a fifth of a wavy edge
+VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
+STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 TOLD = 3  # suspicions that a refusal names
@@ -175,10 +175,15 @@ def consistent_conventions(
 
 
 def _consistent(
-    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, most_deg: float, turning: bool = False
+    recording: Recording,
+    found: Mapping[int, Chain],
+    hand_eye: Float,
+    most_deg: float,
+    turning: bool = False,
+    twist_deg: float | None = None,
 ) -> tuple[tuple[Convention, Consistency], ...]:
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
-    allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg)
+    allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg) if twist_deg is None else twist_deg
     known = [one for one in known_conventions() if not turning or _turning([one.name])]
     near = [one for one in known if _roughly_square(recording, found, hand_eye, one, most_deg)]
     tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in near)
@@ -533,17 +538,17 @@ def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool
 def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:
     """Readings under which the laser plane keeps its angle to the edge, where as read that angle varies.
 
-    An edge that waves does so under any reading; along an arc, axes that are mirrored or swapped turn the plane one
-    way and the edge the other.
+    An edge that waves turns against the laser plane by as much under any reading; along a curve, axes that are mirrored
+    or swapped turn the plane one way and the edge the other.
     """
     if not now.varies_deg > VARIED_DEG:
         return []
-    readings = _consistent(recording, found, hand_eye, most("obliquity_deg"))
+    readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), twist_deg=most("twist_deg"))
     return [
         one.name
         for one, there in readings
         if one is not AS_READ
-        and there.varies_deg < STEADIER * now.varies_deg
+        and max(there.varies_deg / now.varies_deg, there.swing_deg / now.swing_deg) < STEADIER
         and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     ]
 

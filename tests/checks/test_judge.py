@@ -580,3 +580,11 @@ def test_swapped_axes_of_a_saddle_are_refused_although_the_plate_is_twisted(axes
     failed = {one.name: one for one in judge_recording(swapped) if not one.passed}
     assert "obliquity_varies_deg" in failed
     assert "the robot's axes are" in failed["obliquity_varies_deg"].finding
+
+
+@pytest.mark.parametrize("condition", ["straight", "two_pass"])
+def test_rounded_ranges_that_drift_are_no_filter(condition: str) -> None:
+    """Each row is rounded to steps that begin elsewhere: second differences of 0 are many, as are those of a step."""
+    recording, _ = simulate_recording(random_recipe(condition, 8_936_001))
+    drift = np.linspace(0.0, 0.1, len(recording.z_mm))[:, None]
+    assert _told(spoilt(recording, z_mm=(recording.z_mm + drift).astype(np.float32))).value < 0.1

@@ -43,7 +43,9 @@ SLOPES = 1, 2, 3  # columns before a gap
 SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
 # Of normal noise 1.25 / wide^2 less lie one and two places off on average than at its middle; of heavy tails more.
 PEAKED = 3.75
-VALLEYS, VALLEY = 40, 0.25  # digits of float32 that a step has at most; share of the mean that is a valley
+# Of second differences: medians within which noise is dense; digits of float32 a bin; bins; share of their mean that is
+# a valley.
+CORE, SCALES, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 4, 40, 0.25
 FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -221,27 +223,39 @@ def _counts_off(z: Float, k: int, edge_mm: float) -> Int:
 
 
 def _digit(z: Float, step_mm: float) -> float:
-    """To what rows of ranges (n, M) are rounded, mm: `step_mm` if that is known, else what float32 tells, or does not.
+    """To what rows of ranges (n, M) are rounded, mm: to `step_mm` or float32's digits at least.
 
-    Steps of a few digits of float32 leave valleys between the second differences that noise makes.
+    Steps of a few digits of float32, and those that begin elsewhere in every row, leave valleys between the second
+    differences that noise makes.
     """
-    if step_mm:
-        return step_mm
     digit = float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=1.0))))
     off = np.abs(np.diff(z, n=2, axis=1)) / digit
-    off = off[off < VALLEYS]
-    count = np.bincount(off.astype(int), minlength=VALLEYS).astype(float)
+    off = off[np.isfinite(off)]
+    if len(off) < LEAST_PAIRS:
+        return max(step_mm, digit)
+    core = CORE * median(off)
+    for scale in SCALES:
+        bins = min(VALLEYS, int(core / scale))
+        found = _first_peak(off[off < bins * scale] / scale, bins) if bins >= LEAST_BINS else 0.0
+        if found:
+            return max(step_mm, digit * scale * found)
+    return max(step_mm, digit)
+
+
+def _first_peak(off: Float, bins: int) -> float:
+    """Where values (n,) between 0 and `bins` gather beyond a valley; 0: they have none."""
+    count = np.bincount(off.astype(int), minlength=bins).astype(float)
     low = np.flatnonzero(count[1:] < VALLEY * count.mean())
     if len(off) < LEAST_PAIRS or not len(low):
-        return digit
+        return 0.0
     first = 1 + int(low[0])
     high = np.flatnonzero(count[first:] > 2.0 * VALLEY * count.mean())
     if not len(high):
-        return digit
+        return 0.0
     begin = first + int(high[0])
     ends = np.flatnonzero(count[begin:] < VALLEY * count.mean())
-    end = begin + int(ends[0]) if len(ends) else VALLEYS
-    return digit * float(np.median(off[(off >= begin) & (off < end)]))
+    end = begin + int(ends[0]) if len(ends) else bins
+    return float(np.median(off[(off >= begin) & (off < end)]))
 
 
 def _on_line(z: Float, digit_mm: float) -> Bool:

@@ -120,9 +120,8 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     overlap, wide = typical(-gap.value - 3.0 * gap.u), typical(gap.value)
     grazing = max((typical(one.grazing) for one in measured.lines if one.kind == "bevel"), default=math.nan)
     small = math.nan if radius is None else typical(radius.value)
-    stands = (
-        f"one plate stands {100 * level:.0f} % of the groove's depth above the other: a plate's edge or a lap joint?"
-    )
+    by = f"{100 * level:.0f} % of the groove's depth" if level < 10.0 else "many times the groove's depth"
+    stands = f"one plate stands {by} above the other: a plate's edge or a lap joint?"
     far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
     steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
     steep += "that nothing tells where it ends; scan it more squarely"

@@ -473,7 +473,7 @@ def _quarter_circle(
 
 
 def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
-    """Standard uncertainty of where a face ends, mm, by what columns that never return may hide of it.
+    """Standard uncertainty of where a face ends, mm, by what columns that never return may hide (docs/method.md, 3).
 
     While the end stays in one column the part moves by some (check fixed_end_columns): the face goes on by anything
     between none and all but one of them.

@@ -42,6 +42,7 @@ TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 UNORDERED, UNORDERED_MM = 0.5, 0.08  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
+NO_ORDER = 0.15  # share of that scatter which neighbours out of order have (0.19 and more), and 3 % of sound recordings
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
@@ -430,15 +431,16 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order, or recorded "
     told += "poses that are noisy or rounded?"
     allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
-    if now.in_view > UNORDERED and now.wiggle_mm < allowed:
-        told = (
-            f"the section's place in the view scatters by {now.wiggle_mm:.2f} mm between neighbouring frames as over "
+    if now.in_view > NO_ORDER and now.wiggle_mm < allowed:
+        told = f"the section's place in the view scatters by {now.wiggle_mm:.2f} mm between neighbouring frames, "
+        told += (
+            f"{100 * now.in_view:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of order; "
         )
-        told += "the whole pass: vibration, noise, or frames out of order; nothing tells which"
+        told += "nothing tells which"
     fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
     if fewest < FEW_POSES and now.wiggle_mm < allowed:
         few = f"a pass has {fewest} poses only: noise in them would not show"
-        told = f"{told}; {few}" if now.in_view > UNORDERED else few
+        told = f"{told}; {few}" if now.in_view > NO_ORDER else few
     yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
     unexplained = now.twist_deg > sure + now.waved_deg

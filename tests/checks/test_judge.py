@@ -588,3 +588,13 @@ def test_rounded_ranges_that_drift_are_no_filter(condition: str) -> None:
     recording, _ = simulate_recording(random_recipe(condition, 8_936_001))
     drift = np.linspace(0.0, 0.1, len(recording.z_mm))[:, None]
     assert _told(spoilt(recording, z_mm=(recording.z_mm + drift).astype(np.float32))).value < 0.1
+
+
+def test_where_neighbours_scatter_nothing_tells_the_order_of_frames() -> None:
+    """A wavy part that lies still to 0.04 mm, its frames shuffled: what varies along it is lost, and it is said so."""
+    recording, _ = simulate_recording(random_recipe("wavy", 8_995_110))
+    order = np.random.default_rng(1).permutation(len(recording.time_s))
+    shuffled = spoilt(recording, x_mm=recording.x_mm[order], z_mm=recording.z_mm[order])
+    good, found = ({one.name: one for one in judge_recording(r)}["wiggle_mm"] for r in (recording, shuffled))
+    assert "nothing tells which" not in good.finding
+    assert "frames out of order; nothing tells which" in found.finding

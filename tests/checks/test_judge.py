@@ -549,13 +549,11 @@ def test_frames_that_no_longer_lie_on_each_other_are_refused() -> None:
     assert {one.name: one for one in judge_recording(recording)}["together_share"].value > 0.9
 
 
-def test_an_end_that_moves_into_blind_columns_is_uncertain_by_their_motion() -> None:
+def test_an_end_that_moves_into_blind_columns_is_uncertain_by_their_width() -> None:
     """Beyond the band no frame measures, so that it looks like the end of the view, or of the part."""
     recording, truth = simulate_recording(random_recipe("arc", 8_930_006))
     banded = KINDS["12 bands of 8 blind columns"].spoil(recording, np.random.default_rng([8_930_000, 6]))
-    good, found = (
-        {one.name: one for one in judge_recording(r)}["fixed_end_columns"].value for r in (recording, banded)
-    )
+    good, found = ({one.name: one for one in judge_recording(r)}["hidden_columns"].value for r in (recording, banded))
     assert good == 0.0
     assert found > 6.0
     inspection = inspect_as_a_user(banded, truth)

@@ -17,7 +17,7 @@ from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end, returned
+from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, hidden_columns, returned
 from workbench.errors import InputError
 from workbench.geometry.grids import blind_columns, extent
 from workbench.geometry.poses import interpolate_poses
@@ -382,25 +382,25 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         "hold one value: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    yield from _fixed_end(recording)
-    yield _blind(returned(recording))
+    seen = returned(recording)
+    yield from _fixed_end(seen)
+    yield _blind(seen)
 
 
-def _fixed_end(recording: Recording) -> Iterator[Check]:
+def _fixed_end(seen: Bool) -> Iterator[Check]:
     """Whether an end of all that returned may be the window's; told, not judged."""
-    share, columns = fixed_end(recording)
+    share, columns = fixed_end_share(seen), hidden_columns(seen)
     told = "returns end where the part does, or at the ends of the view"
     if share > PINNED:
         told = f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
         told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
     reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
     yield Check("fixed_end_share", share, None, True, reason, told)
-    told = (
-        f"returns end in one column while the part moves by up to {columns:.1f} columns, or as many are blind side by "
-    )
-    told += "side elsewhere: the face that ends there may go on by as much, beyond columns that never return"
-    told = told if columns > 0.0 else "no end stays in a column while the part moves, or others are blind"
-    yield Check("fixed_end_columns", columns, None, True, "in the uncertainty of the end beyond one column", told)
+    told = "no end stays in one column, or no others are blind"
+    if columns:
+        told = f"returns end in one column, and elsewhere {columns} columns are blind side by side: the face that ends "
+        told += "there may go on by as much"
+    yield Check("hidden_columns", columns, None, True, "in the uncertainty of the face's end", told)
 
 
 def _blind(seen: Bool) -> Check:

@@ -8,13 +8,14 @@ import numpy as np
 
 from workbench.artefacts import Recording
 from workbench.checks.profiles import Chain, chains, sampled
-from workbench.geometry.grids import blind_columns, widest_blind
+from workbench.geometry.grids import widest_blind
 from workbench.units import Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
 MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
 # parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
+
 STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
@@ -35,28 +36,27 @@ def as_delivered(recording: Recording) -> Recording:
     )
 
 
-def fixed_end(recording: Recording) -> tuple[float, float]:
+def fixed_end_share(seen: Bool) -> float:
     """Greatest share of the frames whose returns end in one and the same column beside others that never return.
 
-    And how many columns of the part may lie beyond: as many as the part moves while they do; or, where columns are
-    blind elsewhere, as dirt on the window makes them, as lie there side by side. Of a recording `as_delivered`: nothing
-    has told whether the part or the window ends there.
+    seen (n, M): what `returned` of a recording `as_delivered`: nothing has told whether the part or the window ends
+    there.
     """
-    seen = returned(recording)
     first, last = _ends(seen)
     if not len(first):
-        return 0.0, 0.0
+        return 0.0
     low, high = int(first.min()), int(last.max())
     begins, ends = low > 0, high < seen.shape[1] - 1
-    shares = float(begins * (first == low).mean()), float(ends * (last == high).mean())
-    columns = 0.0
-    if max(shares) > STAYS:
-        columns = 1.0 + widest_blind(seen) if blind_columns(seen) else 0.0
-        found = chains(recording.x_mm, recording.z_mm, recording.pass_index).values()
-        for side, (share, column) in enumerate(zip(shares, (low, high), strict=True)):
-            if share > STAYS:
-                columns = max([columns, *(_columns(chain, recording, side, column) for chain in found)])
-    return max(shares), columns
+    return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
+
+
+def hidden_columns(seen: Bool) -> int:
+    """How many columns of the part may lie beyond an end that stays in one column, beside others that never return.
+
+    As many as are blind side by side elsewhere, as dirt on the window makes them; 0 where none is, or no end stays.
+    seen (n, M): see `fixed_end_share`.
+    """
+    return widest_blind(seen) if fixed_end_share(seen) > STAYS else 0
 
 
 def returned(recording: Recording) -> Bool:
@@ -96,37 +96,21 @@ def _step(seen: Bool) -> int:
 
 def _moves(chain: Chain, recording: Recording, side: int, column: int) -> bool:
     """Whether the first (side 0) or last return moves as the whole profiles do while it stays in one column."""
-    moved, _, pitch = _stayed(chain, recording, side, column)
-    return moved > max(MOVED_MM, MOVED_COLUMNS * pitch)
-
-
-def _columns(chain: Chain, recording: Recording, side: int, column: int) -> float:
-    """By how many columns the part moves while the first (side 0) or last return stays in one."""
-    _, moved, pitch = _stayed(chain, recording, side, column)
-    return moved / pitch
-
-
-def _stayed(chain: Chain, recording: Recording, side: int, column: int) -> tuple[float, float, float]:
-    """How the profiles move while their first (side 0) or last return stays in one column, mm.
-
-    The robust standard deviation, the middle nine tenths, both 0 where nothing shows a motion; the columns' pitch.
-    """
     seen = np.isfinite(recording.z_mm[chain.frames])
     x = np.where(seen, recording.x_mm[chain.frames].astype(np.float64), np.nan)
     at = np.flatnonzero(_ends(seen)[side] == column)
     middle = chain.frames[len(chain.frames) // 2]
     if not _bends(recording.x_mm[middle].astype(np.float64), recording.z_mm[middle].astype(np.float64)):
-        return 0.0, 0.0, np.inf
+        return False
     pitch = float(np.median(np.abs(np.diff(recording.x_mm[middle][np.isfinite(recording.z_mm[middle])]))))
     stretch = chain.track[2]
-    moved, most = 0.0, 0.0
     for number in np.unique(stretch[at]):
         mine = at[stretch[at] == number]
         end = np.array([x[mine[0], column], recording.z_mm[chain.frames[mine[0]], column]], float)
         gone = chain.carried(end, int(mine[0]))[mine - mine[0], 0]
-        low, one, three, high = np.percentile(gone, [5.0, 25.0, 75.0, 95.0])
-        moved, most = max(moved, (three - one) / 1.349), max(most, high - low)
-    return float(moved), float(most), pitch
+        if np.ptp(np.percentile(gone, [25.0, 75.0])) / 1.349 > max(MOVED_MM, MOVED_COLUMNS * pitch):
+            return True
+    return False
 
 
 def _bends(x: Float, z: Float) -> bool:

@@ -473,13 +473,13 @@ def _quarter_circle(
 
 
 def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
-    """Standard uncertainty of where a face ends, mm, by what columns that never return may hide (docs/method.md, 3).
+    """Standard uncertainty of where a face ends, mm, by what blind columns may hide (docs/method.md, 3).
 
-    While the end stays in one column the part moves by some (check fixed_end_columns): the face goes on by anything
-    between none and all but one of them.
+    Its end stays in one column, and others are blind elsewhere (check hidden_columns): it goes on by anything between
+    none and as many of them.
     """
-    columns = next((check.value or 0.0 for check in cloud.checks if check.name == "fixed_end_columns"), 0.0)
-    if columns <= 1.0:
+    columns = next((check.value or 0.0 for check in cloud.checks if check.name == "hidden_columns"), 0.0)
+    if not columns:
         return 0.0
     lean = float(np.nanmedian(np.hypot(1.0, face.sxz / face.sxx)))
-    return (columns - 1.0) * column_pitch_mm(cloud.x_mm) * lean / math.sqrt(3.0)
+    return columns * column_pitch_mm(cloud.x_mm) * lean / math.sqrt(3.0)

@@ -550,7 +550,8 @@ def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float,
         one.name
         for one, there in readings
         if one is not AS_READ
-        and max(there.varies_deg / now.varies_deg, there.swing_deg / now.swing_deg) < STEADIER
+        and there.varies_deg < STEADIER * now.varies_deg
+        and there.swing_deg < STEADIER * now.swing_deg
         and there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     ]
 

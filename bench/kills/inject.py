@@ -291,7 +291,7 @@ def _judged(command: Command, place: Path, before: object, new: object) -> str:
 
 def _changing(place: Path) -> bool:
     """Whether the set of results lacks its run.json, as it does while files change places, and all there are whole."""
-    from workbench.pipeline.exchange import MOVING
+    from workbench.pipeline.output import MOVING
 
     folders = [place, *(path for path in place.iterdir() if path.is_dir() and not path.name.startswith("."))]
     unmarked = [one for one in folders if digest_of(one) is None]

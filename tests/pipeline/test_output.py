@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import OutputError
-from workbench.pipeline.exchange import OLD as OLD_NAME
 from workbench.pipeline.lock import locked
+from workbench.pipeline.output import OLD as OLD_NAME
 from workbench.pipeline.output import OutputDirectory
 
 NEW = {"inspection.json": b"new", "run.json": json.dumps({"files": ["inspection.json", "run.json"]}).encode()}
@@ -146,7 +146,7 @@ def test_killed_between_any_two_renames(tmp_path: Path, monkeypatch: pytest.Monk
 
     original = os.rename
     with monkeypatch.context() as patch:
-        patch.setattr("workbench.pipeline.exchange.os.rename", rename)
+        patch.setattr("workbench.pipeline.output.os.rename", rename)
         patch.setattr("workbench.pipeline.output.shutil.rmtree", lambda *_, **__: None)
         with pytest.raises(Killed) if after < 5 else contextlib.nullcontext():
             out.publish(NEW)
@@ -170,7 +170,7 @@ def test_a_rename_that_fails_puts_all_back(tmp_path: Path, monkeypatch: pytest.M
         original(a, b)
 
     original = os.rename
-    monkeypatch.setattr("workbench.pipeline.exchange.os.rename", rename)
+    monkeypatch.setattr("workbench.pipeline.output.os.rename", rename)
     with pytest.raises(OutputError, match="Input/output error"):
         out.publish(NEW)
     assert tree(tmp_path) == {f"out/{name}": content for name, content in OLD.items()}

@@ -9,10 +9,10 @@ from pydantic import Field
 
 from workbench import Pipeline
 from workbench.errors import WorkbenchError
+from workbench.pipeline.catalogue import pipeline_schema
 from workbench.pipeline.describe import parameter_texts, unit_of
 from workbench.pipeline.docs import main, pages
 from workbench.pipeline.registry import every_stage
-from workbench.pipeline.schema import pipeline_schema
 from workbench.stage import InputFile, Seed, Stage
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from workbench.report import colour_scales, path_charts
-from workbench.report.path_views import path_views
+from workbench.report.path_charts import path_views
 from workbench.report.picture import picture
 from workbench.report.planned import whole_run
 from workbench.report.procedure import station_frame

@@ -154,7 +154,7 @@ def test_every_name_in_the_list_is_in_the_package_and_needed() -> None:
             assert any(one == what or one.startswith(f"{what}.") for one in used.get(name, ())), (what, name)
 
 
-SAFE = {"page.html.j2": {"{{ chapter.html | safe }}"}}  # after `report.contained.outside` has looked at it
+SAFE = {"page.html.j2": {"{{ chapter.html | safe }}"}}  # after `report.html.outside` has looked at it
 
 
 def test_templates_switch_no_escaping_off() -> None:

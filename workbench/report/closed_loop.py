@@ -2,9 +2,135 @@
 
 from __future__ import annotations
 
-from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Toolpath
+from collections.abc import Iterator
+
+import numpy as np
+
+from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError, one_line
+from workbench.report.loop import Compared
+from workbench.report.plan_tables import duration
+from workbench.report.planned import whole_run
+from workbench.report.template import data_address, render
+from workbench.report.values import decimals, measured, signed, span
 from workbench.stage import stage
+
+PLACES = {"root_mm": 3, "bevel_deg": 2}  # of what is planned and of differences, which know more than a value's U
+
+
+def closed_loop_html(
+    inspection: Inspection,
+    toolpath: Toolpath,
+    rework: Rework | None,
+    engagement: Engagement | None,
+    rows: list[Compared],
+    chart: bytes,
+) -> str:
+    """The chapter."""
+    return render(
+        "closed_loop.html.j2",
+        summary=list(_summary_rows(inspection, toolpath, rows)),
+        sections=list(_section_rows(inspection, rows)),
+        chart=data_address(chart),
+        rework=rework,
+        rework_reason=one_line(rework.reason) if rework else "",
+        stretches=list(_stretches(rework)) if rework else [],
+        rework_path=_rework_path(rework),
+        engagement=list(_engaged(engagement)) if engagement else [],
+    )
+
+
+def closed_loop_summary(inspection: Inspection, toolpath: Toolpath, rework: Rework | None) -> str:
+    """The loop in one line."""
+    root = [s.root_mm for s in inspection.sections if s.root_mm is not None]
+    bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
+    done = f"; {one_line(rework.reason)}" if rework else ""
+    return (
+        f"root {span(np.array(root), PLACES['root_mm'], ' mm')} (required {toolpath.root_mm:g} mm), "
+        f"bevel {span(np.array(bevel), PLACES['bevel_deg'], '°')} (required {toolpath.bevel_deg:g}°){done}"
+    )
+
+
+def contradictions(inspection: Inspection, toolpath: Toolpath) -> Iterator[str]:
+    """Where the part was inspected against something else than was asked of the path."""
+    required = inspection.requirements
+    for name, unit, asked, nominal in (
+        ("root face", " mm", toolpath.root_mm, required.root_nominal_mm),
+        ("bevel angle", "°", toolpath.bevel_deg, required.bevel_nominal_deg),
+    ):
+        if abs(asked - nominal) > 1e-9:
+            yield f"the path was planned for a {name} of {asked:g}{unit}, the part inspected against {nominal:g}{unit}"
+
+
+def _summary_rows(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
+    """Name, asked, planned, measured, measured less planned: mean and greatest."""
+    for name, unit, asked, key in (
+        ("Root face", " mm", toolpath.root_mm, "root_mm"),
+        ("Bevel angle", "°", toolpath.bevel_deg, "bevel_deg"),
+    ):
+        places = PLACES[key]
+        planned, found = (
+            np.array([np.nan if (v := getattr(each, key)) is None else v for each in them])
+            for them in (rows, inspection.sections)
+        )
+        off = (found - planned)[np.isfinite(found - planned)]
+        mean = signed(float(off.mean()), places) + unit if len(off) else "–"
+        most = signed(float(off[np.argmax(np.abs(off))]), places) + unit if len(off) else "–"
+        yield name, f"{asked:g}{unit}", span(planned, places, unit), span(found, places, unit), mean, most
+
+
+def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
+    """Section, arc length; planned, measured ± U and their difference, of root and of angle."""
+    root_places, bevel_places = (
+        decimals(getattr(s, u) for s in inspection.sections) for u in ("root_u_mm", "bevel_u_deg")
+    )
+    for row in rows:
+        s = row.section
+        yield (
+            f"{s.index}",
+            f"{s.arc_length_mm:.1f}",
+            measured(row.root_mm, None, PLACES["root_mm"]),
+            measured(s.root_mm, s.root_u_mm, root_places),
+            _difference(s.root_mm, row.root_mm, PLACES["root_mm"]),
+            measured(row.bevel_deg, None, PLACES["bevel_deg"]),
+            measured(s.bevel_deg, s.bevel_u_deg, bevel_places),
+            _difference(s.bevel_deg, row.bevel_deg, PLACES["bevel_deg"]),
+        )
+
+
+def _difference(value: float | None, planned: float | None, places: int) -> str:
+    return "–" if value is None or planned is None else signed(value - planned, places)
+
+
+def _stretches(rework: Rework) -> Iterator[tuple[str, str, str]]:
+    def row(what: str, stretch: Stretch) -> tuple[str, str, str]:
+        return what, f"{stretch.from_mm:.1f} to {stretch.to_mm:.1f} mm", one_line(stretch.reason)
+
+    yield from (row("Too much material: to be milled again", one) for one in rework.too_much_material)
+    yield from (row("Too little material: cannot be mended", one) for one in rework.too_little_material)
+
+
+def _rework_path(rework: Rework | None) -> str:
+    """What the rework path is, in words."""
+    if rework is None or rework.toolpath is None:
+        return ""
+    path, run = rework.toolpath, whole_run(rework.toolpath)
+    count = len(path.layers)
+    return (
+        f"{count} layer{'s' if count > 1 else ''}, {int(run.cutting.sum()):,} cutting points, "
+        f"{run.length_mm[run.cutting_step].sum():.1f} mm cut, {duration(float(run.time_s.sum()))}"
+    )
+
+
+def _engaged(engagement: Engagement) -> Iterator[tuple[str, ...]]:
+    """A row a layer: greatest radial depth, axial depth and chip area, and the share of points that cut."""
+    for layer in engagement.layers:
+        greatest = (
+            f"{np.nanmax(each, initial=0.0):.{places}f}"
+            for each, places in ((layer.radial_depth_mm, 3), (layer.axial_depth_mm, 2), (layer.chip_area_mm2, 3))
+        )
+        yield f"{layer.index}", *greatest, f"{100.0 * np.mean(layer.chip_area_mm2 > 0.0):.0f} %"
+
 
 SCENE_POINTS = 150_000
 
@@ -45,7 +171,7 @@ def closed_loop(
         ('Closed loop', 'pass')
     """
     # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.closed_loop_text import closed_loop_html, closed_loop_summary, contradictions
+    from workbench.report.closed_loop import closed_loop_html, closed_loop_summary, contradictions
     from workbench.report.loop import compared, loop_chart
     from workbench.report.scenes import loop_scene
 

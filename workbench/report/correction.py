@@ -2,9 +2,152 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
 from workbench.artefacts import Chapter, Inspection, PathCorrection
+from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
+from workbench.pieces import minus
+from workbench.report.along import gaps
+from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
+from workbench.report.figures import hatch_hidden, svg
+from workbench.report.plot import Axes, Figure
+from workbench.report.tables import check_texts
+from workbench.report.template import data_address, render
+from workbench.report.values import COVERAGE, signed, span
 from workbench.stage import stage
+from workbench.units import DEG, Float
+
+COLOURS = {"blind": REJECTED, "corrected": MEASURED}
+
+
+def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
+    """The chapter."""
+    return render(
+        "correction.html.j2",
+        lead=_lead(found),
+        found=list(_found_rows(found)),
+        chart=data_address(_chart(found)),
+        checks=[
+            (*check_texts(c.name, c.value, c.limit), "passed" if c.passed else one_line(c.finding))
+            for c in found.checks
+        ],
+        cancels=CANCELS,
+        not_included=NOT_INCLUDED,
+        repeatability=f"{found.repeatability_mm:g}",
+        finished=list(_finished_rows(finished)),
+        parts=data_address(_parts_chart(finished)) if finished else "",
+    )
+
+
+def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
+    """The loop in one line."""
+    said = [f"refused: {one_line(found.refused)}" if found.refused else found.reason]
+    said += [
+        f"{name}: root face off by {signed(off[0], 3)} mm in the mean"
+        for name, one in finished.items()
+        if (off := _off(one, "root_mm"))
+    ]
+    return minus("; ".join(said))
+
+
+def _lead(found: PathCorrection) -> str:
+    if found.refused:
+        return f"The finishing pass is refused: {one_line(found.refused)}."
+    said = minus(found.reason[:1].upper() + found.reason[1:])
+    return f"{said}. What the first cut left for the finishing pass is {span(found.stock_mm[found.cut], 2, ' mm')}."
+
+
+def _found_rows(found: PathCorrection) -> Iterator[tuple[str, ...]]:
+    """Shift and tilt: measured, U, corrected by."""
+    for name, value, u, by, scale, unit in (
+        ("Shift", found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0, " mm"),
+        ("Tilt", found.turn, found.turn_u, found.tilt, DEG, "°"),
+    ):
+        cut, made = found.cut, bool(by.any())
+        what = (
+            span(by[cut] / scale, 3, unit) if made else ("none: refused" if found.refused else "none: not significant")
+        )
+        yield name, span(value[cut] / scale, 3, unit), f"{COVERAGE * u[cut].max() / scale:.3f}{unit}", what
+
+
+def _finished_rows(finished: Mapping[str, Inspection]) -> Iterator[tuple[str, ...]]:
+    for name, one in finished.items():
+        cells: list[str] = []
+        for key, places in (("root_mm", 3), ("bevel_deg", 2)):
+            cells += [signed(value, places) for value in _off(one, key) or ()] or ["–", "–"]
+        yield name, *cells, one.verdict
+
+
+def _off(inspection: Inspection, key: str) -> tuple[float, float] | None:
+    """Mean and greatest deviation of the sections from nominal; None where none was measured."""
+    needs = inspection.requirements
+    nominal = needs.root_nominal_mm if key == "root_mm" else needs.bevel_nominal_deg
+    known = np.array([v - nominal for s in inspection.sections if (v := getattr(s, key)) is not None])
+    return (float(known.mean()), float(known[np.argmax(np.abs(known))])) if len(known) else None
+
+
+def _chart(found: PathCorrection) -> bytes:
+    """SVG of shift and tilt along the edge, and of what was corrected."""
+    over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
+    s = found.arc_length_mm[over]
+    figure = Figure(figsize=(10, 3.3))
+    top, below = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.97, hspace=0.18)
+    for axes, value, u, by, scale in (
+        (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
+        (below, found.turn, found.turn_u, found.tilt, DEG),
+    ):
+        _band(axes, s, value[over] / scale, u[over] / scale, MEASURED)
+        axes.plot(s, -by[over] / scale, color=INK, linewidth=1.0, dashes=(5, 3))
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+        hatch_hidden(axes, gaps(s, found.cut[over]))
+    for limit in (-found.allowance_mm, found.allowance_mm):
+        top.axhline(limit, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
+    top.set_xlim(float(s[0]), float(s[-1]))
+    top.set_ylabel("shift of the cut, mm")
+    below.set_ylabel("tilt of the cut, °")
+    below.set_xlabel("arc length along the lower edge, as planned, mm")
+    return svg(figure)
+
+
+def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
+    """SVG of root face and bevel angle deviation from the requirement, of each part."""
+    figure = Figure(figsize=(10, 3.3))
+    top, below = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
+    for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
+        name, unit = key.split("_")
+        for part, one in finished.items():
+            needs, profile = one.requirements, one.profile
+            nominal = getattr(needs, f"{name}_nominal_{unit}")
+            u = getattr(profile, f"{name}_u_{unit}")
+            _band(axes, profile.arc_length_mm, getattr(profile, key) - nominal, u, COLOURS[part], part)
+        axes.axhspan(*getattr(needs, f"{name}_tolerance_{unit}"), color=TOLERANCE, zorder=0.4)
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+    for one in finished.values():
+        for section in one.sections:
+            if section.root_mm is not None:
+                top.plot(
+                    section.arc_length_mm,
+                    section.root_mm - one.requirements.root_nominal_mm,
+                    "o",
+                    markersize=3.5,
+                    color=VERDICTS[section.verdict],
+                    zorder=4,
+                )
+    top.legend()
+    top.set_ylabel("root face\ndeviation, mm")
+    below.set_ylabel("bevel angle\ndeviation, °")
+    below.set_xlabel("arc length along the lower edge, mm")
+    return svg(figure)
+
+
+def _band(axes: Axes, s: Float, value: Float, u: Float, colour: str, label: str | None = None) -> None:
+    axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=colour, alpha=0.25)
+    axes.plot(s, value, color=colour, linewidth=1.0, label=label)
 
 
 @stage("report.correction")
@@ -35,7 +178,7 @@ def correction(
         'Measured correction'
     """
     # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.correction_text import correction_html, correction_summary
+    from workbench.report.correction import correction_html, correction_summary
 
     finished = {
         name: one

@@ -2,10 +2,370 @@
 
 from __future__ import annotations
 
-from workbench.artefacts import Chapter, Cloud, Groove, GrooveInspection, Preparation, PreparationInspection
-from workbench.artefacts.grooves import Joint, JointInspection
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from workbench.artefacts import (
+    Chapter,
+    Cloud,
+    Groove,
+    GrooveInspection,
+    GrooveSection,
+    Preparation,
+    PreparationInspection,
+    u_name,
+)
+from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
+from workbench.report.along import gaps
+from workbench.report.certificate import STATEMENTS, decision_rule, small
+from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
+from workbench.report.dimensions import TEXT_SIZE
+from workbench.report.figures import hatch_hidden, mark_sections, svg
+from workbench.report.plot import Axes, Figure
+from workbench.report.tables import check_rows
+from workbench.report.template import data_address, render
+from workbench.report.values import COVERAGE, alike, decimals, measured
 from workbench.stage import stage
+from workbench.units import DEG, Float
+
+NOT_JUDGED = "No specification was stated: the joint was measured, conformity was not assessed."
+
+
+def groove_html(cloud: Cloud, groove: Joint, inspection: JointInspection) -> str:
+    """The chapter."""
+    shown = of_interest(inspection)
+    return render(
+        "groove.html.j2",
+        what=what_of(inspection),
+        section=shown.index,
+        drawing=data_address(groove_drawing(cloud, groove, shown)),
+        charts=data_address(groove_charts(groove, inspection.sections, limits(inspection.requirements))),
+        tables=list(section_tables(inspection)),
+        failed_checks=check_rows(inspection.checks, passed=False),
+        passed_checks=check_rows(inspection.checks, passed=True),
+    )
+
+
+def what_of(inspection: JointInspection) -> str:
+    """What was measured, in a word."""
+    return "groove" if isinstance(inspection, GrooveInspection) else "preparation"
+
+
+def groove_certificate(inspection: JointInspection) -> str:
+    """What stands on the first page between who and what was measured and the signature."""
+    judged = bool(inspection.requirements)
+    names = sizes_of(inspection)
+    return render(
+        "groove_certificate.html.j2",
+        verdict=inspection.verdict if judged else "",
+        statement=STATEMENTS[inspection.verdict] if judged else NOT_JUDGED,
+        reason=one_line(inspection.reason[:1].upper() + inspection.reason[1:]).rstrip(".") if judged else "",
+        what=what_of(inspection),
+        type=inspection.type,
+        how="as declared" if inspection.declared else "as recognised",
+        alternatives=", ".join(inspection.alternatives),
+        specification=list(specification(inspection)),
+        letters=[_letter(inspection, name) for name in names],
+        budget=list(budget(inspection, names)),
+        not_included=inspection.uncertainty.not_included,
+        decision_rule=decision_rule(inspection.guard_factor) if judged else "",
+    )
+
+
+def of_interest(inspection: JointInspection) -> GrooveSection:
+    """Of the sections with most corners the first that fails, else the middle one."""
+    most = max(len(one.corners) for one in inspection.sections)
+    full = [one for one in inspection.sections if len(one.corners) == most]
+    return next((one for one in full if one.verdict == "fail"), full[len(full) // 2])
+
+
+def sizes_of(inspection: JointInspection) -> list[str]:
+    """Names of the sizes that some section has."""
+    return [name for name in inspection.terms if any(one.values.get(name) is not None for one in inspection.sections)]
+
+
+def limits(requirements: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Lower and upper limit of every size that is required."""
+    found = {}
+    for name, nominal in requirements.items():
+        stem, _, unit = name.rpartition("_")
+        if pair := requirements.get(f"{stem}_tolerance_{unit}"):
+            found[name] = (nominal + pair[0], nominal + pair[1])
+    return found
+
+
+def specification(inspection: JointInspection) -> Iterator[tuple[str, ...]]:
+    """A row a size: name, letter, nominal, limits, lowest and highest section, largest U."""
+    required = limits(inspection.requirements)
+    for name in dict.fromkeys([*required, *sizes_of(inspection)]):
+        values = [value for one in inspection.sections if (value := one.values.get(name)) is not None]
+        u = [value for one in inspection.sections if (value := one.values.get(u_name(name))) is not None]
+        places, unit = decimals(u), unit_of(name)
+        ends = [measured(end(values), None, places) + unit if values else "–" for end in (min, max)]
+        wide = f"{COVERAGE * max(u):.{places}f}{unit}" if u else "–"
+        nominal, zone = "–", "not specified"
+        if name in required:
+            low, middle, high = alike(required[name][0], inspection.requirements[name], required[name][1])
+            nominal, zone = f"{middle}{unit}", f"{low} to {high}{unit}"
+        yield *inspection.terms[name], nominal, zone, *ends, wide
+
+
+def budget(inspection: JointInspection, names: list[str]) -> Iterator[tuple[str, ...]]:
+    """A row a source: name, type, u of every size."""
+    for row in inspection.size_sources:
+        cells = []
+        for name in names:
+            largest = max(
+                (u for one in inspection.sections if (u := one.values.get(u_name(name))) is not None), default=0
+            )
+            cells.append(small(float(row.get(u_name(name)) or 0.0), decimals([largest]) + 1))
+        yield str(row["name"]), str(row["kind"]), *cells
+
+
+def _letter(inspection: JointInspection, name: str) -> str:
+    """Letter of a size, or its term where it has none."""
+    term, letter = inspection.terms[name]
+    return letter if letter != "–" else term
+
+
+def section_tables(inspection: JointInspection) -> Iterator[dict[str, Any]]:
+    """The sections' values ± U: lengths and angles in tables of their own, so that they fit a page."""
+    for caption, ending, unit in (("Lengths", "_mm", "mm"), ("Angles", "_deg", "°")):
+        names = [name for name in sizes_of(inspection) if name.endswith(ending)]
+        if not names:
+            continue
+        places = {name: decimals(one.values.get(u_name(name)) for one in inspection.sections) for name in names}
+        yield {
+            "caption": f"{caption} in the sections, value ± U, {unit}",
+            "head": [_letter(inspection, name) for name in names],
+            "rows": [
+                (one, [measured(one.values.get(name), one.values.get(u_name(name)), places[name]) for name in names])
+                for one in inspection.sections
+            ],
+            "judged": bool(inspection.requirements) and ending == "_mm",
+        }
+
+
+# A section of a weld groove as an engineering drawing, its dimensions with the letters of ISO 9692-1.
+
+NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the groove: plate drawn
+MOST_POINTS = 12_000
+
+
+def unit_of(size: str) -> str:
+    """' mm' or '°'."""
+    return "°" if size.endswith("_deg") else " mm"
+
+
+def with_u(section: GrooveSection, size: str) -> str:
+    """Value ± U with its unit; '–' where it was not measured."""
+    value, u = section.values.get(size), section.values.get(u_name(size))
+    text = measured(value, u, decimals([u]))
+    if value is None or unit_of(size) == " mm":
+        return text if value is None else f"{text} mm"
+    return f"({text})°"
+
+
+def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes:
+    """SVG of a section: returns near it, corners, dimensions."""
+    corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
+    uv = _points(cloud, groove, section)
+    places = np.array(list(corner.values()))
+    left, right = places[:, 0].min() - BESIDE_MM, places[:, 0].max() + BESIDE_MM
+    uv = uv[(uv[:, 0] > left) & (uv[:, 0] < right)]
+    low, high = float(places[:, 1].min()), float(places[:, 1].max())
+    size = max(high - low, 0.3 * (right - left))
+    figure = Figure(figsize=(10, 5.0))
+    axes = figure.add_axes((0.06, 0.12, 0.92, 0.86))
+    axes.set(xlim=(left - 0.5 * size, right + 0.5 * size), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
+    axes.plot(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
+    straight = "root_radius_mm" not in section.values
+    if isinstance(groove, Groove):
+        _outline(axes, corner, straight, ends=(left, right))
+        _dimensions(axes, section, corner, size)
+        axes.set_xlabel("right, along the upper surfaces, mm")
+    else:
+        _plate_outline(axes, corner, straight, left)
+        _plate_dimensions(axes, section, corner, size)
+        axes.set_xlabel("out of the root face, mm")
+    axes.set_ylabel("up, mm")
+    return svg(figure)
+
+
+def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
+    """(n, 2) kept returns of the frames near a section, in its axes."""
+    away = np.abs(groove.frame_arc_length_mm - section.arc_length_mm)
+    frames = np.flatnonzero(away <= max(NEAR_MM, float(np.nanmin(away))))
+    row, column = np.nonzero(cloud.keep[frames])
+    every = max(1, len(row) // MOST_POINTS)
+    off = cloud.placed(frames[row][::every], column[::every]) - section.origin_mm
+    return np.column_stack([off @ section.normal, off @ section.across])
+
+
+def _outline(axes: Axes, corner: dict[str, Float], straight: bool, ends: tuple[float, float]) -> None:
+    """Upper surfaces, faces between the corners that were seen, the corners."""
+    for side, end in zip(("left", "right"), ends, strict=True):
+        names = [f"{side}_{which}" for which in ("upper", "root", "lower")]
+        seen = [corner[name] for name in names if name in corner]
+        if f"{side}_upper" not in corner:
+            continue
+        upper = seen[0]
+        axes.plot([end, upper[0]], [upper[1], upper[1]], color=INK, linewidth=0.7)
+        chain = np.array(seen if straight else seen[1:])
+        if len(chain):
+            axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
+        axes.plot([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
+
+
+def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
+    """What was measured in this section, each with its letter and U."""
+
+    def words(name: str) -> str:
+        letter = TERMS[name][1]
+        return f"{letter} = {with_u(section, name)}" if letter != "–" else f"{TERMS[name][0]} {with_u(section, name)}"
+
+    def shown(name: str, *corners: str) -> bool:
+        return section.values.get(name) is not None and all(one in corner for one in corners)
+
+    high = max(float(place[1]) for place in corner.values())
+    low = min(float(place[1]) for place in corner.values())
+    if shown("width_mm", "left_upper", "right_upper"):
+        _across(axes, corner["left_upper"], corner["right_upper"], high + 0.2 * size, words("width_mm"))
+    if shown("gap_mm", "left_root", "right_root"):
+        a, b = (corner.get(f"{side}_lower", corner[f"{side}_root"]) for side in ("left", "right"))
+        _across(axes, a, b, low - 0.2 * size, words("gap_mm"))
+    aside = {
+        side: corner[f"{side}_upper"][0] + sign * 0.75 * BESIDE_MM
+        for side, sign in (("left", -1), ("right", 1))
+        if f"{side}_upper" in corner
+    }
+    if shown("depth_mm", "right_upper", "right_root"):
+        _up(axes, corner["right_root"], corner["right_upper"], aside["right"], words("depth_mm"), 1.0)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        if shown(f"root_face_{side}_mm", f"{side}_root", f"{side}_lower", f"{side}_upper"):
+            _up(axes, corner[f"{side}_lower"], corner[f"{side}_root"], aside[side], words(f"root_face_{side}_mm"), sign)
+        if shown(f"bevel_{side}_deg", f"{side}_root", f"{side}_upper"):
+            angle = section.values[f"bevel_{side}_deg"] or 0.0
+            _angle(axes, corner[f"{side}_root"], corner[f"{side}_upper"], angle, words(f"bevel_{side}_deg"), sign)
+    middle = 0.5 * sum(float(place[0]) for name, place in corner.items() if name.endswith("_upper"))
+    for row, name in enumerate(("included_deg", "root_radius_mm", "misalignment_mm")):
+        if shown(name):
+            axes.annotate(
+                words(name),
+                (middle, high + 0.36 * size),
+                (0, -11 * row + 8),
+                ha="center",
+                va="center",
+                fontsize=TEXT_SIZE,
+            )
+
+
+def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: float) -> None:
+    """Upper surface, faces between the corners, root face, lower surface; without the flank above a fillet."""
+    names = [name for name in ("upper", "middle", "root", "lower") if name in corner]
+    chain = np.array([corner[name] for name in names if straight or name != "upper"])
+    axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
+    for name in ("upper", "lower"):
+        if name in corner:
+            axes.plot([left, corner[name][0]], [corner[name][1]] * 2, color=INK, linewidth=0.7)
+    axes.plot([corner[name][0] for name in names], [corner[name][1] for name in names], "o", color=INK, markersize=2.4)
+
+
+def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
+    """What was measured of one plate in this section, each with its letter and U."""
+
+    def words(name: str) -> str:
+        term, letter = PREPARATION_TERMS[name]
+        return f"{letter if letter != '–' else term} = {with_u(section, name)}"
+
+    def shown(name: str, *corners: str) -> bool:
+        return section.values.get(name) is not None and all(one in corner for one in corners)
+
+    high = max(float(place[1]) for place in corner.values())
+    outside = max(float(place[0]) for place in corner.values()) + 0.25 * size
+    if shown("width_mm", "upper", "root"):
+        _across(axes, corner["upper"], corner["root"], high + 0.2 * size, words("width_mm"))
+    if shown("depth_mm", "upper", "root"):
+        _up(axes, corner["root"], corner["upper"], outside, words("depth_mm"), 1.0)
+    if shown("root_face_mm", "lower", "root"):
+        _up(axes, corner["lower"], corner["root"], outside, words("root_face_mm"), 1.0)
+    if shown("lower_bevel_mm", "middle", "root"):
+        _up(axes, corner["root"], corner["middle"], corner["upper"][0] - 0.3 * size, words("lower_bevel_mm"), -1.0)
+    bevels = {"bevel_deg": ("root", "middle" if "upper_bevel_deg" in section.values else "upper")}
+    bevels["upper_bevel_deg"] = ("middle", "upper")
+    if shown("land_mm") and "middle" in corner:
+        bevels["bevel_deg"] = ("middle", "upper")
+    for name, (low, top) in bevels.items():
+        if shown(name, low, top) and "root_radius_mm" not in section.values:
+            _angle(axes, corner[low], corner[top], section.values[name] or 0.0, words(name), -1.0)
+    rows = [name for name in ("land_mm", "root_radius_mm") if shown(name)]
+    if "root_radius_mm" in section.values and shown("bevel_deg"):
+        rows.append("bevel_deg")
+    for row, name in enumerate(rows):
+        place = (float(corner["upper"][0]), high + 0.34 * size)
+        axes.annotate(words(name), place, (-6, -12 * row), ha="right", va="center", fontsize=TEXT_SIZE)
+
+
+def _across(axes: Axes, a: Float, b: Float, at: float, text: str) -> None:
+    """A distance along the upper surfaces; the text beside it where it is short."""
+    for place in (a, b):
+        axes.plot([place[0], place[0]], [place[1], at], color=GREY, linewidth=0.5)
+    axes.arrow((float(a[0]), at), (float(b[0]), at), both=True)
+    axes.annotate(text, (float(max(a[0], b[0])), at), (5, 0), va="center", fontsize=TEXT_SIZE)
+
+
+def _up(axes: Axes, low: Float, high: Float, at: float, text: str, sign: float) -> None:
+    """A height, dimensioned beside the groove on its side."""
+    for place in (low, high):
+        axes.plot([place[0], at], [place[1], place[1]], color=GREY, linewidth=0.5)
+    axes.arrow((at, float(low[1])), (at, float(high[1])), both=True)
+    middle = 0.5 * float(low[1] + high[1])
+    axes.annotate(
+        text, (at, middle), (4 * sign, 0), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE
+    )
+
+
+def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sign: float) -> None:
+    """The arc from the normal of the upper surface to the bevel, with the value in the plate."""
+    radius = 0.6 * float(np.hypot(*(upper - root)))
+    turned = np.linspace(0.0, degrees * DEG, 31)
+    axes.plot(
+        [root[0], root[0]], [root[1], root[1] + 1.15 * radius], color=GREY, linewidth=0.5, dashes=(9, 2.5, 2, 2.5)
+    )
+    axes.plot(root[0] + sign * radius * np.sin(turned), root[1] + radius * np.cos(turned), color=GREY, linewidth=0.6)
+    end = (float(root[0] + sign * radius * np.sin(turned[-1])), float(root[1] + radius * np.cos(turned[-1])))
+    axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
+
+
+def groove_charts(groove: Joint, sections: tuple[GrooveSection, ...], limits: dict[str, tuple[float, float]]) -> bytes:
+    """SVG of every size along the groove with ± U, and its limits where it has some."""
+    names = [name for name in groove.terms if name in groove.sizes]
+    height = 1.35 * len(names) + 0.7
+    figure = Figure(figsize=(10, height))
+    rows = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    figure.subplots_adjust(0.09, 0.45 / height, 0.985, 1.0 - 0.2 / height, hspace=0.18)
+    s = groove.arc_length_mm
+    for axes, name in zip(rows, names, strict=True):
+        one = groove.sizes[name]
+        wide = COVERAGE * one.u
+        axes.set_xlim(float(s[0]), float(s[-1]))
+        if name in limits:
+            low, high = limits[name]
+            axes.axhspan(low, high, color=TOLERANCE, zorder=0.1)
+            for at in (low, high):
+                axes.axhline(at, color=LIMIT, linewidth=1.0)
+        axes.fill_between(s, one.value - wide, one.value + wide, color=MEASURED, alpha=0.25)
+        axes.plot(s, one.value, color=MEASURED, linewidth=1.0)
+        hatch_hidden(axes, gaps(s, np.isfinite(one.value) & groove.seen))
+        title, letter = groove.terms[name]
+        axes.set_ylabel(f"{letter if letter != '–' else title.split()[-1]},{unit_of(name)}")
+        axes.y_label_at = -0.075
+    mark_sections(rows[0], [one.arc_length_mm for one in sections], [str(one.index) for one in sections])
+    rows[-1].set_xlabel("arc length, mm")
+    return svg(figure)
 
 
 @stage("report.groove")
@@ -49,7 +409,7 @@ def preparation(cloud: Cloud, preparation: Preparation, inspection: PreparationI
 
 
 def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: JointInspection) -> Chapter:
-    from workbench.report.groove_text import NOT_JUDGED, groove_certificate, groove_html  # only where a report is made
+    from workbench.report.groove import NOT_JUDGED, groove_certificate, groove_html  # only where a report is made
 
     judged = bool(inspection.requirements)
     return Chapter(

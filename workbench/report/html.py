@@ -2,9 +2,42 @@
 
 from __future__ import annotations
 
+from html.parser import HTMLParser
+
 from workbench.artefacts import Chapter, Document, Provenance
 from workbench.errors import InputError
 from workbench.stage import stage
+
+FORBIDDEN = {"script", "style", "link", "iframe", "object", "embed", "base", "meta", "form"}
+ADDRESSES = {"src", "srcset", "href", "xlink:href", "data", "poster", "background", "action", "formaction", "ping"}
+WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
+CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
+
+
+class _Outside(HTMLParser):
+    """Collects what reaches outside."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in FORBIDDEN:
+            self.found.append(f"<{tag}>")
+        for name, value in attrs:
+            address = (value or "").strip()
+            elsewhere = name in ADDRESSES and not address.startswith(WITHIN)
+            fetches = name == "style" and any(call in address.lower() for call in CALLS)
+            if elsewhere or fetches or name.startswith("on") or name == "srcdoc":
+                self.found.append(f"<{tag} {name}={address[:40]!r}>")
+
+
+def outside(html: str) -> str:
+    """'' where the HTML needs nothing else, else the first thing that does."""
+    parser = _Outside()
+    parser.feed(html)
+    parser.close()
+    return parser.found[0] if parser.found else ""
 
 
 @stage("report.html")
@@ -34,7 +67,7 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
         ('report.html', b'<!doctype html>')
     """
     # jinja2 costs time to import: only where a page is made.
-    from workbench.report.contained import outside
+    from workbench.report.html import outside
     from workbench.report.page import page
 
     if not chapters:

@@ -3,17 +3,63 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
-from workbench.report.error_chain import Link, needs, thermal_mm
+from workbench.report.error_chain import Link, Need, needs, thermal_mm
+from workbench.report.template import render
 from workbench.result_files.links import tool_u, turntable_u
 from workbench.stage import InputFile, stage
 from workbench.strict_json import strict_json
 from workbench.units import DEG
+
+
+def sensitivity_html(links: Sequence[Link], blind: Sequence[Need], corrected: Sequence[Need]) -> tuple[str, str]:
+    """The chapter, and the loop in one line."""
+    ways = [("Milled without correction", blind), ("Corrected by a measured cut", corrected)]
+    tables = [
+        {
+            "title": f"{title}: {need.name}",
+            "unit": "mm" if need.unit == "mm" else "°",
+            "verdict": _verdict(need, links),
+            "rows": [_row(links[k], need, k) for k in sorted(range(len(need.u)), key=lambda k: -need.u[k])],
+        }
+        for title, needs in ways
+        for need in needs
+    ]
+    left = [(link.name, link.source, f"{link.left:.2f}", link.why_left) for link in links]
+    root = f"root face: U = {2 * blind[0].total:.2f} mm without correction, {2 * corrected[0].total:.2f} mm with it"
+    first = (
+        f"largest contribution: {links[blind[0].worst].name} without, {links[corrected[0].worst].name} with correction"
+    )
+    return render("sensitivity.html.j2", tables=tables, left=left), f"{root}; {first}"
+
+
+def _verdict(need: Need, links: Sequence[Link]) -> str:
+    holds = "is within" if need.holds else "exceeds"
+    said = f"U = 2 u = {2 * need.total:.3f} {need.unit} {holds} the tolerance of ± {need.half_width:g} {need.unit}"
+    first, allowed = links[need.worst].name, need.allowed(need.worst)
+    if need.holds:
+        return f"{said}. Largest contribution: {first}."
+    if allowed is None:
+        return f"{said}. Largest contribution: {first}; reducing it alone is not enough."
+    return f"{said}. Largest contribution: {first}; within the tolerance at u = {allowed:.3f} {need.unit}."
+
+
+def _row(link: Link, need: Need, k: int) -> tuple[str, ...]:
+    allowed = need.allowed(k)
+    return (
+        link.name,
+        f"{need.u[k]:.4f}",
+        f"{100 * need.share(k):.0f} %",
+        f"{2 * need.without(k):.3f}",
+        "–" if allowed is None else f"{allowed:.3f}",
+    )
+
 
 PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
 Length = Annotated[float, Field(ge=0, le=100)]
@@ -85,7 +131,7 @@ def sensitivity(
         >>> chapter.title, document.name
         ('Error budget of the milled bevel', 'sensitivity.json')
     """
-    from workbench.report.sensitivity_text import sensitivity_html
+    from workbench.report.sensitivity import sensitivity_html
 
     bevel, sine = toolpath.bevel_deg * DEG, math.sin(toolpath.bevel_deg * DEG)
     part_mm = toolpath.part.hand_eye_u_mm if hand_eye_mm is None else hand_eye_mm

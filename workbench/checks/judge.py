@@ -31,7 +31,7 @@ NOT_JUDGED = Check(
     None,
     True,
     "scan.fuse judges poses and profiles by each other",
-    "not judged: a cloud holds neither poses nor profiles; whoever made it answers for both",
+    "not judged: a cloud holds neither poses nor profiles; its maker answers for these and for points removed or moved",
 )
 STANDING_MM = 1e-6  # of way from frame to frame
 FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise

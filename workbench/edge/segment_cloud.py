@@ -35,6 +35,10 @@ from workbench.units import DEG, Bool, Float, Int
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
+OTHER_SOFTWARE = (
+    "What other software did to the cloud: points cut off or removed at the end of a face (crop, outlier removal), "
+    "moved (smoothing, averaging, interpolation, another scale) or merged from scans registered to each other."
+)
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
 NO_LINES = "its points stand on no scan lines: several passes, if they were merged, are known only where they disagree"
 SEVERAL = (
@@ -100,7 +104,8 @@ def segment_cloud(
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         recovered = replace(recovered, checks=(NOT_JUDGED,))
-        return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
+        raw = segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
+        return recovered, replace(raw, not_included=(*raw.not_included, OTHER_SOFTWARE))
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     cloud = replace(cloud, checks=(NOT_JUDGED,))
@@ -114,6 +119,7 @@ def segment_cloud(
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
+    edge = replace(edge, not_included=(*edge.not_included, OTHER_SOFTWARE))
     return cloud, edge if passes is None else _of_slices(edge, passes, robot_noise_mm)
 
 

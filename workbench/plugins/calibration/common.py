@@ -64,7 +64,7 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
     covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
     best = int(np.argmax(log + prior))
-    as_stated = log[total <= 0].max() if (total <= 0).any() else -np.inf
+    as_stated = max(likely.at(a, np.sqrt(1.0 - a**2))[0] for a in FINE[FINE < 1.0])
     fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
     return Settled(fit, likely.noise(FINE[best], own[best]), bool(total[best] > 0 and log[best] > as_stated + CERTAIN))
 

@@ -11,11 +11,12 @@ import numpy as np
 from workbench.api import DEG, Float, InputError, Int
 
 GROSS = 5.0  # standard deviations of a row, as the others say it lies: a blunder, by far
-MEDIAN = 1.54  # of the length of three standard normal numbers
+THREE_QUARTERS = 2.03  # quantile of the length of three standard normal numbers
 ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain may take
 MOST_GROSS = 0.25  # share of the rows; with more, nobody knows which are right
 LEAST_FREEDOM = 4  # to tell a blunder from noise
 NOISY = 2.0  # misfit that is told
+MOST_MISFIT = 100.0  # residuals of ten times the stated noise: no noise, and no robot that errs a little
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
 
 
@@ -50,6 +51,9 @@ def without_gross(
 ) -> tuple[F, Int, dict[int, str]]:
     """Leave out, one by one, the row that all others contradict most.
 
+    More noise than stated is no blunder, and neither is what the model does not hold (gears, gravity): a row must be
+    far off beside three quarters of *all* rows, those left out before counted as far off.
+
     Args:
         count: rows in all.
         solve: the fit of some rows (k,).
@@ -69,17 +73,26 @@ def without_gross(
     while True:
         found = solve(kept)
         worst = int(np.argmax(found.distance))
-        usual = max(1.0, float(np.median(found.distance)) / MEDIAN)  # more noise than stated is no blunder
+        all_ = np.concatenate([found.distance, np.full(len(left_out), np.inf)])
+        usual = max(1.0, float(np.quantile(all_, 1.0 - MOST_GROSS, method="lower")) / THREE_QUARTERS)
         if found.freedom < spare or found.distance[worst] <= GROSS * usual:
             return found, kept, left_out
         if len(left_out) + 1 > MOST_GROSS * count:
-            raise InputError(
-                where, f"the rows contradict each other: a misfit of {found.misfit:.0f} where 1 is usual; {ask}"
-            )
+            raise _contradictory(found, where, ask)
         row = int(kept[worst])
         kept = np.delete(kept, worst)
         line, away = lines[row], away_mm(solve(kept), row)
         left_out[line] = f"{row_name} {line} is left out: it lies {away:.2f} mm from where all other rows put it"
+
+
+def check_misfit(found: Found, where: str, ask: str) -> None:
+    """Refuse rows of which too many lie too far from what fits them best for any to be called a blunder."""
+    if found.freedom >= LEAST_FREEDOM and found.misfit > MOST_MISFIT:
+        raise _contradictory(found, where, ask)
+
+
+def _contradictory(found: Found, where: str, ask: str) -> InputError:
+    return InputError(where, f"the rows contradict each other: a misfit of {found.misfit:.0f} where 1 is usual; {ask}")
 
 
 def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, else_: str) -> tuple[bool, str]:

@@ -21,10 +21,11 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.calibration.blunders import enough, noisy, shared, studentised, without_gross
+from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, shared, studentised, without_gross
 from workbench.plugins.calibration.rows import POSE, Table, poses
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
+ASKED = "are poses the flange's, in mm, with the quaternion's w first?"
 LEAST_TOUCHES = 4
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 
@@ -121,8 +122,9 @@ def tcp(
         lambda fit, row: _away_mm(fit, every, row),
         every.lines,
         str(touches),
-        "are poses the flange's, in mm, with the quaternion's w first?",
+        ASKED,
     )
+    check_misfit(found, str(touches), ASKED)
     _check_reach(found, every.tool_names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
     _check_determined(found, every.tool_names, max_u_mm, str(touches), apart)

@@ -33,7 +33,7 @@ from workbench.plugins.calibration.arm_errors import (
     corrected,
     pose_derivatives,
 )
-from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
+from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.rows import JOINTS, POSE, Table, poses
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from workbench.api import Chain
 
 PLACE = ("tracker_x_mm", "tracker_y_mm", "tracker_z_mm")
+ORDERLY = "are they in mm, and in the order of the postures?"
 LEAST_POSTURES = 4
 STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
@@ -152,12 +153,13 @@ def tracker(
         lambda one, row: _away_mm(one, every, row, chain, arm),
         every.lines,
         where,
-        "are they in mm, and in the order of the postures?",
+        ORDERLY,
     )
     built = fit(kept, NO_ERRORS) if len(arm) else found
     rms = float(np.sqrt(np.mean(found.residual_mm**2)))
     if rms > MOST_MM:
         raise _no_such_robot(where, arm, rms)
+    check_misfit(found, where, ORDERLY)
     u = float(np.sqrt(np.mean(found.predicted_u_mm**2) + max(rms**2 - tracker_noise_mm**2, 0.0)))
     good, verdict = enough(
         u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works"

@@ -23,10 +23,19 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.calibration.blunders import LEAST_FREEDOM, enough, noisy, shared, studentised, without_gross
+from workbench.plugins.calibration.blunders import (
+    LEAST_FREEDOM,
+    check_misfit,
+    enough,
+    noisy,
+    shared,
+    studentised,
+    without_gross,
+)
 from workbench.plugins.calibration.rows import Table
 
 POINT = ("x_mm", "y_mm", "z_mm")
+ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
@@ -115,9 +124,10 @@ def turntable(
         lambda fit, row: _away_mm(fit, every, row),
         every.lines,
         str(marks),
-        "are they in mm, and is each marker the same point at all angles?",
+        ASKED,
         spare=LEAST_FREEDOM + 3,
     )
+    check_misfit(found, str(marks), ASKED)
     kept = every.only(rows)
     _check_angles(found, str(marks))
     apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")

@@ -20,6 +20,7 @@ from workbench.geometry.poses import (
     rotation_from_vector,
 )
 from workbench.path import check, correct, feed, layers
+from workbench.path.correct import _cut
 from workbench.path.poses import poses_of
 from workbench.units import DEG, Float
 
@@ -102,6 +103,12 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
     alone = check(replace(finishing, before=()), scan.edge, scan.cloud)  # nothing was milled before it
     assert not alone.passed
     assert "enters the stock" in alone.reason
+
+
+@pytest.mark.parametrize("moved_mm", [0.0, 0.2])
+def test_the_lower_edge_lies_where_the_path_left_it(scan: Raw, plan: Toolpath, moved_mm: float) -> None:
+    found = _cut(inspected(scan, FIRST_ROOT, moved_mm=moved_mm), plan, plan.layers[-1])
+    assert found.moved_mm.mean(axis=0) == pytest.approx([moved_mm * math.cos(BEVEL * DEG), 0.0], abs=0.01)
 
 
 @pytest.mark.parametrize("off_mm", [0.3, -0.2])

@@ -305,7 +305,7 @@ def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
     """Where the edge's own uncertainty is beyond the tolerance the cutter is lifted; a stretch of it is told."""
     scan = raw()
     at = scan.edge.arc_length_mm
-    for name, much in (("normal_u", np.radians(0.7)), ("tangent_u", np.radians(14.0))):
+    for name, much in (("normal_u", np.radians(0.7)), ("tangent_u", np.radians(11.0))):
         unknown = np.where((at > 25) & (at < 40), much, 0.0)
         path = layers(replace(scan.edge, **{name: unknown}), scan.cloud)
         final = path.layers[-1]

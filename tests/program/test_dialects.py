@@ -268,6 +268,7 @@ EDITS = {
         ("  10:", "  11:"),
         ("FINE", "CNT100"),
         ("L P[3]", "L P[900]"),
+        ("P[4]{", "P[3]{"),
         ("UTOOL_NUM=9", "UTOOL_NUM=2"),
         ("LINE_COUNT = ", "LINE_COUNT = 1"),
         ("CONFIG : 'N", "CONFIG : 'X"),

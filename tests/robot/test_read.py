@@ -369,3 +369,25 @@ def test_a_home_in_radians_is_refused(cell_file: Any) -> None:
         read_cell(cell_file(lambda tree: tree.update(process=home)))
     home["home"]["joints_deg"] = [0.0, -20.0, 30.0, 0.0, 45.0, 0.0]
     assert read_cell(cell_file(lambda tree: tree.update(process=home))).process is not None
+
+
+def test_links_without_bodies_are_named(cell_file: Any, tmp_path: Path) -> None:
+    text = (DATA / "irb6700_150_320.urdf").read_text()
+    start = text.index('<link name="link_3"')
+    end = text.index("</link>", start)
+    link = re.sub(r"<collision.*</collision>", "", text[start:end], flags=re.S)
+    (tmp_path / "bare.urdf").write_text(text[:start] + link + text[end:])
+    bare = read_cell(cell_file(lambda tree: tree["robot"].update(urdf=str(tmp_path / "bare.urdf"))))
+    assert any(said.startswith("collision of the robot's links 3: ") for said in bare.unchecked)
+
+
+def test_the_walls_of_the_envelope_leave_no_gap(cell_file: Any) -> None:
+    made = read_cell(cell_file())
+    walls = [shape for shape in made.shapes if shape.body == "envelope"]
+    low = np.array([min(w.pose[a, 3] - w.size_mm[a] / 2 for w in walls) for a in range(3)])
+    high = np.array([max(w.pose[a, 3] + w.size_mm[a] / 2 for w in walls) for a in range(3)])
+    points = np.random.default_rng(0).uniform(low, high, (20_000, 3))
+    inside = [np.all(np.abs(points - w.pose[:3, 3]) < np.array(w.size_mm) / 2, axis=1) for w in walls]
+    given = json.loads((DATA / "cell.json").read_text())["envelope"]
+    free = np.all((points > given["lowest_mm"]) & (points < given["highest_mm"]), axis=1)
+    assert np.array_equal(np.any(inside, axis=0), ~free)

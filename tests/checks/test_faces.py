@@ -16,7 +16,7 @@ from bench.odd_plates import Chain, compound, j_shape, ledge, odd_plate
 from bench.outside import Part, simulate
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
-from workbench.checks.faces import judge_faces
+from workbench.checks.faces import Shown, judge_faces, require_bevel
 from workbench.cloud import denoise
 from workbench.cloud import read as read_cloud
 from workbench.edge import segment, segment_cloud, segment_raw
@@ -35,6 +35,17 @@ REAL = Path(__file__).parents[3] / "shared" / "data"
 
 def inspected(recording: Recording) -> Gate:
     return gate(sections(segment(denoise(fuse(recording)))))
+
+
+def test_upper_surface_and_bevel_face_are_no_bevel_face_and_root_face() -> None:
+    """A view from above that does not show the root face: the angle tells, where no further surface does."""
+    cloud = denoise(fuse(good()))
+    edge = segment(cloud)
+    shown = Shown(0.0, 1.0, 1.0, False, False, 36.0, 55.0)
+    with pytest.raises(InputError, match=r"a bevel face of 54.0 deg would: is the root face in view"):
+        require_bevel(cloud, edge.labels, shown)
+    for known in (shown._replace(upper_seen=True), shown._replace(lower_seen=True), shown._replace(bevel_deg=46.0)):
+        assert all(check.passed for check in require_bevel(cloud, edge.labels, known))
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -16,6 +16,7 @@ from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.scan import fuse, read
+from workbench.scan.fuse import sparse_poses_u
 from workbench.units import Float
 
 
@@ -107,3 +108,31 @@ def test_the_sensors_scale_of_a_calibration_is_taken_out(recording: Recording, t
     cloud = fuse(recording, hand_eye=path)
     np.testing.assert_array_equal(cloud.x_mm, recording.x_mm[order])
     np.testing.assert_allclose(cloud.z_mm, 140 + (recording.z_mm[order] - 140) / 1.08, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording: Recording, seed: int) -> None:
+    """Errors of 0.03 mm and 0.02 deg in poses 5 mm apart; an arc that leaves the chord between them by 0.02 mm."""
+    rng, count = np.random.default_rng(seed), 200
+    along = 5.0 * np.arange(count)
+    line, radius = np.stack([along, 0 * along, 0 * along], axis=1), 5.0**2 / (8 * 0.02)
+    arc = radius * np.stack([np.sin(along / radius), np.cos(along / radius), 0 * along], axis=1)
+    still = Rotation.from_rotvec([0.3, 0.2, -0.5])
+
+    def sparse(way: Float, noise_mm: float, noise_deg: float) -> tuple[float, float]:
+        turns = Rotation.from_rotvec(np.radians(rng.normal(0.0, noise_deg, (count, 3)))) * still
+        return sparse_poses_u(
+            dataclasses.replace(
+                recording,
+                robot_position_mm=way + rng.normal(0.0, noise_mm, (count, 3)),
+                robot_quaternion_wxyz=turns.as_quat()[:, [3, 0, 1, 2]],
+                robot_time_s=along,
+                robot_pass=np.zeros(count, np.int64),
+            )
+        )
+
+    place, turn = sparse(line, 0.03, 0.02)
+    assert place == pytest.approx(0.03, rel=0.2)
+    assert np.degrees(turn) == pytest.approx(0.02, rel=0.2)
+    assert sparse(arc, 0.0, 0.0)[0] == pytest.approx(0.02 * np.sqrt(8 / 15) / np.sqrt(2), rel=0.1)
+    assert sparse(0.2 * line, 0.03, 0.02) == (0.0, 0.0)

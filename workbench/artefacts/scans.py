@@ -77,6 +77,7 @@ class Cloud:
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
     brightness: AnyArray | None = None  # (N, M) of the returns, as recorded
+    sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
 
     @property
     def points_mm(self) -> Float:

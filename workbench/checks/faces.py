@@ -37,38 +37,49 @@ AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
+class Shown(NamedTuple):
+    """What the view shows beside root face and bevel face themselves."""
+
+    two_plates_share: float  # of the profiles, that show a groove between two plates
+    root_seen_share: float  # of the frames with faces, in which the root face's own end is seen
+    root_over_nominal: float  # its width over its nominal size
+    upper_seen: bool  # the upper surface is in view, which tells the bevel face from it
+    lower_seen: bool  # likewise the lower surface
+    bevel_deg: float  # angle between the two faces
+    bevel_nominal_deg: float
+
+
 def require_bevel(
     cloud: Cloud,
     labels: AnyArray,
-    two_plates_share: float,
-    root_seen_share: float,
-    root_over_nominal: float,
-    upper_seen: bool,
+    shown: Shown,
     limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
     """As `judge_faces`, and two plates with a groove between them are no bevel, nor are faces that the view cuts off.
 
     Args:
         cloud, labels: see there.
-        two_plates_share: share of the profiles that show such a groove.
-        root_seen_share: share of the frames with faces in which the root face's own end is seen.
-        root_over_nominal: width of the root face over its nominal size.
-        upper_seen: the upper surface is in view, which tells the bevel face from it.
+        shown: what else the view shows.
         limits: limits to set by name.
 
     Raises:
         InputError: what was found is no bevel.
     """
-    told = f"the root face's lower end is in view in {100 * root_seen_share:.0f} % of the frames with faces only: does "
+    share, over = shown.root_seen_share, shown.root_over_nominal
+    told = f"the root face's lower end is in view in {100 * share:.0f} % of the frames with faces only: does "
     told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face?"
-    seen = check("root_seen_share", root_seen_share, told, given=limits)
-    told = (
-        f"what would be the root face is {root_over_nominal:.2g} times as wide as its nominal size: another face, or "
-    )
+    seen = check("root_seen_share", share, told, given=limits)
+    told = f"what would be the root face is {over:.2g} times as wide as its nominal size: another face, or "
     told += "another nominal size?"
-    narrowest, widest = least("root_over_nominal"), most("root_over_nominal") if upper_seen else WIDEST_UNTOLD
-    wide = check("root_over_nominal", root_over_nominal, told, given=limits, default=(narrowest, widest))
-    checks = (plates_check(two_plates_share, limits), seen, wide, *judge_faces(cloud, labels, limits))
+    narrowest, widest = least("root_over_nominal"), most("root_over_nominal") if shown.upper_seen else WIDEST_UNTOLD
+    wide = check("root_over_nominal", over, told, given=limits, default=(narrowest, widest))
+    told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
+    told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
+    told += "nominal angle the drawing's?"
+    beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
+    alone = not (shown.upper_seen or shown.lower_seen)
+    right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
+    checks = (plates_check(shown.two_plates_share, limits), seen, wide, right, *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 

@@ -182,6 +182,13 @@ LIMITS: dict[str, Limit] = {
         "the nominal size tells the faces apart; where upper surface and bevel face are all that the view shows, they "
         "look like a bevel face and a wide root face",
     ),
+    "complement_nearer_deg": Limit(
+        10.0,
+        "by how much nearer to the nominal bevel angle the complement of the measured one comes, where neither upper "
+        "nor lower surface is in view",
+        "upper surface and bevel face meet at that complement: where the root face is out of view, they look like "
+        "bevel face and root face; within 5 deg of its nominal angle a bevel stays below 5",
+    ),
     "face_bow": Limit(
         0.03,
         "bow of the root face or the bevel face over its width, where it is certain and, on faces from 1 mm on, more "

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
+from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
-from workbench.checks.faces import require_bevel, require_columns
+from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import (
@@ -43,6 +43,10 @@ LEDGE, EVEN_MM = 12.0, 0.003
 ROUNDED = (
     "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
+)
+TOLD_BY_NOMINAL = (
+    "That the faces are root face and bevel face, and not bevel face and upper surface: neither the upper nor the "
+    "lower surface is in view, so that their nominal sizes alone tell."
 )
 ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
@@ -94,11 +98,8 @@ def segment(
     given = checked_limits(limits, "edge.segment.limits")
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
-    root_seen_share = 1.0 - float(tracked.end_is_cut[tracked.seen].mean())
-    root_over_nominal = root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
-    upper_seen = bool((tracked.faces[UPPER_SURFACE].count[tracked.seen] > 2).mean() > 0.5)
-    shown = two_plates_share(cloud), root_seen_share, root_over_nominal, upper_seen
-    checks = (columns, *require_bevel(cloud, tracked.labels, *shown, given))
+    shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
+    checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
@@ -108,7 +109,25 @@ def segment(
         edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_u_mm(checks))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    return replace(edge, checks=(*edge.checks, *checks))
+    unseen = () if shown.upper_seen or shown.lower_seen else (TOLD_BY_NOMINAL,)
+    return replace(edge, checks=(*edge.checks, *checks), not_included=(*edge.not_included, *unseen))
+
+
+def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
+    """What the view shows beside both faces, to tell whether they are root face and bevel face."""
+    upper, lower = (
+        bool((tracked.faces[one].count[tracked.seen] > 2).mean() > 0.5) for one in (UPPER_SURFACE, LOWER_SURFACE)
+    )
+    root, bevel = (np.arctan(tracked.faces[one].sxz / tracked.faces[one].sxx) for one in (ROOT_FACE, BEVEL_FACE))
+    return Shown(
+        two_plates_share(cloud),
+        1.0 - float(tracked.end_is_cut[tracked.seen].mean()),
+        root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm,
+        upper,
+        lower,
+        float(np.nanmedian(np.abs(root - bevel))) / DEG,
+        bevel_nominal_deg,
+    )
 
 
 def root_width_mm(face: FaceLines) -> float:
@@ -143,7 +162,7 @@ def milled_edge(
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
     tangent, normal, across = section_axes(measured, at)
-    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud))
+    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud), cloud.sparse_poses_u[1])
     tangent_u = np.hypot(
         measured.curve.tangent_u(at + measured.shift),
         np.hypot(math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)), turned_u(measured, at)),

@@ -148,15 +148,18 @@ def _edge(
     )
     below = misfit_of(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, lower_s, at, whole=True)
     turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
+    sparse_mm, sparse_turn = cloud.sparse_poses_u
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
-    tangent_u = np.hypot(turning, doubtful)
+    tangent_u = np.hypot(turning, math.hypot(doubtful, sparse_turn))
     tilt_u = np.hypot(np.hypot(tilt_u, form.turn_u), np.abs(_between(measured.s_face, measured.run, at)) * tangent_u)
-    stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), measured.pose_u_mm), measured.lever_mm * tilt_u)
+    reach_mm = float(np.linalg.norm((origin.mean(axis=0) - cloud.base_from_profiler[:, :3, 3]).mean(axis=0)))
+    pose_u = math.hypot(measured.pose_u_mm, math.hypot(sparse_mm, sparse_turn * reach_mm))
+    stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), pose_u), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
     if measured.rough:  # its scatter hides the robot's
-        pose_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
-        stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), pose_u))
-    low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), measured.pose_u_mm))
+        hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
+        stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))
+    low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), pose_u))
     low_u = np.hypot(low_u, below.offset_u_mm)
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
     low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
@@ -181,7 +184,7 @@ def _edge(
         upper_position_mm=upper,
         upper_inward=inward,
         position_u_mm=np.hypot(np.stack([stand_u, low_u], axis=1), robot_drift_u_mm),
-        normal_u=np.hypot(tilt_u, turn),
+        normal_u=np.hypot(np.hypot(tilt_u, turn), sparse_turn),
         hand_eye_u_mm=shared,
         checks=cloud.checks,
         warnings=told,

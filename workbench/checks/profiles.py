@@ -16,6 +16,7 @@ from workbench.units import AnyArray, Bool, Float, Int
 FRAMES = (24, 400)  # least and most profiles of a pass that are looked at
 EVERY = 12  # frames between two of them, unless that gives too few or too many
 GRID = 256  # places across the view
+NOISY_STEPS = 5.0  # of the usual difference of neighbouring returns, that noise alone hardly makes
 JUMP_STEPS = 8.0  # slope beyond which two neighbouring returns are not one surface
 ROUNDS = 8  # of Gauss and Newton, at most
 SETTLED = (1e-4, 1e-4, 1e-6)  # mm, mm, rad: motions are then known better than noise lets them
@@ -118,7 +119,7 @@ def _chain(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Chain | None:
 @kernel
 def _on_grid(x: Float, z: Float, valid: Bool, at: Float, out: Float) -> None:
     """Fill out (k, m): z of k profiles at places (m,); NaN across gaps and jumps: neighbours there are no surface."""
-    u, w, step = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
+    u, w, step, climb = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
     for i in range(x.shape[0]):
         count = 0
         for j in range(x.shape[1]):
@@ -136,14 +137,15 @@ def _on_grid(x: Float, z: Float, valid: Bool, at: Float, out: Float) -> None:
                 k -= 1
             u[k], w[k] = one, other
         for j in range(1, count):
-            step[j - 1] = u[j] - u[j - 1]
+            step[j - 1], climb[j - 1] = u[j] - u[j - 1], abs(w[j] - w[j - 1])
         usual = median_of(step, count - 1)
+        noise = NOISY_STEPS * median_of(climb, count - 1)  # columns may stand closer together than returns scatter
         right = 1
         for m in range(at.size):
             while right < count - 1 and u[right] < at[m]:
                 right += 1
             wide, rise = u[right] - u[right - 1], w[right] - w[right - 1]
-            one_surface = wide <= 4.0 * usual + 1e-9 and abs(rise) <= JUMP_STEPS * max(wide, usual)
+            one_surface = wide <= 4.0 * usual + 1e-9 and abs(rise) <= max(JUMP_STEPS * max(wide, usual), noise)
             out[i, m] = np.nan
             if one_surface and u[0] <= at[m] <= u[count - 1]:
                 out[i, m] = w[right - 1] + (rise * (at[m] - u[right - 1]) / wide if wide > 0.0 else rise)

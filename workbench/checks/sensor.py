@@ -156,8 +156,9 @@ def _held_ends(z: Float, digit_mm: float) -> float:
 def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
     """Of the short gaps within steep faces in rows of ranges (n, M), the share that a filter has filled.
 
-    Beside each other on a steep face two ranges are equal where the second was held; noise makes them so in few of the
-    places that `chance` counts. A sensor that fills single losses so fills those beside a face's end too.
+    Beside each other on a steep face two ranges are equal where the second was held; noise makes them so in as few
+    places as normal noise would (`chance`), or as differ by one to four digits. A sensor that fills single losses so
+    fills those beside a face's end too.
     """
     if z.shape[1] < REACH or noise_mm <= 0.0:
         return 0.0
@@ -166,11 +167,13 @@ def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
     steep = (step > least) & (step < JUMP_MM)
     half = REACH // 2
     middle = z[:, half - 1 : -half], z[:, half : 1 - half]
-    row, first = np.nonzero(steep & (np.abs(middle[1] - middle[0]) < 0.5 * digit_mm))
+    apart = np.abs(middle[1] - middle[0])
+    row, first = np.nonzero(steep & (apart < 4.5 * digit_mm))
     near = z[row[:, None], first[:, None] + np.arange(REACH)]
-    held = int((np.abs(np.median(np.diff(near, axis=1), axis=1)) > least).sum())  # beside a stray the face is not steep
+    is_steep = np.abs(np.median(np.diff(near, axis=1), axis=1)) > least  # beside a stray the face is not
+    equal = apart[row, first] < 0.5 * digit_mm
     chance = digit_mm / (2.0 * np.sqrt(np.pi) * noise_mm) * np.exp(-((step[steep] / (2.0 * noise_mm)) ** 2)).sum()
-    surely = held - SURELY * float(chance)
+    surely = (is_steep & equal).sum() - SURELY * max(float(chance), (is_steep & ~equal).sum() / 8.0)
     lost = float((steep & (np.isnan(middle[0]) | np.isnan(middle[1]))).sum())
     return surely / (surely + lost) if surely >= LEAST_ENDS else 0.0
 
@@ -181,9 +184,11 @@ def _continued_share(z: Float, digit_mm: float) -> float:
     Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. How
     many noise puts there is told by their numbers one and two digits off: by their mean, where noise is wide, and by
     a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
-    of heavy tails is denser at its middle, is a filter's.
+    of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself.
     """
     found, spread = 0.0, _bends(z) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
+    if spread < digit_mm:
+        return 0.0
     for way in (z, z[:, ::-1]):
         for k in SLOPES if way is z else SLOPES[1:]:  # over one column both ways are the same
             # what is off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from workbench.artefacts import FORM, ROUNDING
+from workbench.cloud import denoise
+from workbench.edge import segment
 from workbench.edge.form import (
     ANYWHERE,
     INCIDENCES,
@@ -23,6 +27,8 @@ from workbench.edge.form import (
     _quarter_circle,
     scattered,
 )
+from workbench.scan import fuse
+from workbench.synthetic import random_recipe, simulate_recording
 from workbench.units import Float
 
 FRAMES, COLUMNS, SIGMA = 100, 45, 0.012
@@ -60,6 +66,19 @@ def test_noise_alone_is_no_form() -> None:
         off, place, column = residuals(np.zeros(120), 10.0 + np.linspace(0.0, 40.0, FRAMES), rng)
         found.append(max(_excess(off, place), _excess(off, column)))
     assert np.sqrt(np.median(found)) < 0.1 * SIGMA
+
+
+@pytest.mark.parametrize("every", [1, 12, 60])
+def test_a_pattern_shows_however_far_apart_the_frames_stand(every: int) -> None:
+    """Of 20 frames in 40 mm, or of as many as there are; and few frames do not tell that the edge is sharp."""
+    recording, _ = simulate_recording(random_recipe("straight", 3))
+    columns = np.arange(recording.z_mm.shape[1])
+    off = 0.02 * np.sin(columns / 4.0) + 0.02 * np.sin(columns / 9.0)
+    thin = {name: getattr(recording, name)[::every] for name in ("time_s", "x_mm", "pass_index")}
+    z = (recording.z_mm + off)[::every].astype(np.float32)
+    edge = segment(denoise(fuse(replace(recording, **thin, z_mm=z, intensity=None))))
+    assert np.degrees(np.median(edge.bevel.u_by_source[FORM])) > 0.1
+    assert len(z) >= 20 or np.median(edge.root.u_by_source[ROUNDING]) > 0.05
 
 
 def depths(radius: float, inclination: float, incidence: float, bow: float, rng: np.random.Generator) -> Float:

@@ -22,7 +22,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
 PLACES = 9  # on a face, from its upper to its lower end
-LEAST_FRAMES = 20  # in a stretch
+LEAST_FRAMES, FEW_FRAMES = 20, 3  # in a stretch, which is as long as it takes; with fewer in all nothing is known
 # A misfit of rms e that lasts, such as a sensor's own error over its columns, is taken for a random walk along the
 # face: of such, a straight line turns by sqrt(18) e over the face's width, and lies off at its ends by sqrt(2) e.
 TURN, OFFSET = 4.2, 1.4
@@ -140,7 +140,7 @@ def _left(
 ) -> tuple[Float, Float, float]:
     """What the line leaves beyond noise: mean square (m,) mm^2, at its ends by a bow (m,) mm; the face's width, mm."""
     frames = _sample(s_frames, face)
-    if frames.size < LEAST_FRAMES:
+    if frames.size < FEW_FRAMES:
         return np.zeros(at.size), np.zeros(at.size), 1.0
     slope = face.sxz[frames] / face.sxx[frames]
     lean = np.hypot(1.0, slope)
@@ -164,7 +164,9 @@ def _left(
     wide = max(1, round(float(np.median(on.sum(axis=1))) / PLACES))
     column = np.broadcast_to(column // wide, x.shape)
     s = s_frames[frames]
-    stretch = np.floor((s - s.min()) / (STRETCH_MM if together_mm == 0.0 else np.inf)).astype(np.int64)
+    enough_mm = 1.5 * LEAST_FRAMES * float(np.ptp(s)) / frames.size  # long edges and frames far apart
+    stretch_mm = max(STRETCH_MM, enough_mm) if together_mm == 0.0 else np.inf
+    stretch = np.floor((s - s.min()) / stretch_mm).astype(np.int64)
     unit = np.arange(s.size) if together_mm == 0.0 else np.floor((s - s.min()) / together_mm).astype(np.int64)
     value, ends, middle = [], [], []
     for k in np.unique(stretch):
@@ -275,7 +277,7 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     frames = _sample(np.where(here, 0.0, np.nan), face)
     is_narrow = frames.size < LEAST_FRAMES  # too few columns on the face: nothing is known of its end
     frames = np.flatnonzero(here & (face.sxx > 0.0)) if is_narrow else frames
-    if frames.size < LEAST_FRAMES:
+    if not frames.size:
         return NO_ROUNDING
     step = float(np.median(rim.step_mm[frames]))
     slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames])))

@@ -93,7 +93,7 @@ class Bins:
     variance: Float  # (b,) as the stated variances say
     group: Int  # (b,)
     kept: Bool  # (n,) False: outliers, and what was not finite
-    frame_factor: float
+    frame_factor: float  # NaN: most bins hold one value, and tell no scatter
     vector: bool = True  # of values (n, d)
 
 
@@ -223,6 +223,8 @@ def _fit(
     bins, between = _aligned(bins)
     noise_factor = _noise_factor(bins, stated, min(orders))
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
+    alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
+    frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
     weight = 1.0 / (bins.variance * noise_factor)
     knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
@@ -258,7 +260,7 @@ def _fit(
         value * raised,
         slope * raised,
         bins.kept,
-        bins.frame_factor,
+        frame_factor,
         noise_factor,
         misfit,
         evidence,
@@ -601,7 +603,7 @@ def _means(values: Values, kept: Bool) -> Bins:
     slope = (both[:-1] + both[1:]) / np.maximum(joined[:-1].astype(float) + joined[1:], 1.0)[:, None]
     free = max(float((count - 1).sum()), 0.0) * components
     scatter = _scatter(*known, as_input(of), as_input(place), as_input(mean), as_input(slope))
-    factor = scatter / free if free >= 10 else 1.0
+    factor = scatter / free if free >= 10 else math.nan
     all_kept = np.zeros(values.count, bool)
     all_kept[values.order] = kept
     group = values.group[values.edges[:-1]][full]
@@ -655,7 +657,8 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     for bends (order 2): these are no noise.
     """
     reach = order
-    known = max(1.0, bins.frame_factor) if stated else bins.frame_factor
+    factor = 1.0 if math.isnan(bins.frame_factor) else bins.frame_factor
+    known = max(1.0, factor) if stated else factor
     gap = np.diff(bins.s)
     widest = 2.5 * median(gap[gap > 0]) if (gap > 0).any() else 0.0
     parted = np.concatenate([[0], np.cumsum((np.diff(bins.group) != 0) | (gap <= 0) | (gap > widest))])

@@ -183,6 +183,15 @@ def test_any_path_comes_back(cells, case, bend, length, zone, turned, layers) ->
         assert move.zone_mm in (0.0, zone) or (controller == "ur" and move.zone_mm < zone)
 
 
+def test_a_position_of_a_fanuc_program_stands_once(made, cells) -> None:
+    moves, cell = made["m20ia"], cells["m20ia"]
+    written = files(moves, cell, "fanuc")
+    name, text = next((name, text) for name, text in written.items() if "P[3]{" in text)
+    first, last = text.index("P[3]{"), text.index("P[4]{")
+    with pytest.raises(InputError, match="expected a position that is not there yet"):
+        back(moves, cell, "fanuc", written | {name: text[:last] + text[first:last] + text[last:]})
+
+
 NAMED = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}
 
 
@@ -268,7 +277,6 @@ EDITS = {
         ("  10:", "  11:"),
         ("FINE", "CNT100"),
         ("L P[3]", "L P[900]"),
-        ("P[4]{", "P[3]{"),
         ("UTOOL_NUM=9", "UTOOL_NUM=2"),
         ("LINE_COUNT = ", "LINE_COUNT = 1"),
         ("CONFIG : 'N", "CONFIG : 'X"),

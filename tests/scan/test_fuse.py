@@ -136,3 +136,14 @@ def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording
     assert np.degrees(turn) == pytest.approx(0.02, rel=0.2)
     assert sparse(arc, 0.0, 0.0)[0] == pytest.approx(0.02 * np.sqrt(8 / 15) / np.sqrt(2), rel=0.1)
     assert sparse(0.2 * line, 0.03, 0.02) == (0.0, 0.0)
+    ring = (
+        Rotation.from_rotvec(np.outer(along / radius, [0.0, 0.0, -1.0])) * still
+    )  # the flange goes round with the arc
+    turned = dataclasses.replace(
+        recording,
+        robot_position_mm=arc,
+        robot_quaternion_wxyz=ring.as_quat()[:, [3, 0, 1, 2]],
+        robot_time_s=along,
+        robot_pass=np.zeros(count, np.int64),
+    )
+    assert sparse_poses_u(turned)[1] < 1e-9

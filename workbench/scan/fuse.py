@@ -101,7 +101,9 @@ def sparse_poses_u(recording: Recording) -> tuple[float, float]:
         if np.median(step) <= SPARSE_MM:
             continue
         way /= np.maximum(step, SPARSE_MM)
-        turned = vector_from_rotation(rotation_from_quaternion(quaternion) @ rotation_from_quaternion(quaternion[0]).T)
+        turns = rotation_from_quaternion(quaternion)
+        steps = vector_from_rotation(turns[1:] @ np.swapaxes(turns[:-1], 1, 2))
+        turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])  # of a ring more than half a turn
         place, turn = max(place, _between(position, way, 2)), max(turn, _between(turned, 0.0 * way, 3))
     return place, turn
 

@@ -14,7 +14,7 @@ from workbench.units import DEG, Float
 
 STEP_S = 0.04  # for the derivative of the poses: over less it is their noise
 DEGREE = 5  # of what the plate itself may do along the edge: a slow twist
-MOST_TURN = 8.0 * DEG  # from place to place: around a small ring chords stand for the edge, and their error sways too
+MOST_TURN = 5.0 * DEG  # from place to place: around a small ring chords stand for the edge, and their error sways too
 LEAST_RATE = 2.0 * DEG  # per second, of the turning that is not slow: with less 5 ms turn the section by 0.01 deg
 
 

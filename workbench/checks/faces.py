@@ -76,8 +76,9 @@ def require_bevel(
     told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
     told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
     told += "nominal angle the drawing's?"
-    beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     alone = not (shown.upper_seen or shown.lower_seen)
+    told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
+    beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
     checks = (plates_check(shown.two_plates_share, limits), seen, wide, right, *judge_faces(cloud, labels, limits))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")

@@ -275,7 +275,7 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
-    is_narrow = frames.size < LEAST_FRAMES  # too few columns on the face: nothing is known of its end
+    is_narrow = frames.size < LEAST_FRAMES  # too few frames, or columns on the face: nothing is known of its end
     frames = np.flatnonzero(here & (face.sxx > 0.0)) if is_narrow else frames
     if not frames.size:
         return NO_ROUNDING

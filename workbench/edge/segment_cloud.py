@@ -104,8 +104,7 @@ def segment_cloud(
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         recovered = replace(recovered, checks=(NOT_JUDGED,))
-        raw = segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
-        return recovered, replace(raw, not_included=(*raw.not_included, OTHER_SOFTWARE))
+        return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     cloud = replace(cloud, checks=(NOT_JUDGED,))

@@ -1,6 +1,6 @@
 """Programs for robot controllers: what a dialect must be able to write, and the one way from moves to a program.
 
-`program.write` has dialects of four makers; a plug-in adds another by the same door (`workbench.api`): a small class
+`program.write` has dialects of five makers; a plug-in adds another by the same door (`workbench.api`): a small class
 with these methods and a stage that calls `write_program`.
 """
 

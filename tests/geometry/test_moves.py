@@ -37,6 +37,22 @@ def test_a_line_is_one_move_however_uneven_its_points() -> None:
     assert np.isnan(via_turn).all()
 
 
+def test_a_line_along_which_the_tool_turns_holds_for_another_point_of_the_tool() -> None:
+    """The tip is moved straight from target to target: what lies a lever away leaves its line by the chord at most."""
+    s, lever = np.linspace(0, 300, 601), np.array([0.0, 8.0, 12.0])
+    turns = Rotation.from_rotvec(np.outer(s / 300 * 40 * DEG, [1.0, 0, 0]))
+    position = s[:, None] * [[1.0, 0, 0]]
+    quaternion = turns.as_quat(scalar_first=True)
+    assert merge(position, quaternion)[0].tolist() == [0, 600]
+    targets, circular, *_ = merge(position, quaternion, lever_mm=float(np.linalg.norm(lever)))
+    assert not circular.any()
+    assert 40 / 5.2 < len(targets) - 1 < 40 / 3.8
+    tip = position + turns.apply(lever)
+    driven = np.stack([np.interp(s, s[targets], tip[targets, c]) for c in range(3)], axis=1)
+    off = np.linalg.norm(driven - turns.apply(lever) - position, axis=1)
+    assert 0.008 < off.max() < 0.0101
+
+
 def test_an_arc_is_one_move_and_its_via_is_the_middle() -> None:
     """The tool turns with the tangent: slerp along the arc is then exact."""
     position, a = ring(300, 120)

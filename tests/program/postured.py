@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from workbench.artefacts import Layer, Moves, Postures, Toolpath
 from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
@@ -24,8 +24,12 @@ ROBOTS = {  # base frame, and a posture from which the arm can go some way, deg
     "irb6700": ("base_link", (10, 20, 10, 30, 50, -20)),
     "kr210": ("base_link", (15, -70, 95, -40, 60, 35)),
     "m20ia": ("base", (-20, 25, -15, 50, -70, 40)),
+    "gp25": ("base", (15, 20, -10, 40, -60, 30)),
     "ur10e": ("base", (10, -70, 100, -60, -80, 30)),
 }
+FILLED = (
+    "gp25",
+)  # whose controller moves the tip straight: travels then need points on their way, as the optimiser makes
 CUTTER = [[0, 0, 1, 260], [0, -1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]
 
 
@@ -49,7 +53,7 @@ def cell_of(robot: str, folder: Path, tool: str | None = None, place: str | None
 def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves:
     """A path laid into the robot's reach, with the posture of each of its points; `turned`: by the turntable, rad."""
     middle = np.array(ROBOTS[robot][1]) * np.pi / 180
-    path = mill_path(shape)
+    path = filled(mill_path(shape), 5.0) if robot in FILLED else mill_path(shape)
     flange_from_point = np.array(CUTTER, float)
     flange_from_point[:3, 3] += 5 * flange_from_point[:3, 0] - 10 * flange_from_point[:3, 2]
     points = _points(path)
@@ -84,6 +88,34 @@ def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves
         has_turntable=isinstance(cell.turntable, Turntable),
     )
     return simplify(path, made)
+
+
+def filled(path: Toolpath, step_mm: float) -> Toolpath:
+    """The path with points so near to each other along its travels, from the layer before to the layer behind."""
+    parts = [part for part in path.in_order if len(part.feed_mm_s)]
+    made = []
+    for travel in path.travels:
+        if not len(travel.feed_mm_s) or travel is parts[0] or travel is parts[-1]:
+            made.append(travel)
+            continue
+        i = next(i for i, part in enumerate(parts) if part is travel)
+        place = np.concatenate([parts[i - 1].position_mm[-1:], travel.position_mm, parts[i + 1].position_mm[:1]])
+        turn = np.concatenate(
+            [parts[i - 1].quaternion_wxyz[-1:], travel.quaternion_wxyz, parts[i + 1].quaternion_wxyz[:1]]
+        )
+        way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1)))
+        new = np.append(True, np.diff(way) > 1e-9)
+        place, turn, way = place[new], turn[new], way[new]
+        at = np.unique(np.concatenate([way[1:-1], np.arange(step_mm, way[-1], step_mm)]))
+        made.append(
+            replace(
+                travel,
+                position_mm=np.stack([np.interp(at, way, axis) for axis in place.T], axis=1),
+                quaternion_wxyz=Slerp(way, Rotation.from_quat(turn, scalar_first=True))(at).as_quat(scalar_first=True),
+                feed_mm_s=np.full(len(at), travel.feed_mm_s[0]),
+            )
+        )
+    return replace(path, travels=tuple(made))
 
 
 def moved(path: Toolpath, move: np.ndarray) -> Toolpath:

@@ -17,6 +17,8 @@ from workbench.dialect import ProgramJob, program_files
 from workbench.errors import InputError
 from workbench.program import write
 from workbench.program.fanuc import Fanuc
+from workbench.program.inform import Inform
+from workbench.program.inform_reader import Arm, inform_configuration
 from workbench.program.krl import Krl
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
@@ -27,16 +29,17 @@ from .conftest import passed, rejected
 from .paths import Shape
 from .postured import ROBOTS, cell_of, postured
 
-CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory", "irb6700"), ("kuka", "irb6700")]
-CASES += [("ur", "ur10e")]
-DIALECTS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "trajectory": Trajectory}
+CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory", "irb6700")]
+CASES += [("yaskawa", "gp25"), ("kuka", "irb6700"), ("ur", "ur10e")]
+DIALECTS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "yaskawa": Inform, "trajectory": Trajectory}
+TOOLS = {"gp25": "TOOL[3]"}  # a job for Yaskawa names the controller's
 BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(34, 44))
 
 
 @pytest.fixture(scope="session")
 def cells(tmp_path_factory) -> dict[str, Cell]:
     folder = tmp_path_factory.mktemp("cells")
-    return {robot: cell_of(robot, folder) for robot in ROBOTS}
+    return {robot: cell_of(robot, folder, TOOLS.get(robot)) for robot in ROBOTS}
 
 
 @pytest.fixture(scope="session")
@@ -68,6 +71,7 @@ def off(pose: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple
 def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: str) -> None:
     moves, cell = made[robot], cells[robot]
     program = back(moves, cell, controller, files(moves, cell, controller))
+    seen = job_of(moves, cell).moves
     first, *others = program.moves
     assert program.dialect == controller
     assert first.kind == "J"
@@ -76,12 +80,12 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
         return
     assert len(others) == len(moves.layer) - 1
     for i, move in enumerate(others, 1):
-        far, turned = off(move.pose, moves.position_mm[i], moves.quaternion_wxyz[i])
+        far, turned = off(move.pose, seen.position_mm[i], seen.quaternion_wxyz[i])
         assert far < 0.001
         assert turned < 0.002
         assert (move.kind == "C") == moves.circular[i]
         if move.kind == "C":
-            assert np.abs(move.via[:3, 3] - moves.via_position_mm[i]).max() < 0.001
+            assert np.abs(move.via[:3, 3] - seen.via_position_mm[i]).max() < 0.001
         assert 0.9 * moves.feed_mm_s[i] < move.feed_mm_s < 1.006 * moves.feed_mm_s[i]
         assert move.turntable == pytest.approx(0.0, abs=1e-9)
     assert others[-1].zone_mm == 0
@@ -97,7 +101,7 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
         assert declared.centre_of_gravity_mm == pytest.approx((1, 2, 150))
 
 
-@pytest.mark.parametrize(("controller", "robot"), CASES)
+@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] != "yaskawa"])
 def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: str, robot: str) -> None:
     """By forward kinematics, with the tool that the program says: nothing of the writer's own poses."""
     moves, cell = made[robot], cells[robot]
@@ -122,7 +126,7 @@ def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: st
         assert np.abs(stands[:3, 3] - move.pose[:3, 3]).max() < 0.001
 
 
-@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] in ("kuka", "fanuc")])
+@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] in ("kuka", "fanuc", "yaskawa")])
 def test_configurations_are_those_of_the_postures(made, cells, controller: str, robot: str) -> None:
     moves, cell = made[robot], cells[robot]
     dialect = DIALECTS[controller](job_of(moves, cell), cell)
@@ -168,17 +172,17 @@ def test_any_path_comes_back(cells, case, bend, length, zone, turned, layers) ->
     controller, robot = case
     cell = cells[robot]
     moves = postured(cell, robot, Shape(bend=bend, length_mm=length, layers=layers), turned)
-    if controller == "ur" and turned:
+    if controller in ("ur", "yaskawa") and turned:
         with pytest.raises(InputError, match="expected a turntable that stands: along this path it turns by 22"):
             files(moves, cell, controller, zone_mm=zone)
         return
     program = back(moves, cell, controller, files(moves, cell, controller, zone_mm=zone))
-    table = moves.postures.turntable[moves.point]
+    table, seen = moves.postures.turntable[moves.point], job_of(moves, cell).moves
     if controller == "trajectory":
         assert [m.turntable for m in program.moves][-1] == pytest.approx(turned, abs=1e-6)
         return
     for i, move in enumerate(program.moves[1:], 1):
-        assert np.abs(move.pose[:3, 3] - moves.position_mm[i]).max() < 0.001
+        assert np.abs(move.pose[:3, 3] - seen.position_mm[i]).max() < 0.001
         assert move.turntable == pytest.approx(table[i], abs=1e-5)
         assert move.zone_mm in (0.0, zone) or (controller == "ur" and move.zone_mm < zone)
 
@@ -192,10 +196,14 @@ def test_a_position_of_a_fanuc_program_stands_once(made, cells) -> None:
         back(moves, cell, "fanuc", written | {name: text[:last] + text[first:last] + text[last:]})
 
 
-NAMED = {"kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"), "fanuc": ("UTOOL[3]", "UFRAME[2]")}
+NAMED = {
+    "kuka": ("TOOL_DATA[3]", "BASE_DATA[2]"),
+    "fanuc": ("UTOOL[3]", "UFRAME[2]"),
+    "yaskawa": ("TOOL[3]", "USER[2]"),
+}
 
 
-@pytest.mark.parametrize(("controller", "robot"), [("kuka", "kr210"), ("fanuc", "m20ia")])
+@pytest.mark.parametrize(("controller", "robot"), [("kuka", "kr210"), ("fanuc", "m20ia"), ("yaskawa", "gp25")])
 def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, robot: str) -> None:
     """By their names: targets are then the cutter's tip's, in that frame."""
     tool, place = NAMED[controller]
@@ -206,12 +214,12 @@ def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, rob
     assert (program.moves[0].tool, program.moves[0].work_object) == (tool, place)
     assert program.tools[tool].flange_from_tool is None
     assert program.work_objects[place] is None
-    assert any(move.zone_mm == (2.5 if controller == "kuka" else 2.0) for move in program.moves)
+    assert any(move.zone_mm == (2.0 if controller == "fanuc" else 2.5) for move in program.moves)
     for i, move in enumerate(program.moves[1:], 1):
         tip = forward_kinematics(cell.chain, moves.postures.joints[moves.point[i]]) @ cell.flange_from_cutter
         assert np.abs(tip[:3, 3] - [900, 100, 50] - move.pose[:3, 3]).max() < 0.001
     other = cell_of(robot, tmp_path, "tMill", dialect=controller)
-    with pytest.raises(InputError, match=rf"expected {tool[:-3]}\[n\] for {controller.upper()}, found 'tMill'"):
+    with pytest.raises(InputError, match=rf"expected {tool[:-3]}\[n\] for (?i:{controller}), found 'tMill'"):
         files(moves, other, controller)
 
 
@@ -296,11 +304,30 @@ EDITS = {
         ("blocking=True", "blocking=False"),
         ("a=0.5, v=0.02", "a=0.5, v=-0.02"),
     ],
+    "yaskawa": [
+        ("C00003=", "C00004="),
+        ("MOVL C00004", "MOVL C09000"),
+        ("///NPOS ", "///NPOS 1"),
+        ("///RCONF 1", "///RCONF 2"),
+        ("///RECTAN", "///PULSE"),
+        ("///TOOL 3", "///TOOL tMill"),
+        ("SC,RW,RJ", "SC,RW"),
+        ("///FRAME ROBOT", "///FRAME USER 1"),
+        ("V=20.0 PL=0", "V=20.0 PL=3"),
+        ("V=20.0", "VE=20.0"),
+        ("VJ=20.00", "VJ=120.00"),
+        (" FPT", ""),
+        ("MOVC C00004", "MOVC C00003"),
+        ("MOVC C00005 V=1.0", "MOVC C00005 V=2.0"),
+        ("MOVJ", "MOVL"),
+        ("PAUSE", "RET"),
+        ("END", "RET"),
+    ],
     "trajectory": [("time_s,", "time,"), ("\n0.0,", "\n1.0,"), (",0\n", ",x\n")],
 }
 
 
-@pytest.mark.parametrize(("controller", "robot"), CASES[:4])
+@pytest.mark.parametrize(("controller", "robot"), CASES[:5])
 def test_what_is_no_such_program_is_refused_with_its_line(made, cells, controller: str, robot: str) -> None:
     moves, cell = made[robot], cells[robot]
     written = files(moves, cell, controller)
@@ -325,7 +352,7 @@ def test_blends_never_overlap_on_a_ur(made, cells) -> None:
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(data=st.data(), case=st.sampled_from(CASES[:4]))
+@given(data=st.data(), case=st.sampled_from(CASES[:5]))
 def test_damaged_programs_end_in_one_line(made, cells, data: Any, case: tuple[str, str]) -> None:
     """Any cut or changed character: the program as it was meant, or a refusal; never another exception."""
     controller, robot = case
@@ -346,12 +373,59 @@ def test_damaged_programs_end_in_one_line(made, cells, data: Any, case: tuple[st
 
 
 def test_without_a_turntable_no_external_axis_is_moved(tmp_path: Path) -> None:
-    for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "ur10e")):
-        cell = replace(cell_of(robot, tmp_path, dialect=controller), turntable=None)
+    for controller, robot in (("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "ur10e"), ("yaskawa", "gp25")):
+        cell = replace(cell_of(robot, tmp_path, TOOLS.get(robot), dialect=controller), turntable=None)
         moves = postured(cell, robot, Shape(length_mm=20))
         written = files(moves, cell, controller)
         assert {move.turntable for move in back(moves, cell, controller, written).moves} == {None}
-        assert not any("E1" in text or "GP2" in text or "popup" in text for text in written.values())
+        assert not any("E1" in text or "GP2" in text or "popup" in text or "MSG" in text for text in written.values())
+
+
+def test_yaskawa_says_the_configuration(cells) -> None:
+    """RCONF: flip 0, lower arm 1, rear 1; R, T, S beyond +-180 deg."""
+    chain = cells["gp25"].chain
+    assert inform_configuration(chain, np.radians([0, 0, 0, 0, -90, 0])) == (1, 0, 0, 0, 0, 0)
+    assert inform_configuration(chain, np.radians([0, 0, 0, 0, 90, 0])) == (0, 0, 0, 0, 0, 0)
+    assert inform_configuration(chain, np.radians([180, 60, 130, 185, -90, -200])) == (1, 1, 0, 1, 1, 0)
+    assert inform_configuration(chain, np.radians([-180, -100, 60, -180, -90, 180]))[2:] == (1, 1, 0, 1)
+
+
+def test_a_pose_and_its_configuration_are_one_posture(cells) -> None:
+    """All 2,000 random postures of which no joint is beyond 180 deg come back; beyond it, joint 6 has two."""
+    chain = cells["gp25"].chain
+    arm, rng = Arm(chain, cells["gp25"].flange_from_cutter, np.eye(4)), np.random.default_rng(7)
+    for _ in range(2000):
+        joints = rng.uniform(*np.clip(chain.limits, -3.1, 3.1).T)
+        found = arm.postures(arm.pose(forward_kinematics(chain, joints)), inform_configuration(chain, joints))
+        assert len(found) == 1
+        assert np.abs(found[0] - joints).max() < 1e-6
+    joints = np.radians([10, 20, -10, 30, -60, 200])
+    found = arm.postures(arm.pose(forward_kinematics(chain, joints)), inform_configuration(chain, joints))
+    assert len(found) == 1  # -160 deg is not beyond 180, and 200 - 720 deg is beyond the limits
+
+
+def test_another_configuration_is_another_posture(made, cells) -> None:
+    """The wrist flipped at the first target: the job says another program, and no path of these postures."""
+    moves, cell = made["gp25"], cells["gp25"]
+    written = files(moves, cell, "yaskawa")
+    flipped = {name: text.replace("///RCONF 1", "///RCONF 0") for name, text in written.items()}
+    first = back(moves, cell, "yaskawa", flipped).moves[0].joints
+    assert np.degrees(np.abs(first - moves.postures.joints[0])).max() > 50
+
+
+def test_a_job_for_yaskawa_names_its_tool(made, tmp_path: Path) -> None:
+    cell = cell_of("gp25", tmp_path, dialect="yaskawa")
+    with pytest.raises(
+        InputError, match=r"tool.controller_name: expected TOOL\[n\], the number of the tool as measured"
+    ):
+        files(made["gp25"], cell, "yaskawa")
+
+
+def test_a_feed_beyond_the_tag_is_refused(made, cells) -> None:
+    for feed in (0.05, 1600.0):
+        other = replace(made["gp25"], feed_mm_s=np.full(len(made["gp25"].layer), feed))
+        with pytest.raises(InputError, match=r"expected feeds of 0.1 to 1500 mm/s for Yaskawa, found"):
+            files(other, cells["gp25"], "yaskawa")
 
 
 def test_a_feed_too_small_for_tenths_is_refused(made, cells) -> None:

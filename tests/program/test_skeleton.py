@@ -216,11 +216,13 @@ def test_a_process_that_cannot_be_written_is_refused(tmp_path: Path, layers: Mov
         text(layers, cell_with(tmp_path, {**FULL, **change}))
 
 
-OTHERS = {"kuka": "kr210", "fanuc": "m20ia", "ur": "ur10e"}
+OTHERS = {"kuka": "kr210", "fanuc": "m20ia", "ur": "ur10e", "yaskawa": "gp25"}
+TOOLS = {"yaskawa": "TOOL[3]"}  # a job for Yaskawa names the controller's
 NAMES: dict[str, dict[str, Any]] = {  # signals as each maker names them
     "kuka": {"coolant_signal": "doCoolant", "spindle": {"on_signal": 5, "at_speed_signal": 6}},
     "fanuc": {"coolant_signal": 7, "spindle": {"on_signal": 5, "at_speed_signal": 6}},
     "ur": {"coolant_signal": 3, "spindle": {"on_signal": 5, "at_speed_signal": 6}},
+    "yaskawa": {"coolant_signal": 7, "spindle": {"on_signal": 5, "at_speed_signal": 6}},
 }
 
 
@@ -237,7 +239,7 @@ def other_cell(controller: str, folder: Path, **more: Any) -> Cell:
         **NAMES[controller],
         **more,
     }
-    cell_of(robot, folder, dialect=controller)
+    cell_of(robot, folder, TOOLS.get(controller), dialect=controller)
     file = folder / f"{robot}.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "process": process}))
     return read_cell(file)
@@ -272,6 +274,7 @@ def test_every_maker_says_it(other: tuple[str, Cell, Moves]) -> None:
     assert len(path) == len(moves.layer)
     assert max(move.feed_mm_s for move in path) <= 8
     tool = program.tools[path[0].tool].flange_from_tool
+    tool = cell.flange_from_cutter if tool is None else tool
     frame = program.work_objects[path[0].work_object]
     first = np.linalg.inv(frame) @ forward_kinematics(cell.chain, start.joints) @ tool
     assert first[:3, 3] == pytest.approx(path[0].pose[:3, 3] - 60 * path[0].pose[:3, 2], abs=0.05)
@@ -287,9 +290,10 @@ OUT = "set_standard_digital_out(5, {})"
 SPINDLE = {
     "kuka": ("$OUT[5]=TRUE", "$OUT[5]=FALSE", "WAIT FOR $IN[6]"),
     "fanuc": ("DO[5]=ON", "DO[5]=OFF", "WAIT DI[6]=ON"),
+    "yaskawa": ("DOUT OT#(5) ON", "DOUT OT#(5) OFF", "WAIT IN#(6)=ON"),
     "ur": (OUT.format(True), OUT.format(False), "get_standard_digital_in(6)"),
 }
-MOTION = ("LIN", "CIRC", "FINE", "movel", "movec")
+MOTION = ("LIN", "CIRC", "FINE", "movel", "movec", "MOVL", "MOVC")
 
 
 def test_what_is_changed_in_any_language_is_refused(other: tuple[str, Cell, Moves]) -> None:
@@ -317,13 +321,18 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
     dialect, files = files_of(controller, moves, cell)
     (name,) = [one for one in files if not one.endswith(".dat")]
     lines = files[name].splitlines()
-    i = next(n for n, line in enumerate(lines) if any(off in line for off in ("doCoolant=F", "DO[7]=OFF", "out(3, F")))
+    i = next(
+        n
+        for n, line in enumerate(lines)
+        if any(off in line for off in ("doCoolant=F", "DO[7]=OFF", "out(3, F", "(7) OFF"))
+    )
     i = next(n for n in range(i, 0, -1) if any(word in lines[n] for word in MOTION)) + 1
     before = lines[i - 1]
     lines[i - 1] = {
         "kuka": f"{before} C_DIS",
         "fanuc": before.replace("FINE", "CR3"),
         "ur": before.replace("r=0.000000", "r=0.000100"),
+        "yaskawa": before.replace("PL=0", "CR=1.0"),
     }[controller]
     assert lines[i - 1] != before
     with pytest.raises(InputError, match="expected a move that reaches its target before this statement"):
@@ -338,6 +347,8 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
         ("fanuc", {"coolant_signal": "doCoolant"}, "coolant_signal: expected one of a signal's numbers for FANUC"),
         ("ur", {"home": {"joints_deg": HOME, "controller_name": "jHome"}}, "controller_name: expected null for UR"),
         ("fanuc", {"home": {"joints_deg": HOME, "controller_name": "PR[99]"}}, "a position register PR"),
+        ("yaskawa", {"home": {"joints_deg": HOME, "controller_name": "PR[1]"}}, "a position variable, P000 to P99999"),
+        ("yaskawa", {"coolant_signal": "doCoolant"}, "expected one of a signal's numbers for Yaskawa"),
     ],
 )
 def test_what_a_maker_has_no_words_for_is_refused(tmp_path: Path, controller: str, change: Any, finding: str) -> None:
@@ -347,7 +358,7 @@ def test_what_a_maker_has_no_words_for_is_refused(tmp_path: Path, controller: st
         files_of(controller, moves, cell)
 
 
-@pytest.mark.parametrize(("controller", "name"), [("kuka", "XHOME"), ("fanuc", "PR[3]")])
+@pytest.mark.parametrize(("controller", "name"), [("kuka", "XHOME"), ("fanuc", "PR[3]"), ("yaskawa", "P010")])
 def test_home_that_the_controller_has(tmp_path: Path, controller: str, name: str) -> None:
     home = {"joints_deg": home_of(controller), "controller_name": name}
     cell = other_cell(controller, tmp_path, home=home)

@@ -9,7 +9,7 @@ from workbench.robot import Chain, forward_kinematics, inverse_kinematics
 from workbench.robot.sides import arm_sides, free_joint_3, level_joint_3
 
 
-@pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "puma", "ur10e"])
+@pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "gp25", "puma", "ur10e"])
 def test_each_branch_has_sides_of_its_own(arms: Any, name: str) -> None:
     chain: Chain = arms(name)
     count = 100 if name == "ur10e" else 2000

@@ -17,7 +17,7 @@ from workbench.robot import forward_kinematics, read_cell
 from workbench.robot.urdf import read_urdf
 
 URDFS = Path(__file__).parent / "urdf"
-ROBOTS = {"kr210": "base_link", "m20ia": "base", "ur10e": "base", "puma": "base_link"}
+ROBOTS = {"kr210": "base_link", "m20ia": "base", "gp25": "base", "ur10e": "base", "puma": "base_link"}
 
 
 def cell_with(folder: Path, urdf: str, text: str | None = None, **robot: Any) -> Path:

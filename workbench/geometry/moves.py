@@ -32,6 +32,7 @@ def merge_poses(
     angle: float,
     feed_share: Float,
     least_sweep: float,
+    lever_mm: float = 0.0,
 ) -> tuple[Int, Bool, Float, Float]:
     """The moves through n >= 2 poses: each reaches as far as it fits from where the one before it ended.
 
@@ -44,6 +45,8 @@ def merge_poses(
         angle: greatest angle of its orientation to the one that the controller has there.
         feed_share: (n,) share by which the fastest feed within a move that ends there may exceed the slowest.
         least_sweep: of an arc; what turns less stays straight. Infinite: no arcs.
+        lever_mm: from the poses' origin to another point of the tool, which a controller may move straight instead:
+            over a straight move that turns by t, the origin then leaves its line by lever t^2 / 8 at most.
 
     Returns:
         Indices of the targets (k,), the first is 0; whether each move is circular (k,); the middle of each arc, its
@@ -55,7 +58,9 @@ def merge_poses(
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))
     chord = 2.0 * math.sin(min(angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
     feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
-    targets, circular, via = _merge(p, q, feeds, stop, length, np.array([chord_mm, chord]), least_sweep)
+    most_turn = math.sqrt(8.0 * chord_mm / lever_mm) if lever_mm > 0 else math.inf
+    tolerances = np.array([chord_mm, chord, most_turn / 2.0])  # the last: between quaternions
+    targets, circular, via = _merge(p, q, feeds, stop, length, tolerances, least_sweep)
     via_turn = np.full((len(targets), 4), np.nan)
     start, end = targets[:-1][circular[1:]], targets[circular]
     via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
@@ -126,6 +131,8 @@ def _fits(
     for c in range(4):
         apart += (sign * q[j, c] - q[i, c]) ** 2
     turn = 2.0 * math.asin(min(1.0, math.sqrt(apart) / 2.0))  # between the quaternions: half the rotation's angle
+    if not arc and turn > tolerances[2]:
+        return False
     if sweep > 0.0:  # between two poses the path is their chord: the arc may not bulge from it farther
         for k in range(i, j):
             step = 0.0

@@ -26,6 +26,7 @@ from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float
 
+STANDS_DEG = 1e-4  # a turntable that moves by less stands
 Event = tuple[EventKind, str]  # what happens, and the name that it is about
 
 
@@ -189,6 +190,25 @@ def check_words(cell: Cell, process: ProcessPart, what: str, *, signals: str, un
             raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
     if process.mechanical_unit and not units:
         raise InputError(f"{where}.mechanical_unit", f"expected null for {what}: its programs activate no unit")
+
+
+def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
+    """Refuse a turntable that turns along the path, or stands elsewhere at home; `why` a program cannot drive it."""
+    table, process = job.turntable_deg, cell.process
+    if table is None:
+        return
+    span = float(np.ptp(table))
+    if span > STANDS_DEG:
+        raise InputError(
+            "program.write",
+            f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why} "
+            "(stiffness.posture: turntable_moves false)",
+        )
+    if process is not None and abs(process.home.turntable_deg - table[0]) > STANDS_DEG:
+        raise InputError(
+            f"{cell.source}: $.process.home.turntable_deg",
+            f"expected the angle at which the turntable stands along the path, {table[0]:.4f}",
+        )
 
 
 def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:

@@ -20,7 +20,15 @@ from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, vector_from_rotation
-from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
+from workbench.program.skeleton import (
+    Event,
+    Skeleton,
+    blends_of,
+    check_standing_turntable,
+    check_words,
+    limited,
+    skeleton_of,
+)
 from workbench.program.urscript_reader import read_urscript
 from workbench.robot.cell import Cell
 from workbench.units import DEG, Float
@@ -28,7 +36,6 @@ from workbench.units import DEG, Float
 ACCELERATION_M_S2 = 0.5  # of the tool
 JOINT_SPEED, JOINT_ACCELERATION = 0.35, 0.5  # rad/s, rad/s^2: on the way to the first posture
 SHARE = 0.45  # of a move's length that a blend may take at either end
-STANDS_DEG = 1e-4  # a turntable that moves by less stands
 
 
 @dataclass
@@ -40,14 +47,7 @@ class UrScript:
 
     def __post_init__(self) -> None:
         """Refuse what the controller cannot do."""
-        turned = self.job.turntable_deg
-        span = 0.0 if turned is None else float(np.ptp(turned))
-        if span > STANDS_DEG:
-            raise InputError(
-                "program.write",
-                f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and controllers of "
-                "Universal Robots drive no external axis (stiffness.posture: turntable_moves false)",
-            )
+        check_standing_turntable(self.job, self.cell, "controllers of Universal Robots drive no external axis")
         process = self.cell.process
         if process is None:
             return
@@ -56,11 +56,6 @@ class UrScript:
             where = f"{self.cell.source}: $.process.home.controller_name"
             raise InputError(
                 where, f"expected null for UR: programs say home themselves, found {process.home.controller_name!r}"
-            )
-        if turned is not None and abs(process.home.turntable_deg - turned[0]) > STANDS_DEG:
-            raise InputError(
-                f"{self.cell.source}: $.process.home.turntable_deg",
-                f"expected the angle at which the turntable stands along the path, {turned[0]:.4f}",
             )
 
     @functools.cached_property

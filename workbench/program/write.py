@@ -15,6 +15,7 @@ from workbench.dialect import Dialect, MillingTool, ProgramJob, place, released,
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.program.fanuc import Fanuc
+from workbench.program.inform import Inform
 from workbench.program.krl import Krl
 from workbench.program.names import program_name
 from workbench.program.rapid import Rapid
@@ -26,12 +27,13 @@ from workbench.robot.process import NO_PROCESS, not_seen
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
 
-Controller = Literal["abb", "kuka", "fanuc", "ur", "trajectory"]
+Controller = Literal["abb", "kuka", "fanuc", "ur", "yaskawa", "trajectory"]
 Name = Annotated[str, AfterValidator(free_name)]
 OTHERS: dict[str, Callable[[ProgramJob, Cell], Dialect]] = {
     "kuka": Krl,
     "fanuc": Fanuc,
     "ur": UrScript,
+    "yaskawa": Inform,
     "trajectory": Trajectory,
 }
 
@@ -45,7 +47,8 @@ def write(
     controller: Annotated[
         Controller | None,
         Field(
-            description="whose language: RAPID, KRL, FANUC's TP, URScript, or joint angles over time; null: the cell's"
+            description="whose language: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time; "
+            "null: the cell's"
         ),
     ] = None,
     name: Annotated[str, AfterValidator(program_name), Field(description="of the program and its files")] = "BevelPath",
@@ -56,13 +59,13 @@ def write(
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
-    `abb`: a RAPID module. `kuka`: KRL, `.src` and `.dat`. `fanuc`: TP as ASCII, `.ls`. `ur`: URScript. `trajectory`:
-    joint angles and external axis over time, as CSV and JSON. A program is written only where the pipeline knows the
-    robot's cell, for moves that rest on postures (`stiffness.posture`); it begins with a move of the axes to the first
-    one. Its files are read back by the dialect's own strict reader and driven through the cell, between all targets
-    (docs/programs.md). What fails leaves no program: the gate says line, place and what is wrong. What the cell file
-    does not state stands in the program's head as NOT CHECKED, and the exit status is 1. `program_check.json` tells
-    how near the program came to anything.
+    `abb`: a RAPID module. `kuka`: KRL, `.src` and `.dat`. `fanuc`: TP as ASCII, `.ls`. `ur`: URScript. `yaskawa`: an
+    INFORM job, `.JBI`. `trajectory`: joint angles and external axis over time, as CSV and JSON. A program is written
+    only where the pipeline knows the robot's cell, for moves that rest on postures (`stiffness.posture`); it begins
+    with a move of the axes to the first one. Its files are read back by the dialect's own strict reader and driven
+    through the cell, between all targets (docs/programs.md). What fails leaves no program: the gate says line, place
+    and what is wrong. What the cell file does not state stands in the program's head as NOT CHECKED, and the exit
+    status is 1. `program_check.json` tells how near the program came to anything.
 
     Tool and work object are those of the controller where the cell file names them: then the tool is the cutter's tip.
     Otherwise the program declares them: the tool centre point lies on the cutter's flank, a radius off its axis.
@@ -82,8 +85,8 @@ def write(
 
     Raises:
         InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that
-            leave the path farther than its check allows for; what the controller cannot do (URScript: a turntable
-            that turns).
+            leave the path farther than its check allows for; what the controller cannot do (URScript, INFORM: a
+            turntable that turns).
 
     Example:
         >>> from workbench import path, program, robot
@@ -108,7 +111,7 @@ def write(
         raise InputError(
             f"{cell.source}: $.controller",
             "expected the make of the robot's controller: abb, kuka, "
-            "fanuc, ur or trajectory (or the pipeline's input 'controller')",
+            "fanuc, ur, yaskawa or trajectory (or the pipeline's input 'controller')",
         )
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)

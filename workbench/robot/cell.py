@@ -50,9 +50,9 @@ class LoadingSetup:
 class Controller:
     """The robot's controller, as far as a program must know it."""
 
-    dialect: str  # abb, kuka, fanuc, ur or trajectory
+    dialect: str  # abb, kuka, fanuc, ur, yaskawa or trajectory
     level_joint_3: bool  # whether joint 3 counts against the ground (most of FANUC's)
-    corner_region: bool  # whether FANUC's termination CR (mm) is installed
+    corner_region: bool  # whether CR (mm) of FANUC or Yaskawa is installed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -212,18 +212,20 @@ class LoadingPart(_Part):
 class ControllerPart(_Part):
     """The robot's controller."""
 
-    dialect: Literal["abb", "kuka", "fanuc", "ur", "trajectory"] = Field(
-        description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, or a table of joint angles over time"
+    dialect: Literal["abb", "kuka", "fanuc", "ur", "yaskawa", "trajectory"] = Field(
+        description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time"
     )
     level_joint_3: bool | None = Field(
         default=None, description="joint 3 counts against the ground, not the upper arm; null: as FANUC's do"
     )
-    corner_region: bool = Field(default=False, description="FANUC: the termination CR in mm is installed")
+    corner_region: bool = Field(default=False, description="FANUC, Yaskawa: CR, corners in mm, is installed")
 
 
 Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]  # a name that a controller knows
-Place = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$")]  # likewise; PR[1] of FANUC
-Signal = Word | Annotated[int, Field(ge=0, le=9999)]  # by name (ABB, KUKA) or number (KUKA, FANUC, UR)
+Place = Annotated[
+    str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$")
+]  # likewise; PR[1] of FANUC, P010 of Yaskawa
+Signal = Word | Annotated[int, Field(ge=0, le=9999)]  # by name (ABB, KUKA) or number (KUKA, FANUC, UR, Yaskawa)
 Clear = Annotated[float, Field(gt=0, le=2000)]
 
 

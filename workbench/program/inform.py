@@ -1,0 +1,284 @@
+"""INFORM, Yaskawa's language, as a relative job (`.JBI`).
+
+(Yaskawa Motoman: NX100 and DX100 Instructions, Data Transmission Function, job data format; DX100 and YRC1000
+Instructions, INFORM Language.) Targets are X, Y, Z in mm and R = Rz(Rz) Ry(Ry) Rx(Rx) in deg, in the robot's frame or
+in a user frame that the controller has, for a tool that it has: a job declares none. RCONF says the arm's branch for
+every target: flip 0 or no flip 1, upper arm 0 or lower arm 1, front 0 or rear 1, then whether R, T and S (joints 4, 6
+and 1) are beyond +-180 deg. MOVJ goes to such a target too: pulses of the encoders, the other way to say a posture, are
+known to the controller alone. Speeds are mm/s in tenths, rounded down. A target is reached (PL=0), or rounded by CR in
+mm where the controller has that tag: the position levels 1 to 8 round by what no job says, so they are not used. The
+robot frame's origin is where axis 1 meets the height of axis 2: `base_frame` of the cell must be that.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import EventKind, ProgramMoves
+from workbench.dialect import ProgramJob
+from workbench.errors import InputError
+from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.program.fanuc import cut
+from workbench.program.inform_reader import Arm, inform_configuration, read_inform
+from workbench.program.krl import euler_deg
+from workbench.program.skeleton import (
+    Event,
+    Skeleton,
+    blends_of,
+    check_standing_turntable,
+    check_words,
+    limited,
+    skeleton_of,
+)
+from workbench.robot.cell import Cell
+from workbench.robot.kinematics import forward_kinematics
+from workbench.units import DEG, Float
+
+JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
+SLOWEST_MM_S, FASTEST_MM_S = 0.1, 1500.0  # of the tag V=
+LEAST_CORNER_MM = 1.0  # of the tag CR=
+MOST_POSITIONS = 9999  # of a job: their names have five digits, and a job has as many steps
+REMARK = 32  # characters of a comment and of MSG
+
+
+@dataclass
+class Inform:
+    """The dialect of Yaskawa's controllers."""
+
+    job: ProgramJob
+    cell: Cell
+
+    def __post_init__(self) -> None:
+        """Refuse what a job cannot say."""
+        feed = self.job.moves.feed_mm_s
+        if not SLOWEST_MM_S <= feed.min() <= feed.max() <= FASTEST_MM_S:
+            raise InputError(
+                "program.write",
+                f"expected feeds of {SLOWEST_MM_S:g} to {FASTEST_MM_S:g} mm/s for Yaskawa, found {feed.min():.3g} to "
+                f"{feed.max():.5g}",
+            )
+        check_standing_turntable(
+            self.job, self.cell, "jobs for Yaskawa's controllers are written for the robot's own axes only"
+        )
+        if self._count > MOST_POSITIONS:
+            raise InputError(
+                "program.write",
+                f"expected at most {MOST_POSITIONS} positions in a job for Yaskawa, found {self._count}: larger "
+                "tolerances of path.simplify make fewer",
+            )
+        process = self.cell.process
+        if process is None:
+            return
+        check_words(self.cell, process, "Yaskawa", signals="numbers")
+        home = process.home.controller_name
+        if home is not None and not re.fullmatch(r"P\d{3,5}", home):
+            where = f"{self.cell.source}: $.process.home.controller_name"
+            raise InputError(where, f"expected a position variable, P000 to P99999, for Yaskawa, found {home!r}")
+
+    @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling."""
+        return skeleton_of(self.job, self.cell)
+
+    @functools.cached_property
+    def tool(self) -> int:
+        """Number of the tool on the controller."""
+        if self.job.tool_name is None:
+            raise InputError(
+                f"{self.cell.source}: $.tool.controller_name",
+                "expected TOOL[n], the number of the tool as measured on Yaskawa's controller: its jobs declare none",
+            )
+        return self._number("TOOL", self.job.tool_name, "tool")
+
+    @functools.cached_property
+    def frame(self) -> int | None:
+        """Number of the user frame on the controller; None: the robot's own frame."""
+        name = self.job.work_object_name
+        return None if name is None else self._number("USER", name, "work_object")
+
+    def _number(self, what: str, name: str, part: str) -> int:
+        found = re.fullmatch(rf"{what}\[(\d{{1,2}})\]", name)
+        if found is None:
+            where = f"{self.cell.source}: $.{part}.controller_name"
+            raise InputError(where, f"expected {what}[n] for Yaskawa, found {name!r}")
+        return int(found[1])
+
+    @functools.cached_property
+    def arm(self) -> Arm:
+        """The robot with the controller's tool in the frame of the targets."""
+        base_from_frame = np.eye(4) if self.frame is None else self.cell.base_from_workobject
+        return Arm(self.cell.chain, self.cell.flange_from_cutter, base_from_frame)
+
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves: DOUT, WAIT, TIMER, PAUSE, a label, CALL.
+
+        The move before reaches its target, and WAIT waits without end. Feeds are limited where they are written.
+        """
+        words: dict[EventKind, list[str]] = {
+            "hook": [f"CALL JOB:{value.upper()}"],
+            "stop": ["PAUSE"],
+            "feed_limits": [],
+            "restart": [f"*{value.upper()}"],
+            "wait_speed": [f"WAIT IN#({value})=ON"],
+        }
+        if kind == "wait_time":
+            return [f"TIMER T={float(value):.2f}"]
+        switched = {"on": "ON", "off": "OFF"}.get(kind.rpartition("_")[2])
+        return [f"DOUT OT#({value}) {switched}"] if switched else words[kind]
+
+    def _said(self, events: Iterable[Event]) -> list[str]:
+        return [line for event in events for line in self.event(*event)]
+
+    @functools.cached_property
+    def ends(self) -> list[str]:
+        """All that stands behind the target of each move: speed, and how near it is reached."""
+        controller = self.cell.controller
+        corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
+        rounds = corner >= LEAST_CORNER_MM
+        feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, SLOWEST_MM_S)
+        blends = blends_of(self.job, self.skeleton)
+        arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
+        near = [
+            f"CR={corner:.1f}" if free and rounds and not arc else "PL=0"
+            for free, arc in zip(blends, arc_next, strict=True)
+        ]
+        return [f"V={feed:.1f} {end}" for feed, end in zip(feeds.tolist(), near, strict=True)]
+
+    def head(self) -> Iterator[str]:
+        """Remarks; where the turntable must stand."""
+        yield from (self.remark(remark) for remark in self.job.remarks)
+        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        if self.job.turntable_deg is not None:
+            yield from (f'MSG "TURNTABLE AT {self.job.turntable_deg[0] + 0.0:.4f} DEG?"', "PAUSE")
+
+    def start(self) -> Iterable[str]:
+        """By the joints to the first posture; with a process from home, and straight to the first target."""
+        start = f"MOVJ C00000 VJ={JOINT_PERCENT:.2f} PL=0"
+        if self.skeleton is None:
+            return [start]
+        return [self._home, start, *self._said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
+
+    @property
+    def _home(self) -> str:
+        assert self.skeleton is not None
+        place = self.skeleton.process.home.controller_name or self._around[0]
+        return f"MOVJ {place} VJ={JOINT_PERCENT:.2f} PL=0"
+
+    def _layer(self, i: int) -> list[str]:
+        """What stands before move i where a layer begins with it."""
+        return self._said(self.skeleton.layer(i)) if self.skeleton else []
+
+    def straight(self, i: int) -> Iterable[str]:
+        """MOVL."""
+        return [*self._layer(i), f"MOVL {self._name(i)} {self.ends[i]}"]
+
+    def circular(self, i: int) -> Iterable[str]:
+        """MOVC over the middle to the end, which FPT ends; the first of several says its start once more."""
+        said, (speed, near) = self._layer(i), self.ends[i].split(" ")
+        begins = not self.job.moves.circular[i - 1] or bool(said)
+        start = [f"MOVC {self._name(i - 1)} {speed} PL=0"] if begins else []
+        via = f"MOVC C{self.numbers[i] - 1:05d} {speed}"
+        return [*said, *start, via, f"MOVC {self._name(i)} {speed} {near} FPT"]
+
+    def remark(self, text: str) -> str:
+        """Up to the end of the line; a job takes 32 characters."""
+        return f"'{text}"
+
+    def foot(self) -> Iterable[str]:
+        """With a process back, and home; the end."""
+        skeleton = self.skeleton
+        if skeleton is None:
+            return ["END"]
+        retract = f"MOVL {self._around[2]} {self.ends[-1]}"
+        return [retract, *self._said(skeleton.off), self._home, *self._said(skeleton.last), "END"]
+
+    @functools.cached_property
+    def numbers(self) -> list[int]:
+        """Of each target's position, from 0; the middle of an arc has the one before."""
+        numbers: list[int] = (np.cumsum(1 + self.job.moves.circular.astype(int)) - 1).tolist()
+        return numbers
+
+    def _name(self, i: int) -> str:
+        """Of move i's target; the first is said twice with a process: the second time by a straight move."""
+        return self._around[1] if i == 0 and self.skeleton else f"C{self.numbers[i]:05d}"
+
+    @property
+    def _around(self) -> list[str]:
+        """Behind the targets: home, the first target, the retract."""
+        return [f"C{self.numbers[-1] + k:05d}" for k in (1, 2, 3)]
+
+    @property
+    def _count(self) -> int:
+        return self.numbers[-1] + 1 + (3 if self.cell.process else 0)
+
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """Turn it back."""
+        return read_inform(files, self.arm, self.cell.process)
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """RCONF of a posture (6,), rad: no flip, lower arm, rear, and whether R, T, S are beyond +-180 deg."""
+        return inform_configuration(cell.chain, joints)
+
+    def documents(self, text: str) -> dict[str, str]:
+        """Positions, then instructions."""
+        name = self.job.name.upper()
+        frame = "ROBOT" if self.frame is None else "USER"
+        user = [] if self.frame is None else [f"///USER {self.frame}"]
+        content = ["/JOB", f"//NAME {name}", "//POS", f"///NPOS {self._count},0,0,0,0,0", *user]
+        content += [f"///TOOL {self.tool}", f"///POSTYPE {frame}", "///RECTAN", *self._positions()]
+        place = "ROBOT" if self.frame is None else f"USER {self.frame}"
+        content += ["//INST", "///ATTR SC,RW,RJ", f"///FRAME {place}", "///GROUP1 RB1", "NOP"]
+        content += [piece for line in text.splitlines() for piece in _short(line)]
+        return {f"{name}.JBI": "\r\n".join([*content, ""])}
+
+    def _positions(self) -> Iterator[str]:
+        moves, skeleton = self.job.moves, self.skeleton
+        assert moves.joints_deg is not None
+        joints = moves.joints_deg * DEG
+        arcs = np.flatnonzero(moves.circular)
+        here = self._spelled(moves.position_mm, moves.quaternion_wxyz)
+        over = self._spelled(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
+        via = dict(zip(arcs.tolist(), over, strict=True))
+        said = [self.configuration(posture, self.cell) for posture in joints]
+        first = joints[0] if skeleton is None else skeleton.start_deg[0] * DEG
+        rows = [self._posture(first)]
+        for i in range(1, len(joints)):
+            rows += [(said[i], via[i])] if i in via else []
+            rows.append((said[i], here[i]))
+        if skeleton is not None:
+            back = self._spelled(*skeleton.retracted)[0]
+            rows += [self._posture(skeleton.home_deg[0] * DEG), (said[0], here[0])]
+            rows.append((self.configuration(skeleton.retract_joints, self.cell), back))
+        last: tuple[int, ...] = ()
+        for number, (configuration, values) in enumerate(rows):
+            if configuration != last:
+                yield "///RCONF " + ",".join(map(str, (*configuration, *[0] * 18)))
+            last = configuration
+            yield f"C{number:05d}={values}"
+
+    def _posture(self, joints: Float) -> tuple[tuple[int, ...], str]:
+        """RCONF and pose of joint angles (6,), rad."""
+        pose = self.arm.pose(forward_kinematics(self.cell.chain, joints))
+        return self.configuration(joints, self.cell), spelled(pose[None])[0]
+
+    def _spelled(self, position_mm: Float, quaternion_wxyz: Float) -> list[str]:
+        """Targets (k, 3), (k, 4) of the job's work object, in the frame of the positions."""
+        poses = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)
+        return spelled(poses if self.frame is not None else self.job.base_from_workobject @ poses)
+
+
+def spelled(poses: Float) -> list[str]:
+    """X, Y, Z, Rx, Ry, Rz of poses (k, 4, 4): 3 decimals of a mm, 4 of a degree."""
+    turned = euler_deg(quaternion_from_rotation(poses[:, :3, :3]))[:, ::-1]
+    rows = zip((np.round(poses[:, :3, 3], 3) + 0.0).tolist(), (np.round(turned, 4) + 0.0).tolist(), strict=True)
+    return [",".join([*(f"{x:.3f}" for x in place), *(f"{x:.4f}" for x in turn)]) for place, turn in rows]
+
+
+def _short(line: str) -> list[str]:
+    return [f"'{piece}" for piece in cut(line[1:], REMARK)] if line.startswith("'") else [line]

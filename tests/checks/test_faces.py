@@ -13,9 +13,11 @@ import pytest
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import Chain, compound, j_shape, ledge, odd_plate
-from bench.outside import Part, simulate
+from bench.outside import Part, Section, simulate
+from bench.outside import inspected as judged_inspection
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
+from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.faces import Shown, judge_faces, require_bevel
 from workbench.cloud import denoise
 from workbench.cloud import read as read_cloud
@@ -29,6 +31,7 @@ from workbench.synthetic.prism_conditions import random_prism_recipe
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
+from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 
@@ -235,3 +238,33 @@ def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
     of = Chain(1.5, 0.0, np.radians(35.0), 6.5, 0.0, None, ledge(0.1, 35.0, 5.0))
     with pytest.raises(InputError, match=r"stands out of them.*corner_stands_out_mm"):
         segment(denoise(fuse(simulate(0, False, of).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)
+
+
+@pytest.mark.parametrize(
+    ("seed", "land_mm", "bevel_deg"), [(3126, 0.043, 45.0), (3137, 0.035, 48.0), (3132, 0.063, 41.0)]
+)
+def test_a_ledge_narrower_than_a_column_is_in_the_uncertainty(seed: int, land_mm: float, bevel_deg: float) -> None:
+    """The root face is short by what it takes off, 0.03 to 0.09 mm (at 5 to 10 u before); a plain bevel has none."""
+    of = Chain(1.5, 0.0, bevel_deg * DEG, 7.5, 0.0, None, ledge(land_mm, bevel_deg, 6.0))
+    plain = Section(1.5, 0.0, bevel_deg * DEG, 7.5, 0.0, None)
+    found, without = (judged_inspection(simulate(seed, False, section)) for section in (of, plain))
+    error, u = found["root, mm"]
+    taken = land_mm / np.tan(bevel_deg * DEG)
+    assert np.median(error) == pytest.approx(-taken, rel=0.45)
+    assert (np.abs(error) / u).max() < 2.0
+    assert np.median(u) < 2.0 * taken
+    assert np.median(without["root, mm"][1]) < 0.5 * np.median(u)
+
+
+def test_a_corner_stands_out_by_what_a_ledge_does() -> None:
+    """None, and ledges of 0.03 and 0.06 mm: (11a) turns what they stand out into what they take off."""
+    close = {}
+    for land_mm in (0.0, 0.03, 0.06):
+        corners = ledge(land_mm, 40.0, 6.0) if land_mm else ((-6.0 * np.tan(40.0 * DEG), 6.0),)
+        of = Chain(1.5, 0.0, 40.0 * DEG, 7.5, 0.0, None, corners)
+        cloud = denoise(fuse(simulate(3002, False, of).recording))
+        (check,) = [one for one in segment(cloud, bevel_nominal_deg=40.0).checks if one.name == "close_stands_out_mm"]
+        close[land_mm] = float(ledge_takes_mm(check.value, np.array([40.0 * DEG]))[0])
+    assert close[0.0] < 0.002
+    for land_mm in (0.03, 0.06):
+        assert 0.6 < close[land_mm] / (land_mm / np.tan(40.0 * DEG)) < 1.1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.coverage.measure import measure
 from workbench.edge.raw_faces import not_in_front
 from workbench.units import Bool, Float
 
@@ -39,3 +40,11 @@ def test_a_few_stray_frames_behind_do_not_make_the_edge_a_clamp() -> None:
     height[200:203] = -4.0
     kept = frames(height)
     np.testing.assert_array_equal(kept, height == 0)
+
+
+def test_an_end_that_is_lost_up_to_a_clamp_is_uncertain_by_that() -> None:
+    """Three columns lost along the first half, and a clamp where that ends: 0.15 mm off at 7 u before."""
+    result = measure("swept_raw_mixed", 4_060_001, None)
+    error, u = np.array(result.error["across_mm"]), np.array(result.u["across_mm"])
+    assert np.nanmax(np.abs(error)) > 0.05
+    assert np.nanmax(np.abs(error) / u) < 2.0

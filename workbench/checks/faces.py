@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
+from workbench.checks.corners import StandsOut, stands_out
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.sensor import column_pitch_mm
@@ -31,7 +31,6 @@ COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate b
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 FEW = 8  # columns of that surface at least
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
-NEAR_CORNER_MM, LEAST_NEAR, LEAST_SCATTER_MM = 0.25, 3, 1e-4  # returns at a corner
 WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
 AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
@@ -142,7 +141,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     goes_on += (
         f"in {100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
     )
-    out = _stands_out(seen, bows.values())
+    corner = stands_out(cloud, labels, *NAMES)
+    out, close = beyond_bows(corner, bows.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
     widest = max(most("size_scatter"), blur)
@@ -153,21 +153,34 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
         check("hollow_share", hollow, groove, given=given),
         check("goes_on_share", on, goes_on, given=given),
         check("corner_stands_out_mm", out, ledge, given=given),
+        _ledge_check(close),
     )
 
 
-def corners_check(
+def _ledge_check(close_mm: float) -> Check:
+    """What a ledge too small to be told would take off the root face goes by this."""
+    told = f"returns close to the corner of root face and bevel face stand out of them by {close_mm:.2g} mm"
+    return Check("close_stands_out_mm", close_mm, None, True, "a ledge of that is in the uncertainty", told)
+
+
+def beyond_bows(corner: StandsOut, bows: Iterable[Bow]) -> tuple[float, float]:
+    """By how much a corner stands out of its faces, and close to it for certain, beyond what their bows explain, mm."""
+    bowed = AT_END * max(abs(one.mm) for one in bows)
+    return corner.corner_mm - bowed, max(corner.close_mm - corner.close_u_mm - bowed, 0.0)
+
+
+def corners_checks(
     cloud: Cloud, labels: AnyArray, pairs: Sequence[tuple[int, int]], limits: Mapping[str, Bound] | None = None
-) -> Check:
-    """The check that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
+) -> tuple[Check, Check]:
+    """The checks that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
     rows = _sample(labels, [label for pair in pairs for label in pair])
-    out = 0.0
+    out = close = 0.0
     for pair in pairs:
         bows = [bow_of(cloud, labels, rows, label) for label in pair]
-        seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i), pair)) is not None]
-        out = max(out, _stands_out(seen, bows))
+        here = beyond_bows(stands_out(cloud, labels, *pair), bows)
+        out, close = max(out, here[0]), max(close, here[1])
     told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
-    return check("corner_stands_out_mm", out, told, given=limits)
+    return check("corner_stands_out_mm", out, told, given=limits), _ledge_check(close)
 
 
 def bows_check(
@@ -210,18 +223,11 @@ def _sample(labels: AnyArray, faces: Sequence[int]) -> AnyArray:
     return found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
 
 
-def _stands_out(seen: Sequence[_Corner], bows: Iterable[Bow]) -> float:
-    """By how much a corner stands out of its faces beyond their bows, mm: the median of the frames."""
-    out = float(np.median([one.stands_out_mm for one in seen])) if len(seen) >= LEAST_FRAMES else 0.0
-    return out - AT_END * max(abs(one.mm) for one in bows)
-
-
 class _Corner(NamedTuple):
     """What one frame shows of root face and bevel face, which stand side by side."""
 
     turn: float  # from one face to the other, rad
     beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
-    stands_out_mm: float  # of both faces' lines, between them, beyond the noise
 
 
 def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float, str]:
@@ -372,54 +378,7 @@ def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAM
         beside[lower] = (at_first - before) * sense
     if after is not None:
         beside[upper] = (after - at_second) * sense
-    between = kept[(kept > first[len(first) // 2]) & (kept < second[len(second) // 2])]
-    lines = [_Line.through(x[own], z[own], at) for own, at in ((first, sign * at_first), (second, sign * at_second))]
-    return _Corner(abs(at_second - at_first), beside, _stands_out_mm(x[between], z[between], *lines))
-
-
-class _Line(NamedTuple):
-    """A face's line in a profile, x cos(at) + z sin(at) being the way along it."""
-
-    at: float  # rad
-    x_mm: float
-    z_mm: float
-    scatter_mm: float
-
-    @classmethod
-    def through(cls, x: Float, z: Float, at: float) -> _Line:
-        x0, z0 = median(x), median(z)
-        across = (z - z0) * math.cos(at) - (x - x0) * math.sin(at)
-        middle = median(across)
-        x0, z0 = x0 - middle * math.sin(at), z0 + middle * math.cos(at)
-        return cls(at, x0, z0, median(np.abs(across - middle)) / 0.6745)
-
-    def across(self, x: Float, z: Float) -> Float:
-        """Distance of points from the line, mm, counted along (-sin, cos)."""
-        return np.asarray((z - self.z_mm) * math.cos(self.at) - (x - self.x_mm) * math.sin(self.at))
-
-
-def _stands_out_mm(x: Float, z: Float, one: _Line, other: _Line) -> float:
-    """By how much returns at the crossing of two faces' lines stand out of both, mm: their mean.
-
-    The plate lies on that side of each line where the other face is. By noise alone the farther out of two returns at
-    a mean distance of 0 and -d is out by E max(0, X), X of mean -d and of both variances (Clark, Operations Research 9
-    (1961) 145).
-    """
-    turn = math.sin(other.at - one.at)
-    if abs(turn) < math.sin(ON) or len(x) < LEAST_NEAR:
-        return 0.0
-    far = ((other.z_mm - one.z_mm) * math.cos(other.at) - (other.x_mm - one.x_mm) * math.sin(other.at)) / -turn
-    corner = one.x_mm + far * math.cos(one.at), one.z_mm + far * math.sin(one.at)
-    away = np.hypot(x - corner[0], z - corner[1])
-    near = away < max(NEAR_CORNER_MM, np.sort(away)[LEAST_NEAR - 1])
-    x, z, noise = x[near], z[near], math.sqrt(2.0) * max(one.scatter_mm, other.scatter_mm, LEAST_SCATTER_MM)
-    out = []
-    for line, beside in ((one, other), (other, one)):
-        inwards = (beside.z_mm - line.z_mm) * math.cos(line.at) - (beside.x_mm - line.x_mm) * math.sin(line.at)
-        out.append(-math.copysign(1.0, inwards) * line.across(x, z))
-    behind = away[near] * abs(math.sin(turn)) / noise  # of the other line
-    by_noise = noise * (np.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi) - behind * scipy.special.ndtr(-behind))
-    return float(np.mean(np.maximum(*out) - by_noise))
+    return _Corner(abs(at_second - at_first), beside)
 
 
 def rising(x: Float) -> float:

@@ -230,7 +230,9 @@ LIMITS: dict[str, Limit] = {
         0.01,
         "how far returns within 0.25 mm of the corner of root face and bevel face stand out of both on average, beyond "
         "what noise and bow explain; median of the frames",
-        "good recordings have up to 0.007; a ledge of 0.1 mm, which takes 0.1 to 0.2 mm off the root face, 0.015",
+        "good recordings have less than 0.003; a ledge of 0.1 mm, which takes 0.1 to 0.2 mm off the root face, has up "
+        "to 0.02; "
+        "smaller ones are in the uncertainty",
     ),
     "end_face_lean_deg": Limit(
         25.0,

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
+from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
@@ -37,9 +38,6 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 STATION_MM = 1.0
 HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
-# Of what stands out of the corner, beyond EVEN_MM (99 of 100 good recordings have less), a ledge there takes so many
-# times as much off the root face: 0.1 to 0.2 mm of 0.015 (docs/coverage.md, odd plates).
-LEDGE, EVEN_MM = 12.0, 0.003
 ROUNDED = (
     "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
@@ -106,7 +104,7 @@ def segment(
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, tracked)
-        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_u_mm(checks))
+        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, close_stands_out_mm(checks))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     unseen = () if shown.upper_seen or shown.lower_seen else (TOLD_BY_NOMINAL,)
@@ -139,10 +137,9 @@ def root_width_mm(face: FaceLines) -> float:
     return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
-def ledge_u_mm(checks: Sequence[Check]) -> float:
-    """Standard uncertainty of a root face by what stands out of its corner with the bevel face, as checks say."""
-    out = next((check.value or 0.0 for check in checks if check.name == "corner_stands_out_mm"), 0.0)
-    return LEDGE * max(out - EVEN_MM, 0.0)
+def close_stands_out_mm(checks: Sequence[Check]) -> float:
+    """How far returns close to the corner of root face and bevel face stand out of them, as checks say."""
+    return next((check.value or 0.0 for check in checks if check.name == "close_stands_out_mm"), 0.0)
 
 
 def milled_edge(
@@ -152,9 +149,12 @@ def milled_edge(
     rounding: Rounding,
     robot_noise_mm: float,
     end_u_mm: float,
-    ledge_mm: float,
+    close_mm: float,
 ) -> MilledEdge:
-    """The edge at its stations, from the state that was measured; ledge_mm: u of its corner by what stands out."""
+    """The edge at its stations, from the state that was measured; close_mm: what stands out close to its corner.
+
+    A ledge that explains it is in the uncertainty, as a whole: a burr on the corner would take nothing off.
+    """
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
@@ -169,7 +169,7 @@ def milled_edge(
     )
     beta = corrected_angles(measured, at + measured.shift)[1]
     form = form_of(cloud, tracked, s_low, beta, at)
-    form = replace(form, corner_u_mm=np.hypot(form.corner_u_mm, ledge_mm))
+    form = replace(form, corner_u_mm=np.hypot(form.corner_u_mm, ledge_takes_mm(close_mm, beta)))
     hidden_mm = hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE])
     root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
     position -= rounding.beyond_mm * across

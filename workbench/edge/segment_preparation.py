@@ -25,7 +25,7 @@ from workbench.artefacts import (
     Quantity,
 )
 from workbench.checks import checked_limits
-from workbench.checks.faces import bows_check, corners_check, plates_check, require_columns
+from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
@@ -44,7 +44,7 @@ from workbench.edge.prepared_frames import (
     read_plates,
     straight_corners,
 )
-from workbench.edge.segment import ledge_u_mm, milled_edge, root_width_mm
+from workbench.edge.segment import close_stands_out_mm, milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
@@ -128,7 +128,9 @@ def segment_preparation(
         rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, frames.tracked)
-        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, ledge_u_mm(checks))
+        edge = milled_edge(
+            cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, close_stands_out_mm(checks)
+        )
         chain = _Chain(cloud, frames, measured, edge)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
@@ -185,7 +187,7 @@ def _checks(
         check("root_seen_share", seen, ends, given=given),
         check("root_over_nominal", wide, told, given=given),
         *bows_check(cloud, tracked.labels, frames.order[1:], straight_corners(frames), given),
-        corners_check(cloud, tracked.labels, convex_corners(frames), given),
+        *corners_checks(cloud, tracked.labels, convex_corners(frames), given),
     )
 
 

@@ -158,16 +158,32 @@ def changes(
         if not np.any(seen):
             return []
         value = np.interp(at, at[seen], value[seen])
-    slope = np.abs(np.gradient(value, at))
+    rate = np.gradient(value, at)
+    slope = np.abs(rate)
     steep = np.flatnonzero(slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope))))
+    out = _under_gaps(at, value, rate, np.broadcast_to(seen, at.shape), np.maximum(least, SUDDEN_SIGMAS * u))
     if not steep.size:
-        return []
-    out, rate = [], np.gradient(value, at)
+        return out
     for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
         first, last = int(max(run[0] - reach, 0)), int(min(run[-1] + reach, at.size - 1))
         beside = 0.5 * (rate[first] + rate[last]) * (at[first : last + 1] - at[first])
         change = float(min(np.ptp(value[first : last + 1] - beside), np.ptp(value[first : last + 1])))
         if change >= max(least, SUDDEN_SIGMAS * float(max(u[first], u[last]))):  # between them a course cannot follow
+            out.append((first, last, change))
+    return out
+
+
+def _under_gaps(at: Float, value: Float, rate: Float, seen: Bool, least: Float) -> list[tuple[int, int, float]]:
+    """The changes under gaps of what is `seen` (m,), by how far the slopes on both sides miss the other side."""
+    there = np.flatnonzero(seen)
+    out = []
+    for k in np.flatnonzero(np.diff(there) > 1):
+        first, last = int(there[k]), int(there[k + 1])
+        before, after = max(first - BESIDE, 0), min(last + BESIDE, at.size - 1)
+        way = at[last] - at[first]
+        missed = value[last] - value[first] - 0.5 * way * (rate[before] + rate[after])
+        change = float(min(abs(missed), abs(value[last] - value[first])))
+        if way > 2.0 * REACH_MM and change >= max(least[first], least[last]):
             out.append((first, last, change))
     return out
 

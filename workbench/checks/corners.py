@@ -1,0 +1,156 @@
+"""How far returns at the corner of two faces stand out of both: a ledge there, a burr, a further face, a nose."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.artefacts import Cloud
+from workbench.geometry.blocks import as_input
+from workbench.geometry.medians import median_of
+from workbench.kernels import kernel
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+
+FRAMES, LEAST_FRAMES = 480, 4  # evenly, with both faces
+LEAST_POINTS = 4  # of a face in a frame
+PARALLEL = math.sin(2.0 * DEG)  # faces that turn by less have no corner
+CORNER_MM, CLOSE_MM = 0.25, 0.12  # returns about it: what a check judges, and where a small ledge shows most
+LEAST_NEAR, LEAST_SCATTER_MM = 3, 1e-4
+ROUNDS, STRAY = 3, 4.0  # of each line's fit; times the median distance from it, beyond which a point is none of its
+ODD = 5.0  # robust standard deviations of frames that are left out of the mean
+
+
+class StandsOut(NamedTuple):
+    """How far the corner of two faces stands out of both, less what noise alone would show, mm."""
+
+    corner_mm: float  # returns within CORNER_MM; median of the frames
+    close_mm: float  # within CLOSE_MM; mean of the frames
+    close_u_mm: float  # of this mean
+
+
+NOTHING = StandsOut(0.0, 0.0, 0.0)
+
+
+def ledge_takes_mm(close_mm: float, bevel: Float) -> Float:
+    """What a ledge above the root face takes off it, by what it stands out of the corner within CLOSE_MM on average.
+
+    docs/method.md, (11a); bevel: angles (m,), rad.
+
+    Example:
+        >>> [round(float(mm), 3) for mm in ledge_takes_mm(0.009, np.radians([30.0, 40.0, 50.0]))]
+        [0.074, 0.06, 0.051]
+    """
+    width = np.sqrt(4.0 * CLOSE_MM * max(close_mm, 0.0) / (np.cos(bevel) * (1.0 + 1.0 / np.tan(bevel))))
+    return np.asarray(width / np.tan(bevel))
+
+
+def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOut:
+    """How far the corner of the faces with two labels (N, M) stands out of them; nothing where too few frames show it.
+
+    From the first face to the second a profile turns one way, round the plate.
+    """
+    both = np.flatnonzero((labels == one).any(axis=1) & (labels == other).any(axis=1))
+    if not len(both):
+        return NOTHING
+    rows = both[np.unique(np.linspace(0, len(both) - 1, FRAMES).astype(np.int64))]
+    out = np.full((len(rows), 2), np.nan)
+    x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
+    _stands_out(x, z, keep, as_input(labels), rows, one, other, out)
+    out = out[np.isfinite(out).all(axis=1)]
+    if len(out) < LEAST_FRAMES:
+        return NOTHING
+    corner, close = np.median(out, axis=0)
+    spread = float(np.median(np.abs(out[:, 1] - close))) / 0.6745
+    kept = out[np.abs(out[:, 1] - close) <= ODD * spread, 1]
+    return StandsOut(float(corner), float(kept.mean()), float(kept.std() / math.sqrt(len(kept))))
+
+
+@kernel
+def _stands_out(
+    x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, one: int, other: int, out: Float
+) -> None:
+    """Fill in for each of some frames by how much the returns about the corner stand out on average (n, 2), mm."""
+    columns = x.shape[1]
+    places = np.empty((2, columns), np.int64)
+    off, away, farther = np.empty(columns), np.empty(columns), np.empty(columns)
+    lines = np.empty((2, 4))
+    for n in range(len(rows)):
+        i = rows[n]
+        counts = np.zeros(2, np.int64)
+        for j in range(columns):
+            for face in range(2):
+                if keep[i, j] and labels[i, j] == (one if face == 0 else other):
+                    places[face, counts[face]] = j
+                    counts[face] += 1
+        if min(counts) < LEAST_POINTS:
+            continue
+        for face in range(2):
+            _line(x[i], z[i], places[face, : counts[face]], off, lines[face])
+        turn = math.sin(lines[1, 2] - lines[0, 2])
+        if abs(turn) < PARALLEL:
+            continue
+        ahead = _across(lines[1], lines[0, 0], lines[0, 1]) / -math.sin(lines[0, 2] - lines[1, 2])
+        corner_x = lines[0, 0] + ahead * math.cos(lines[0, 2])
+        corner_z = lines[0, 1] + ahead * math.sin(lines[0, 2])
+        noise = math.sqrt(2.0) * max(lines[0, 3], lines[1, 3], LEAST_SCATTER_MM)
+        middle = places[0, counts[0] // 2], places[1, counts[1] // 2]
+        size = 0
+        for j in range(min(middle) + 1, max(middle)):
+            if not keep[i, j]:
+                continue
+            away[size] = math.hypot(x[i, j] - corner_x, z[i, j] - corner_z)
+            farther[size] = -np.inf
+            for face in range(2):
+                inwards = _across(lines[face], lines[1 - face, 0], lines[1 - face, 1])
+                farther[size] = max(
+                    farther[size], -math.copysign(1.0, inwards) * _across(lines[face], x[i, j], z[i, j])
+                )
+            # By noise alone the farther out of two returns at a mean distance of 0 and -d is out by E max(0, X), X of
+            # mean -d and of both variances (Clark, Operations Research 9 (1961) 145).
+            behind = away[size] * abs(turn) / noise
+            density = math.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi)
+            farther[size] -= noise * (density - behind * 0.5 * math.erfc(behind / math.sqrt(2.0)))
+            size += 1
+        if size < LEAST_NEAR:
+            continue
+        for k in range(size):
+            off[k] = away[k]
+        off[:size].sort()
+        for k in range(2):
+            reach = max((CORNER_MM, CLOSE_MM)[k], off[LEAST_NEAR - 1])
+            total, count = 0.0, 0
+            for m in range(size):
+                if away[m] <= reach:
+                    total, count = total + farther[m], count + 1
+            out[n, k] = total / count
+
+
+@kernel
+def _across(line: Float, x: float, z: float) -> float:
+    """Distance of a point from a line (x, z of a point on it, its direction, scatter), counted along (-sin, cos)."""
+    return float((z - line[1]) * math.cos(line[2]) - (x - line[0]) * math.sin(line[2]))
+
+
+@kernel
+def _line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> None:
+    """Fill in the line through the columns `on` of a profile, strays left out: a point on it, direction, scatter."""
+    limit = np.inf
+    for _ in range(ROUNDS):
+        count, x0, z0 = 0, 0.0, 0.0
+        for k in range(len(on)):
+            if limit == np.inf or off[k] <= limit:
+                count, x0, z0 = count + 1, x0 + x[on[k]], z0 + z[on[k]]
+        x0, z0 = x0 / count, z0 / count
+        xx, xz, zz = 0.0, 0.0, 0.0
+        for k in range(len(on)):
+            if limit == np.inf or off[k] <= limit:
+                a, b = x[on[k]] - x0, z[on[k]] - z0
+                xx, xz, zz = xx + a * a, xz + a * b, zz + b * b
+        line[0], line[1], line[2] = x0, z0, 0.5 * math.atan2(2.0 * xz, xx - zz)
+        for k in range(len(on)):
+            off[k] = abs(_across(line, x[on[k]], z[on[k]]))
+        middle = median_of(off[: len(on)].copy(), len(on))
+        limit = STRAY * middle + 1e-9
+    line[3] = middle / 0.6745

@@ -13,11 +13,11 @@ from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
-FRAMES, LEAST_FRAMES = 480, 4  # evenly, with both faces
+FRAMES, LEAST_FRAMES = 240, 4  # evenly, with both faces
 LEAST_POINTS = 4  # of a face in a frame
 PARALLEL = math.sin(2.0 * DEG)  # faces that turn by less have no corner
 CORNER_MM, CLOSE_MM = 0.25, 0.12  # returns about it: what a check judges, and where a small ledge shows most
-LEAST_NEAR, LEAST_SCATTER_MM = 3, 1e-4
+LEAST_SCATTER_MM = 1e-4
 ROUNDS, STRAY = 3, 4.0  # of each line's fit; times the median distance from it, beyond which a point is none of its
 ODD = 5.0  # robust standard deviations of frames that are left out of the mean
 
@@ -73,64 +73,99 @@ def _stands_out(
 ) -> None:
     """Fill in for each of some frames by how much the returns about the corner stand out on average (n, 2), mm."""
     columns = x.shape[1]
-    places = np.empty((2, columns), np.int64)
-    off, away, farther = np.empty(columns), np.empty(columns), np.empty(columns)
-    lines = np.empty((2, 4))
+    on, lines = np.empty((2, columns), np.int64), np.empty((2, 5))
+    off, away = np.empty(columns), np.empty(columns)
     for n in range(len(rows)):
         i = rows[n]
-        counts = np.zeros(2, np.int64)
-        for j in range(columns):
-            for face in range(2):
-                if keep[i, j] and labels[i, j] == (one if face == 0 else other):
-                    places[face, counts[face]] = j
-                    counts[face] += 1
-        if min(counts) < LEAST_POINTS:
+        first, second = _on(keep[i], labels[i], one, on[0]), _on(keep[i], labels[i], other, on[1])
+        if min(first, second) < LEAST_POINTS:
             continue
-        for face in range(2):
-            _line(x[i], z[i], places[face, : counts[face]], off, lines[face])
-        turn = math.sin(lines[1, 2] - lines[0, 2])
-        if abs(turn) < PARALLEL:
+        _line(x[i], z[i], on[0, :first], off, lines[0])
+        _line(x[i], z[i], on[1, :second], off, lines[1])
+        if abs(_sine(lines)) < PARALLEL:
             continue
-        ahead = _across(lines[1], lines[0, 0], lines[0, 1]) / -math.sin(lines[0, 2] - lines[1, 2])
-        corner_x = lines[0, 0] + ahead * math.cos(lines[0, 2])
-        corner_z = lines[0, 1] + ahead * math.sin(lines[0, 2])
-        noise = math.sqrt(2.0) * max(lines[0, 3], lines[1, 3], LEAST_SCATTER_MM)
-        middle = places[0, counts[0] // 2], places[1, counts[1] // 2]
-        size = 0
-        for j in range(min(middle) + 1, max(middle)):
-            if not keep[i, j]:
-                continue
-            away[size] = math.hypot(x[i, j] - corner_x, z[i, j] - corner_z)
-            farther[size] = -np.inf
-            for face in range(2):
-                inwards = _across(lines[face], lines[1 - face, 0], lines[1 - face, 1])
-                farther[size] = max(
-                    farther[size], -math.copysign(1.0, inwards) * _across(lines[face], x[i, j], z[i, j])
-                )
-            # By noise alone the farther out of two returns at a mean distance of 0 and -d is out by E max(0, X), X of
-            # mean -d and of both variances (Clark, Operations Research 9 (1961) 145).
-            behind = away[size] * abs(turn) / noise
-            density = math.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi)
-            farther[size] -= noise * (density - behind * 0.5 * math.erfc(behind / math.sqrt(2.0)))
+        corner = _crossing(lines)
+        middle = on[0, first // 2], on[1, second // 2]
+        size, third = _away(x[i], z[i], keep[i], min(middle) + 1, max(middle), corner, away, on[0])
+        if size >= 3:
+            for k in range(2):
+                reach = max((CORNER_MM, CLOSE_MM)[k], third)
+                out[n, k] = _mean_out(x[i], z[i], on[0, :size], away, reach, lines)
+
+
+@kernel
+def _on(keep: Bool, labels: AnyArray, label: int, on: Int) -> int:
+    """Fill in the columns of a frame that are kept and have a label; how many."""
+    count = 0
+    for j in range(len(labels)):
+        if keep[j] and labels[j] == label:
+            on[count] = j
+            count += 1
+    return count
+
+
+@kernel
+def _crossing(lines: Float) -> tuple[float, float]:
+    """Where two lines meet, x and z."""
+    ahead = _across(lines[1], lines[0, 0], lines[0, 1]) / _sine(lines)
+    return lines[0, 0] + ahead * lines[0, 2], lines[0, 1] + ahead * lines[0, 3]
+
+
+@kernel
+def _away(
+    x: Float32, z: Float32, keep: Bool, start: int, stop: int, corner: tuple[float, float], away: Float, at: Int
+) -> tuple[int, float]:
+    """Fill in how far the returns of some columns lie from a corner, and their columns; how many, the third nearest."""
+    size, first, second, third = 0, np.inf, np.inf, np.inf
+    for j in range(start, stop):
+        if keep[j]:
+            away[size], at[size] = math.sqrt((x[j] - corner[0]) ** 2 + (z[j] - corner[1]) ** 2), j
+            if away[size] < first:
+                first, second, third = away[size], first, second
+            elif away[size] < second:
+                second, third = away[size], second
+            elif away[size] < third:
+                third = away[size]
             size += 1
-        if size < LEAST_NEAR:
-            continue
-        for k in range(size):
-            off[k] = away[k]
-        off[:size].sort()
-        for k in range(2):
-            reach = max((CORNER_MM, CLOSE_MM)[k], off[LEAST_NEAR - 1])
-            total, count = 0.0, 0
-            for m in range(size):
-                if away[m] <= reach:
-                    total, count = total + farther[m], count + 1
-            out[n, k] = total / count
+    return size, third
+
+
+@kernel
+def _mean_out(x: Float32, z: Float32, at: Int, away: Float, reach_mm: float, lines: Float) -> float:
+    """How far returns within reach of the crossing of two lines stand out of the farther one on average, less noise.
+
+    The plate lies on that side of each line where the other face is. By noise alone the farther out of two returns at a
+    mean distance of 0 and -d is out by E max(0, X), X of mean -d and of both variances (Clark, Operations Research 9
+    (1961) 145).
+    """
+    sine = abs(_sine(lines))
+    outwards = (
+        -math.copysign(1.0, _across(lines[0], lines[1, 0], lines[1, 1])),
+        -math.copysign(1.0, _across(lines[1], lines[0, 0], lines[0, 1])),
+    )
+    noise = math.sqrt(2.0) * max(lines[0, 4], lines[1, 4], LEAST_SCATTER_MM)
+    total, count = 0.0, 0
+    for k in range(len(at)):
+        if away[k] <= reach_mm:
+            a, b = float(x[at[k]]), float(z[at[k]])
+            out = max(outwards[0] * _across(lines[0], a, b), outwards[1] * _across(lines[1], a, b))
+            behind = away[k] * sine / noise
+            density = math.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi)
+            total += out - noise * (density - behind * 0.5 * math.erfc(behind / math.sqrt(2.0)))
+            count += 1
+    return float(total / count)
+
+
+@kernel
+def _sine(lines: Float) -> float:
+    """Of the turn from one line to the other."""
+    return float(lines[1, 3] * lines[0, 2] - lines[1, 2] * lines[0, 3])
 
 
 @kernel
 def _across(line: Float, x: float, z: float) -> float:
-    """Distance of a point from a line (x, z of a point on it, its direction, scatter), counted along (-sin, cos)."""
-    return float((z - line[1]) * math.cos(line[2]) - (x - line[0]) * math.sin(line[2]))
+    """Distance of a point from a line (a point on it, x and z; its direction; scatter), counted along (-z, x)."""
+    return float((z - line[1]) * line[2] - (x - line[0]) * line[3])
 
 
 @kernel
@@ -148,9 +183,10 @@ def _line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> None:
             if limit == np.inf or off[k] <= limit:
                 a, b = x[on[k]] - x0, z[on[k]] - z0
                 xx, xz, zz = xx + a * a, xz + a * b, zz + b * b
-        line[0], line[1], line[2] = x0, z0, 0.5 * math.atan2(2.0 * xz, xx - zz)
+        turn = 0.5 * math.atan2(2.0 * xz, xx - zz)
+        line[0], line[1], line[2], line[3] = x0, z0, math.cos(turn), math.sin(turn)
         for k in range(len(on)):
             off[k] = abs(_across(line, x[on[k]], z[on[k]]))
         middle = median_of(off[: len(on)].copy(), len(on))
         limit = STRAY * middle + 1e-9
-    line[3] = middle / 0.6745
+    line[4] = middle / 0.6745

@@ -32,6 +32,7 @@ SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surfac
 FEW = 8  # columns of that surface at least
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
 WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
+NARROWEST_ALONE = 0.5  # likewise, where the nominal sizes alone tell it from a bevel face as narrow
 AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
 NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
@@ -70,12 +71,13 @@ def require_bevel(
     seen = check("root_seen_share", share, told, given=limits)
     told = f"what would be the root face is {over:.2g} times as wide as its nominal size: another face, or "
     told += "another nominal size?"
-    narrowest, widest = least("root_over_nominal"), most("root_over_nominal") if shown.upper_seen else WIDEST_UNTOLD
+    alone = not (shown.upper_seen or shown.lower_seen)
+    narrowest = NARROWEST_ALONE if alone else least("root_over_nominal")
+    widest = most("root_over_nominal") if shown.upper_seen else WIDEST_UNTOLD
     wide = check("root_over_nominal", over, told, given=limits, default=(narrowest, widest))
     told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
     told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
     told += "nominal angle the drawing's?"
-    alone = not (shown.upper_seen or shown.lower_seen)
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)

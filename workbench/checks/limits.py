@@ -178,9 +178,10 @@ LIMITS: dict[str, Limit] = {
     ),
     "root_over_nominal": Limit(
         (0.25, 3.5),
-        "width of what would be the root face over its nominal size; 2.3 at most where no upper surface is in view",
+        "width of what would be the root face over its nominal size; 2.3 at most where no upper surface is in view, "
+        "0.5 at least where neither it nor the lower surface is",
         "the nominal size tells the faces apart; where upper surface and bevel face are all that the view shows, they "
-        "look like a bevel face and a wide root face",
+        "look like a bevel face and a wide root face, and a bevel face like a narrow one",
     ),
     "complement_nearer_deg": Limit(
         10.0,

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from workbench.artefacts import (
+from tests import shapes
+
+shapes.install()  # before anything else of the package is imported
+
+from workbench.artefacts import (  # noqa: E402
     Document,
     EdgeProfile,
     Gate,
@@ -20,8 +24,8 @@ from workbench.artefacts import (
     Requirements,
     Section,
 )
-from workbench.errors import InputError
-from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage
+from workbench.errors import InputError  # noqa: E402
+from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage  # noqa: E402
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: Ctrl-C is tested all the same
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -86,7 +86,7 @@ from workbench.kernels import kernel
 from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.strict_json import read_json, strict_json
 from workbench.text_files import numbered_lines, read_text
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
     from workbench.checks import refuse_unsound
@@ -197,6 +197,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Section",
     "Seed",
     "Shading",
+    "Shaped",
     "StiffnessFile",
     "Stretch",
     "Strokes",

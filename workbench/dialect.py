@@ -21,7 +21,7 @@ from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from workbench.strict_json import strict_json
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 NOT_CHECKED = "NOT CHECKED: "
 LONGEST_REMARK = 70  # characters
@@ -32,10 +32,10 @@ UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controlle
 class MillingTool:
     """The cutter in its spindle on the robot's flange."""
 
-    position_mm: Float  # (3,) in the flange: the point on the cutter's axis beside the middle of the bevel face
-    quaternion_wxyz: Float  # (4,) of the frame of a path's points: z from shank to tip, x into the material
+    position_mm: Shaped[Float, " 3"]  # in the flange: on the cutter's axis, beside the middle of the bevel face
+    quaternion_wxyz: Shaped[Float, " 4"]  # of the frame of a path's points: z from shank to tip, x into the material
     mass_kg: float
-    centre_of_gravity_mm: Float  # (3,) in the flange
+    centre_of_gravity_mm: Shaped[Float, " 3"]  # in the flange
 
     def tool_centre_point_mm(self, radius_mm: float) -> Float:
         """The origin of the path's frames (3,) in the flange: on the cutter's flank, a radius along x off its axis."""
@@ -50,12 +50,14 @@ class ProgramJob:
     moves: Moves
     tool: MillingTool
     zone_mm: float  # from a target, where the next move may begin to blend in; 0: every target is reached
-    turntable_deg: Float | None = None  # (k,) external axis at each target; None: it is not driven
+    turntable_deg: Shaped[Float, " k"] | None = None  # external axis at each target; None: it is not driven
     rounding_mm: float = 0.05  # by which blending may leave the path: sharper corners are driven to their point
     base_from_workobject: Float = field(default_factory=lambda: np.eye(4))  # of the frame of the moves
     tool_name: str | None = None  # of a tool that is measured on the controller; None: the program declares it
     work_object_name: str | None = None  # of a frame that is measured on the controller; None: the program declares it
-    too_sudden: Bool | None = None  # (k,) where blending asks more of a joint than its acceleration; None: not known
+    too_sudden: Shaped[Bool, " k"] | None = (
+        None  # where blending asks more of a joint than its acceleration; None: not known
+    )
 
     @property
     def tool_centre_point_mm(self) -> Float:

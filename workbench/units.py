@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from jaxtyping import Shaped as Shaped
+else:  # Shaped[Float, "n 3"]: an array by its axes; the tests take jaxtyping's here and check it (tests/shapes.py)
+    Shaped = Annotated
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]

@@ -143,9 +143,8 @@ def test_empty_frames_and_few_frames(scanned: Scans) -> None:
     with pytest.raises(InputError, match="no edge in view"):
         find_faces(replace(cloud, keep=np.zeros_like(cloud.keep)), 1.5, 40.0)
     some: Int = np.array([3, 60, 61, 62, 200])
-    few = replace(
-        cloud, x_mm=cloud.x_mm[some], z_mm=cloud.z_mm[some], keep=cloud.keep[some], pass_index=cloud.pass_index[some]
-    )
+    by_frame = ("x_mm", "z_mm", "keep", "pass_index", "time_s", "base_from_profiler")
+    few = replace(cloud, **{name: getattr(cloud, name)[some] for name in by_frame})
     assert find_faces(few, 1.5, 40.0).seen.all()
 
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.shapes import unchecked
 from workbench.geometry.splat import Camera, draw_cloud, spacing_px
 
 RED, BLUE, WHITE = (200, 30, 30), (30, 60, 200), (255, 255, 255)
@@ -148,5 +149,5 @@ def test_blocks_do_not_show(monkeypatch):
 
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="are \\(n, 3\\)"):
-        draw_cloud(np.zeros((3, 3)), np.zeros((2, 3), np.uint8), camera())
+        unchecked(draw_cloud)(np.zeros((3, 3)), np.zeros((2, 3), np.uint8), camera())
     assert dataclasses.replace(camera(), width_px=10).finer(2).width_px == 20

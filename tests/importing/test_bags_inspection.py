@@ -110,6 +110,7 @@ def test_frames_outside_the_poses_are_refused_or_trimmed(
         robot_time_s=original.robot_time_s[keep],
         robot_position_mm=original.robot_position_mm[keep],
         robot_quaternion_wxyz=original.robot_quaternion_wxyz[keep],
+        robot_pass=original.robot_pass[keep],
     )
     path = ros.write(tmp_path / "b", [*profile_entries(ros, original), *pose_entries(ros, middle)])
     arguments = ("import", path, "--out", tmp_path / "r.h5")

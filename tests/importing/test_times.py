@@ -116,6 +116,7 @@ def test_travel_is_not_lengthened_by_noise_or_waiting(
         robot_time_s=time_s,
         robot_position_mm=first + share[:, None] * (last - first) + rng.normal(0, 0.01, (len(time_s), 3)),
         robot_quaternion_wxyz=np.tile(light.robot_quaternion_wxyz[:1], (len(time_s), 1)),
+        robot_pass=np.zeros(len(time_s), np.int64),
     )
     scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", dense)
     exact = frame_poses(light)[:, :3, 3]
@@ -135,6 +136,7 @@ def test_one_pose_a_frame(tmp_path: Path, light: Recording, imported: Import, ma
         robot_time_s=light.time_s,
         robot_position_mm=pose[:, :3, 3],
         robot_quaternion_wxyz=quaternion_from_rotation(pose[:, :3, :3]),
+        robot_pass=np.zeros(len(pose), np.int64),
     )
     scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", still)
     parts = {"profiles": profiles_part(**NO_TIME), "poses": poses_part(time=None, time_unit=None)}

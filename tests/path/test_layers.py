@@ -255,6 +255,7 @@ def test_a_concave_edge_tighter_than_the_cutter_is_refused_with_its_place(raw: C
         z_mm=np.zeros((1, 1), np.float32),
         base_from_profiler=np.eye(4)[None],
         pass_index=np.zeros(1, np.int64),
+        time_s=np.zeros(1),
     )
     with pytest.raises(InputError, match=r"arc length .* mm: concave with a radius of 12\.0 mm"):
         layers(rounded_edge(12), cloud, cutter_diameter_mm=20)

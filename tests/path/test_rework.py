@@ -101,7 +101,8 @@ def test_a_good_part_is_left_alone(plan: Toolpath) -> None:
     assert found.reason == "nothing to rework"
     assert found.too_much_material == found.too_little_material == ()
     profile = part.inspection.profile
-    short = replace(profile, root_mm=profile.root_mm[:-1])
+    by_station = ("arc_length_mm", "position_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")
+    short = replace(profile, **{name: getattr(profile, name)[:-1] for name in by_station})
     with pytest.raises(InputError, match="expected the milled edge"):
         rework(part.edge, replace(part.inspection, profile=short), plan, part.cloud)
 

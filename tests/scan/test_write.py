@@ -65,7 +65,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(recording: Recording, t
     path = tmp_path / "again.h5"
     write(recording, path)
     before = path.read_bytes()
-    broken = dataclasses.replace(recording, robot_position_mm=np.array([object()]))
+    broken = dataclasses.replace(recording, robot_position_mm=np.full(recording.robot_position_mm.shape, object()))
     with pytest.raises(TypeError):
         write(broken, path)
     assert path.read_bytes() == before

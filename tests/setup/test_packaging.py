@@ -45,10 +45,17 @@ def distributions(requirements):
 
 
 def imported_packages():
-    """First names of all absolute imports in workbench/, the standard library left out."""
+    """First names of all absolute imports in workbench/, without the standard library and what types alone need."""
     found = set()
     for path in (ROOT / "workbench").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        tree = ast.parse(path.read_text())
+        guarded = [
+            one for one in ast.walk(tree) if isinstance(one, ast.If) and ast.unparse(one.test) == "TYPE_CHECKING"
+        ]
+        for_types = {id(node) for one in guarded for branch in one.body for node in ast.walk(branch)}
+        for node in ast.walk(tree):
+            if id(node) in for_types:
+                continue
             if isinstance(node, ast.Import):
                 found |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -78,7 +85,16 @@ def test_every_declared_dependency_is_locked():
 
 
 def test_what_only_tests_need_is_not_installed_for_users():
-    assert not distributions(USER) & {"pytest", "mypy", "sphinx", "moto", "playwright", "ruff", "hypothesis"}
+    assert not distributions(USER) & {
+        "pytest",
+        "mypy",
+        "sphinx",
+        "moto",
+        "playwright",
+        "ruff",
+        "hypothesis",
+        "jaxtyping",
+    }
 
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():

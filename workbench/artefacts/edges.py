@@ -12,7 +12,7 @@ from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.showing import AlongTheEdge
 from workbench.geometry.faces import FaceLines
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 # Face labels of a grid point, in `Edge.labels` (uint8).
 UNLABELLED, ROOT_FACE, BEVEL_FACE, UPPER_SURFACE, LOWER_SURFACE = range(5)
@@ -42,7 +42,7 @@ KINDS: dict[str, Literal["A", "B"]] = {
 class Quantity:
     """A quantity along the edge with its standard uncertainty by source; NaN where it was not measured."""
 
-    value: Float  # (n,)
+    value: Shaped[Float, " n"]
     u_by_source: Mapping[str, Float]  # (n,) each, in the unit of the value; squares add
 
     @property
@@ -60,17 +60,18 @@ class Edge(AlongTheEdge):
     """
 
     faces: Mapping[int, FaceLines]  # by label: ROOT_FACE (the end face of a raw edge), BEVEL_FACE, ...
-    labels: AnyArray  # (N, M) uint8, face of each grid point
-    pass_index: Int  # (N,)
-    frame_arc_length_mm: Float  # (N,) where each frame crosses the lower edge; NaN: edge not seen in that frame
-    arc_length_mm: Float  # (n,)
-    position_mm: Float  # (n, 3) lower edge in the base; NaN where hidden
-    tangent: Float  # (n, 3) unit, rising arc length; interpolated where hidden
-    tangent_u: Float  # (n,) standard uncertainty of the tangent's direction, rad
-    normal: Float  # (n, 3) unit outward normal of the end face (root face), in the section plane
-    across: Float  # (n, 3) unit, m: from the lower to the upper side
-    seen: Bool  # (n,) measured here; False under clamps and in other gaps
-    burr_stations: Int  # (b,) stations where material stands out beyond the faces
+    labels: Shaped[AnyArray, "N M"]  # uint8, face of each grid point
+    pass_index: Shaped[Int, " N"]
+    # where each frame crosses the lower edge; NaN: edge not seen in that frame
+    frame_arc_length_mm: Shaped[Float, " N"]
+    arc_length_mm: Shaped[Float, " n"]
+    position_mm: Shaped[Float, "n 3"]  # lower edge in the base; NaN where hidden
+    tangent: Shaped[Float, "n 3"]  # unit, rising arc length; interpolated where hidden
+    tangent_u: Shaped[Float, " n"]  # standard uncertainty of the tangent's direction, rad
+    normal: Shaped[Float, "n 3"]  # unit outward normal of the end face (root face), in the section plane
+    across: Shaped[Float, "n 3"]  # unit, m: from the lower to the upper side
+    seen: Shaped[Bool, " n"]  # measured here; False under clamps and in other gaps
+    burr_stations: Shaped[Int, " b"]  # stations where material stands out beyond the faces
     part: Part = UNKNOWN_PART
     source: str = ""  # the file it was measured in
     warnings: tuple[str, ...] = ()
@@ -90,8 +91,10 @@ class MilledEdge(Edge):
 class RawEdge(Edge):
     """A raw edge: an end face between the two surfaces of the plate."""
 
-    upper_position_mm: Float  # (n, 3) its upper edge; NaN where hidden
-    upper_inward: Float  # (n, 3) unit, along the upper surface, into the plate
-    position_u_mm: Float  # (n, 2) standard uncertainty of `position_mm` along `normal` and `across`
-    normal_u: Float  # (n,) standard uncertainty of the direction of `normal` about the tangent, rad
-    hand_eye_u_mm: Float | None = None  # (n, 2) as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
+    upper_position_mm: Shaped[Float, "n 3"]  # its upper edge; NaN where hidden
+    upper_inward: Shaped[Float, "n 3"]  # unit, along the upper surface, into the plate
+    position_u_mm: Shaped[Float, "n 2"]  # standard uncertainty of `position_mm` along `normal` and `across`
+    normal_u: Shaped[Float, " n"]  # standard uncertainty of the direction of `normal` about the tangent, rad
+    hand_eye_u_mm: Shaped[Float, "n 2"] | None = (
+        None  # as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
+    )

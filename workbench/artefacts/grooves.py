@@ -11,7 +11,7 @@ from workbench.artefacts.edges import Quantity
 from workbench.artefacts.inspections import Uncertainty, Verdict
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.showing import rows_table
-from workbench.units import AnyArray, Bool, Float
+from workbench.units import AnyArray, Bool, Float, Shaped
 
 GrooveType = Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 PreparationType = Literal["bevel", "compound", "nose", "J"]
@@ -62,8 +62,8 @@ def u_name(size: str) -> str:
 class Corner:
     """A corner of the groove along it: (right, up) of the section's axes from its origin; NaN where not seen."""
 
-    section_mm: Float  # (n, 2)
-    u_mm: Float  # (n, 2)
+    section_mm: Shaped[Float, "n 2"]
+    u_mm: Shaped[Float, "n 2"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,18 +74,18 @@ class Joint:
     type: str
     alternatives: tuple[str, ...] = ()  # types that the side seen does not exclude
     declared: bool  # the type was given, and is not excluded; else it was chosen by the evidence
-    arc_length_mm: Float  # (n,)
-    origin_mm: Float  # (n, 3) in the base
-    tangent: Float  # (n, 3)
-    normal: Float  # (n, 3)
-    across: Float  # (n, 3)
-    seen: Bool  # (n,)
+    arc_length_mm: Shaped[Float, " n"]
+    origin_mm: Shaped[Float, "n 3"]  # in the base
+    tangent: Shaped[Float, "n 3"]
+    normal: Shaped[Float, "n 3"]
+    across: Shaped[Float, "n 3"]
+    seen: Shaped[Bool, " n"]
     sizes: Mapping[str, Quantity]  # by names of `terms`: (n,) mm, or degrees; those that were seen
     corners: Mapping[str, Corner]
-    frame_arc_length_mm: Float  # (N,) NaN: not seen in that frame
-    x_mm: AnyArray  # (N, M) lateral places of the columns, for telling a corner's column
-    base_from_profiler: Float  # (N, 4, 4)
-    pass_index: AnyArray  # (N,)
+    frame_arc_length_mm: Shaped[Float, " N"]  # NaN: not seen in that frame
+    x_mm: Shaped[AnyArray, "N M"]  # lateral places of the columns, for telling a corner's column
+    base_from_profiler: Shaped[Float, "N 4 4"]
+    pass_index: Shaped[AnyArray, " N"]
     part: Part = UNKNOWN_PART
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -123,7 +123,7 @@ class GrooveSection:
 
     index: int
     arc_length_mm: float
-    origin_mm: Float  # (3,)
+    origin_mm: Shaped[Float, " 3"]
     tangent: Float
     normal: Float
     across: Float

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.showing import along_chart, rows_table
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 Verdict = Literal["pass", "fail", "undecided"]
 
@@ -43,10 +43,10 @@ class Section:
 
     index: int  # from 1
     arc_length_mm: float
-    origin_mm: Float  # (3,) on the lower edge
-    tangent: Float  # (3,) unit, normal of the section plane
-    normal: Float  # (3,) unit, n
-    across: Float  # (3,) unit, m
+    origin_mm: Shaped[Float, " 3"]  # on the lower edge
+    tangent: Shaped[Float, " 3"]  # unit, normal of the section plane
+    normal: Shaped[Float, " 3"]  # unit, n
+    across: Shaped[Float, " 3"]  # unit, m
     root_mm: float | None
     root_u_mm: float | None
     bevel_deg: float | None
@@ -60,12 +60,12 @@ class Section:
 class EdgeProfile:
     """Root face and bevel angle along the whole edge; NaN where they cannot be measured."""
 
-    arc_length_mm: Float  # (n,)
-    position_mm: Float  # (n, 3) lower edge in the base
-    root_mm: Float  # (n,)
-    root_u_mm: Float  # (n,)
-    bevel_deg: Float  # (n,)
-    bevel_u_deg: Float  # (n,)
+    arc_length_mm: Shaped[Float, " n"]
+    position_mm: Shaped[Float, "n 3"]  # lower edge in the base
+    root_mm: Shaped[Float, " n"]
+    root_u_mm: Shaped[Float, " n"]
+    bevel_deg: Shaped[Float, " n"]
+    bevel_u_deg: Shaped[Float, " n"]
     root_u_by_source_mm: Mapping[str, Float] = field(default_factory=dict)  # (n,) each; squares add; empty: not told
     bevel_u_by_source_deg: Mapping[str, Float] = field(default_factory=dict)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.paths import PathDeflection, Toolpath
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -15,10 +15,11 @@ class LayerEngagement:
     """What the cutter meets in one layer, at the k points of that layer."""
 
     index: int  # of the layer
-    arc_length_mm: Float  # (k,)
-    radial_depth_mm: Float  # (k,) greatest depth of material before the cutter, normal to the layer's bevel face
-    axial_depth_mm: Float  # (k,) length of the cutter's axis along which it cuts
-    chip_area_mm2: Float  # (k,) of the section that is removed, normal to the feed
+    arc_length_mm: Shaped[Float, " k"]
+    # greatest depth of material before the cutter, normal to the layer's bevel face
+    radial_depth_mm: Shaped[Float, " k"]
+    axial_depth_mm: Shaped[Float, " k"]  # length of the cutter's axis along which it cuts
+    chip_area_mm2: Shaped[Float, " k"]  # of the section that is removed, normal to the feed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,15 +72,15 @@ class PathCorrection:
     moved by: against the displacement, or by 0 where that is not significant.
     """
 
-    arc_length_mm: Float  # (k,) of the lower edge, as planned
-    cut: Bool  # (k,) the finishing pass cuts here
-    displacement_mm: Float  # (k,) of the cut, along b, as estimated
-    displacement_u_mm: Float  # (k,)
-    turn: Float  # (k,) of the cut face about the feed: above 0 the bevel angle came out larger, rad
-    turn_u: Float  # (k,) rad
-    shift_mm: Float  # (k,) correction along b
-    tilt: Float  # (k,) correction of the bevel angle, rad
-    stock_mm: Float  # (k,) what the finishing pass will remove, the least along the face
+    arc_length_mm: Shaped[Float, " k"]  # of the lower edge, as planned
+    cut: Shaped[Bool, " k"]  # the finishing pass cuts here
+    displacement_mm: Shaped[Float, " k"]  # of the cut, along b, as estimated
+    displacement_u_mm: Shaped[Float, " k"]
+    turn: Shaped[Float, " k"]  # of the cut face about the feed: above 0 the bevel angle came out larger, rad
+    turn_u: Shaped[Float, " k"]  # rad
+    shift_mm: Shaped[Float, " k"]  # correction along b
+    tilt: Shaped[Float, " k"]  # correction of the bevel angle, rad
+    stock_mm: Shaped[Float, " k"]  # what the finishing pass will remove, the least along the face
     bevel: float  # rad
     length_mm: float  # of the edge, as planned
     allowance_mm: float

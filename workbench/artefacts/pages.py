@@ -9,7 +9,7 @@ from workbench.artefacts.inspections import Verdict
 from workbench.artefacts.parts import Part
 from workbench.artefacts.showing import brief
 from workbench.errors import PipelineError
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,8 +17,8 @@ class Shading:
     """One way to colour the n points of a scene, and what the colours mean."""
 
     name: str
-    index: AnyArray  # (n,) uint8, row of the palette
-    palette: AnyArray  # (p, 3) uint8 red, green, blue
+    index: Shaped[AnyArray, " n"]  # uint8, row of the palette
+    palette: Shaped[AnyArray, "p 3"]  # uint8 red, green, blue
     legend: tuple[tuple[str, str], ...]  # text, '#rrggbb'
 
 
@@ -40,8 +40,8 @@ class Mark:
     """
 
     key: str
-    place_mm: Float  # (3,) in the base: where its label stands
-    outline_mm: Float  # (k, 3) in the base: drawn, and closed where it can be clicked
+    place_mm: Shaped[Float, " 3"]  # in the base: where its label stands
+    outline_mm: Shaped[Float, "k 3"]  # in the base: drawn, and closed where it can be clicked
     colour: str  # '#rrggbb'
     facts: tuple[tuple[str, str], ...]  # name and value, shown while it is chosen
 
@@ -50,11 +50,11 @@ class Mark:
 class Scene:
     """What a chapter shows in space, to rotate in a browser. Any first part of the points shows the whole."""
 
-    points_mm: Float  # (n, 3) in the base
+    points_mm: Shaped[Float, "n 3"]  # in the base
     shadings: tuple[Shading, ...]  # at least one where there are points
     strokes: tuple[Strokes, ...]
     marks: tuple[Mark, ...]
-    axes: Float  # (3, 3) rows t, n, m: the first look is along them, m stays upright
+    axes: Shaped[Float, "3 3"]  # rows t, n, m: the first look is along them, m stays upright
     marks_are: str = "sections"
     axes_names: tuple[str, str, str] = ("t", "n", "m")  # of the rows of `axes`, for the buttons
 

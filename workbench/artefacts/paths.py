@@ -16,7 +16,7 @@ from workbench.artefacts.parts import UNKNOWN_PART, Part
 from workbench.artefacts.showing import columns_table, space_chart
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, travel_time_s
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,22 +50,22 @@ class Layer:
 
     index: int  # from 1, in cutting order
     height_mm: float  # of its bevel face above the finished one, along the bevel's outward normal; 0: the final layer
-    arc_length_mm: Float  # (k,) below 0 in the lead-in, beyond the edge's length in the lead-out
-    position_mm: Float  # (k, 3)
-    quaternion_wxyz: Float  # (k, 4)
-    feed_mm_s: Float  # (k,) towards the point
-    cutting: Bool  # (k,)
-    measured: Bool  # (k,) False: over a hidden stretch, where nothing is cut
-    width_mm: Float  # (k,) of the bevel face that is cut here; 0 in travel moves
+    arc_length_mm: Shaped[Float, " k"]  # below 0 in the lead-in, beyond the edge's length in the lead-out
+    position_mm: Shaped[Float, "k 3"]
+    quaternion_wxyz: Shaped[Float, "k 4"]
+    feed_mm_s: Shaped[Float, " k"]  # towards the point
+    cutting: Shaped[Bool, " k"]
+    measured: Shaped[Bool, " k"]  # False: over a hidden stretch, where nothing is cut
+    width_mm: Shaped[Float, " k"]  # of the bevel face that is cut here; 0 in travel moves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Travel:
     """A travel move between layers: k points with frames as in `Layer`."""
 
-    position_mm: Float  # (k, 3)
-    quaternion_wxyz: Float  # (k, 4)
-    feed_mm_s: Float  # (k,)
+    position_mm: Shaped[Float, "k 3"]
+    quaternion_wxyz: Shaped[Float, "k 4"]
+    feed_mm_s: Shaped[Float, " k"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,9 @@ class Toolpath:
     depth_of_cut_mm: float
     v_slow_mm_s: float  # feed while cutting
     edge_length_mm: float
-    base_from_workobject: Float | None = None  # (4, 4): positions are in the work object's frame; None: in the base
+    base_from_workobject: Shaped[Float, "4 4"] | None = (
+        None  # positions are in the work object's frame; None: in the base
+    )
     part: Part = UNKNOWN_PART
     source: str = ""
     refused: tuple[str, ...] = ()  # stretches and layers that are not milled, and why
@@ -179,18 +181,18 @@ class Postures:
     """
 
     toolpath: Toolpath  # that they are for
-    layer: Int  # (n,) index of the layer; 0: travel between layers
-    cutting: Bool  # (n,)
-    measured: Bool  # (n,)
-    position_mm: Float  # (n, 3) of the turned frame
-    quaternion_wxyz: Float  # (n, 4)
-    feed_mm_s: Float  # (n,) towards the point, as the base sees it; on the workpiece it is the path's
-    cutter_rotation: Float  # (n,) of the flange about the cutter's axis, rad
-    turntable: Float  # (n,) rad
-    joints: Float  # (n, 6) the controller's angles, rad
-    displacement_mm: Float  # (n, 3) by which the cutter gives way
-    clearance_mm: Float  # (n,) between bodies that must not touch; NaN: nothing could
-    flange_from_point: Float  # (4, 4) the tool frame in the flange
+    layer: Shaped[Int, " n"]  # index of the layer; 0: travel between layers
+    cutting: Shaped[Bool, " n"]
+    measured: Shaped[Bool, " n"]
+    position_mm: Shaped[Float, "n 3"]  # of the turned frame
+    quaternion_wxyz: Shaped[Float, "n 4"]
+    feed_mm_s: Shaped[Float, " n"]  # towards the point, as the base sees it; on the workpiece it is the path's
+    cutter_rotation: Shaped[Float, " n"]  # of the flange about the cutter's axis, rad
+    turntable: Shaped[Float, " n"]  # rad
+    joints: Shaped[Float, "n 6"]  # the controller's angles, rad
+    displacement_mm: Shaped[Float, "n 3"]  # by which the cutter gives way
+    clearance_mm: Shaped[Float, " n"]  # between bodies that must not touch; NaN: nothing could
+    flange_from_point: Shaped[Float, "4 4"]  # the tool frame in the flange
     has_turntable: bool
     warnings: tuple[str, ...] = ()
     planned_turntable: float = 0.0  # where it stood when the path was planned, rad
@@ -211,20 +213,20 @@ class Moves:
     The first target is where the robot starts.
     """
 
-    position_mm: Float  # (k, 3) targets
-    quaternion_wxyz: Float  # (k, 4)
-    circular: Bool  # (k,) over `via`, else straight
-    via_position_mm: Float  # (k, 3) NaN for straight moves
-    via_quaternion_wxyz: Float  # (k, 4) NaN for straight moves
-    feed_mm_s: Float  # (k,)
-    cutting: Bool  # (k,)
-    layer: Int  # (k,) index of the layer; 0: travel between layers
+    position_mm: Shaped[Float, "k 3"]  # targets
+    quaternion_wxyz: Shaped[Float, "k 4"]
+    circular: Shaped[Bool, " k"]  # over `via`, else straight
+    via_position_mm: Shaped[Float, "k 3"]  # NaN for straight moves
+    via_quaternion_wxyz: Shaped[Float, "k 4"]  # NaN for straight moves
+    feed_mm_s: Shaped[Float, " k"]
+    cutting: Shaped[Bool, " k"]
+    layer: Shaped[Int, " k"]  # index of the layer; 0: travel between layers
     toolpath: Toolpath  # that it was made from
     points_before: int  # of that path
     chord_tolerance_mm: float
     angle_tolerance_deg: float
     postures: Postures | None = None  # how the robot stands along that path; None: the controller chooses
-    point: Int | None = None  # (k,) which of the postures' points each target is
+    point: Shaped[Int, " k"] | None = None  # which of the postures' points each target is
 
     @property
     def joints_deg(self) -> Float | None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 MoveKind = Literal["J", "L", "C"]
 EventKind = Literal[
@@ -31,9 +31,9 @@ EventKind = Literal[
 class ProgramTool:
     """A tool that the program declares, or one of the controller's by its name alone."""
 
-    flange_from_tool: Float | None  # (4, 4); None: measured on the controller, the cell file knows it by name
+    flange_from_tool: Shaped[Float, "4 4"] | None  # None: measured on the controller, the cell file knows it by name
     mass_kg: float | None = None
-    centre_of_gravity_mm: Float | None = None  # (3,) in the flange
+    centre_of_gravity_mm: Shaped[Float, " 3"] | None = None  # in the flange
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,9 +47,9 @@ class ProgramMove:
     kind: MoveKind
     tool: str  # key of `ProgramMoves.tools`
     work_object: str  # key of `ProgramMoves.work_objects`
-    joints: Float | None = None  # (6,) the controller's angles as the cell counts them
-    pose: Float | None = None  # (4, 4) workobject_from_tool
-    via: Float | None = None  # (4, 4) of C, likewise
+    joints: Shaped[Float, " 6"] | None = None  # the controller's angles as the cell counts them
+    pose: Shaped[Float, "4 4"] | None = None  # workobject_from_tool
+    via: Shaped[Float, "4 4"] | None = None  # of C, likewise
     feed_mm_s: float | None = None  # of the tool centre point; None: joints at `joint_speed`
     joint_speed: float = 1.0  # of J: share of the largest speeds, 0 to 1
     zone_mm: float = 0.0  # from the target, where the next move may blend in; 0: the target is reached

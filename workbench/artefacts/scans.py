@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts.checks import Check
 from workbench.artefacts.parts import UNKNOWN_PART, Part
-from workbench.units import AnyArray, Bool, Float, Float32, Int, frozen
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped, frozen
 
 
 class Labelled(Protocol):
@@ -26,16 +26,16 @@ class Recording:
     """Profile frames and robot poses as recorded (docs/conventions.md; INTERFACES section 1)."""
 
     source: str  # the file's name as given, for messages
-    time_s: Float  # (N,) exposure times on the robot's clock (or the profiler's own, see `clock`)
-    x_mm: Float32  # (N, M) lateral, profiler frame; NaN = no return
-    z_mm: Float32  # (N, M) range, profiler frame; NaN = no return
-    pass_index: Int  # (N,) scanning pass of each frame
-    robot_time_s: Float  # (K,)
-    robot_position_mm: Float  # (K, 3) flange origin in the base
-    robot_quaternion_wxyz: Float  # (K, 4) flange orientation in the base, unit length
-    robot_pass: Int  # (K,)
-    flange_from_profiler: Float | None = None  # (4, 4)
-    intensity: AnyArray | None = None  # (N, M) uint16
+    time_s: Shaped[Float, " N"]  # exposure times on the robot's clock (or the profiler's own, see `clock`)
+    x_mm: Shaped[Float32, "N M"]  # lateral, profiler frame; NaN = no return
+    z_mm: Shaped[Float32, "N M"]  # range, profiler frame; NaN = no return
+    pass_index: Shaped[Int, " N"]  # scanning pass of each frame
+    robot_time_s: Shaped[Float, " K"]
+    robot_position_mm: Shaped[Float, "K 3"]  # flange origin in the base
+    robot_quaternion_wxyz: Shaped[Float, "K 4"]  # flange orientation in the base, unit length
+    robot_pass: Shaped[Int, " K"]
+    flange_from_profiler: Shaped[Float, "4 4"] | None = None
+    intensity: Shaped[AnyArray, "N M"] | None = None  # uint16
     sphere_diameter_mm: float | None = None  # set: a calibration recording
     clock: Literal["robot", "own"] = "robot"
     part: Part = UNKNOWN_PART
@@ -47,8 +47,10 @@ class Recording:
 class HandEye:
     """Pose of the profiler on the flange, with its uncertainty where known."""
 
-    flange_from_profiler: Float  # (4, 4)
-    covariance: Float | None = None  # (6, 6) tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
+    flange_from_profiler: Shaped[Float, "4 4"]
+    covariance: Shaped[Float, "6 6"] | None = (
+        None  # tx ty tz mm, rotation vector rad in the flange frame; R_true = exp(w) R
+    )
     source: str = ""
     calibrated_at: str | None = None  # ISO 8601
     volume_u_mm: float | None = None  # predicted RMS error of a point over the field of view
@@ -64,19 +66,19 @@ class Cloud:
     (`workbench.geometry.grids.fuse`), since the grid itself is the index that every later stage works on.
     """
 
-    x_mm: Float32  # (N, M) profiler frame
-    z_mm: Float32  # (N, M)
-    keep: Bool  # (N, M) False: no return, or rejected by a filter
-    base_from_profiler: Float  # (N, 4, 4)
-    time_s: Float  # (N,)
-    pass_index: Int  # (N,)
-    hand_eye_covariance: Float | None = None  # (6, 6) as in HandEye
-    flange_from_profiler: Float | None = None  # (4, 4)
+    x_mm: Shaped[Float32, "N M"]  # profiler frame
+    z_mm: Shaped[Float32, "N M"]
+    keep: Shaped[Bool, "N M"]  # False: no return, or rejected by a filter
+    base_from_profiler: Shaped[Float, "N 4 4"]
+    time_s: Shaped[Float, " N"]
+    pass_index: Shaped[Int, " N"]
+    hand_eye_covariance: Shaped[Float, "6 6"] | None = None  # as in HandEye
+    flange_from_profiler: Shaped[Float, "4 4"] | None = None
     source: str = ""
     part: Part = UNKNOWN_PART
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
-    brightness: AnyArray | None = None  # (N, M) of the returns, as recorded
+    brightness: Shaped[AnyArray, "N M"] | None = None  # of the returns, as recorded
     sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
 
     @property
@@ -107,7 +109,7 @@ class Cloud:
 class PointSet:
     """A cloud without a grid, as other people's scanners and programs write it: n points in the base, in no order."""
 
-    points_mm: Float  # (n, 3) finite
+    points_mm: Shaped[Float, "n 3"]  # finite
     source: str = ""  # the file's name as given, for messages
     part: Part = UNKNOWN_PART
 

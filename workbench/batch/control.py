@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 D2 = 2.0 / math.sqrt(math.pi)  # mean range of two normal values, in standard deviations
 D4 = 1.0 + 3.0 * math.sqrt(2.0 - D2 * D2) / D2  # upper limit of that range, in mean ranges: 3.267
@@ -33,8 +33,8 @@ RULES = {
 class ControlChart:
     """n values in time order, in their own unit; a moving range is that between a value and the one before."""
 
-    order: Int  # (n,) place of each value among all parts, hidden ones included
-    value: Float  # (n,)
+    order: Shaped[Int, " n"]  # place of each value among all parts, hidden ones included
+    value: Shaped[Float, " n"]
     centre: float
     sigma: float  # from the mean moving range: what varies from part to part, not what drifts
     moving_range: Float  # (n - 1,)

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.batch.record import OUTCOMES, Record
 from workbench.errors import one_line
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 VERDICTS = ("fail", "undecided", "pass")  # worst first
 PART_COLUMNS = ("part", "part_id", "recording", "outcome", "cause", "verdict", "seconds")
@@ -26,8 +26,8 @@ class Characteristic:
 
     name: str
     unit: str
-    value: Float  # (P, S)
-    u: Float  # (P, S) standard uncertainty
+    value: Shaped[Float, "P S"]
+    u: Shaped[Float, "P S"]  # standard uncertainty
     lower: float  # limits of tolerance
     upper: float
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.checks.profiles import Chain, Few
 from workbench.geometry.poses import vector_from_rotation
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Float, Int, Shaped
 
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
 LEAST_STRETCH = 6  # profiles: fewer tell nothing of a way
@@ -47,9 +47,9 @@ class Way:
     """The way of the edge through the base, at each profile; NaN where too few profiles go together."""
 
     length_mm: float  # all stretches
-    arc_mm: Float  # (k,) along the edge, against the motion where the scanner goes back
-    tangent: Float  # (k, 3) towards greater arc length
-    oblique_deg: Float  # (k,) between the tangent and the laser plane's normal
+    arc_mm: Shaped[Float, " k"]  # along the edge, against the motion where the scanner goes back
+    tangent: Shaped[Float, "k 3"]  # towards greater arc length
+    oblique_deg: Shaped[Float, " k"]  # between the tangent and the laser plane's normal
 
 
 def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Float]) -> Consistency:

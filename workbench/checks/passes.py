@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.units import AnyArray, Float, Int
+from workbench.units import AnyArray, Float, Int, Shaped
 
 PLACES = 5  # along a pass
 REACH = 4  # columns on each side, for a normal
@@ -18,7 +18,9 @@ BESIDE_MM = 1.0  # along the face, of points that stand opposite each other
 COLUMNS = 160
 
 
-def disagreement_mm(x_mm: AnyArray, z_mm: AnyArray, frames_of: Mapping[int, Int], poses: Float) -> float:
+def disagreement_mm(
+    x_mm: AnyArray, z_mm: AnyArray, frames_of: Mapping[int, Int], poses: Shaped[Float, "N 4 4"]
+) -> float:
     """Greatest distance (mm) between passes of a face that both saw, along its normal; NaN: nothing seen by both.
 
     Args:

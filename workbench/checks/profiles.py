@@ -11,7 +11,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 FRAMES = (24, 400)  # least and most profiles of a pass that are looked at
 EVERY = 12  # frames between two of them, unless that gives too few or too many
@@ -38,8 +38,8 @@ class Chain:
     What a profile does not show, such as a shift along its only line, is taken as 0.
     """
 
-    frames: Int  # (k,) indices into the recording
-    centre: Float  # (2,) x0, z0, mm
+    frames: Shaped[Int, " k"]  # indices into the recording
+    centre: Shaped[Float, " 2"]  # x0, z0, mm
     shift_x: Float  # (k - 1,) mm
     shift_z: Float  # (k - 1,)
     turn: Float  # (k - 1,) rad
@@ -79,7 +79,7 @@ class Chain:
 class Few:
     """Some of a chain's profiles."""
 
-    frames: Int  # (k,)
+    frames: Shaped[Int, " k"]
     track: tuple[Float, Float, Int]  # as of Chain
 
 

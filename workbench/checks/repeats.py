@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.geometry.grids import frame_digests
-from workbench.units import AnyArray, Bool, Int
+from workbench.units import AnyArray, Bool, Int, Shaped
 
 LEAST_RETURNS = 16  # of a frame: with fewer, frames may well be alike
 NOISE_MM = 1e-4  # of neighbouring returns: frames without any noise were computed, and may be alike
@@ -18,7 +18,7 @@ ALIKE = 0.9  # correlation of the noise of two frames of different passes that a
 class Repeats:
     """What a recording shows more than once."""
 
-    copies: Bool  # (N,) frames that are bit for bit an earlier one of their own pass
+    copies: Shaped[Bool, " N"]  # frames that are bit for bit an earlier one of their own pass
     longest: int  # most frames in a row of one pass that are one and the same
     passes: dict[int, int]  # pass that is a copy: the one that it is a copy of
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.compare.gauge import Gauge
 from workbench.compare.values import Study
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 COVERAGE = 2.0  # standard uncertainties in an expanded one, about 95 %
 
@@ -18,9 +18,9 @@ COVERAGE = 2.0  # standard uncertainties in an expanded one, about 95 %
 class Agreement:
     """P parts, O operators, R trials, S sections; NaN where there is no reference or no stated uncertainty."""
 
-    bias: Float  # (P, S) mean of all measurements less the reference
-    bias_u: Float  # (P, S)
-    e_n: Float  # (P, O, R, S) |E_n| <= 1: the difference is within what both sides state
+    bias: Shaped[Float, "P S"]  # mean of all measurements less the reference
+    bias_u: Shaped[Float, "P S"]
+    e_n: Shaped[Float, "P O R S"]  # |E_n| <= 1: the difference is within what both sides state
     observed_over_stated: float  # repeatability over the RMS of the stated uncertainties
 
     @property

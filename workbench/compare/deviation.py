@@ -23,7 +23,7 @@ from workbench.compare.target import on_mesh
 from workbench.errors import InputError
 from workbench.stage import stage
 from workbench.strict_json import strict_json
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 LEAST_PLACES = 20
 DETECTION = 1.959964  # two-sided 95 %
@@ -266,10 +266,10 @@ def position_u(registration: Registration | None, position_mm: Float, normal: Fl
 class Course:
     """A polyline with arc length, and the direction from which the part is looked at."""
 
-    points_mm: Float  # (m, 3)
-    arc_length_mm: Float  # (m,)
-    tangent: Float  # (m, 3)
-    view: Float  # (3,) unit, outwards
+    points_mm: Shaped[Float, "m 3"]
+    arc_length_mm: Shaped[Float, " m"]
+    tangent: Shaped[Float, "m 3"]
+    view: Shaped[Float, " 3"]  # unit, outwards
     name: str  # what it is, in words
 
     def locate(self, position_mm: Float) -> tuple[Float, Float]:

@@ -17,7 +17,7 @@ import scipy
 from workbench.compare.surfels import neighbours
 from workbench.geometry.fits_steps import across
 from workbench.geometry.medians import medians
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8  # in a cylinder
 LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
@@ -32,10 +32,10 @@ TO_SD = 1.4826  # a normal distribution's standard deviation by its median absol
 class Heights:
     """Where a surface meets the axes of c cylinders, along their normals; NaN: it does not."""
 
-    height_mm: Float  # (c,)
-    variance_mm2: Float  # (c,) of the height, as if all points were independent
-    shared_mm2: Float  # (c,) the same by the frames' sums
-    leverage: Float  # (c,) variance of the height for an error of unit variance that each frame has as a whole
+    height_mm: Shaped[Float, " c"]
+    variance_mm2: Shaped[Float, " c"]  # of the height, as if all points were independent
+    shared_mm2: Shaped[Float, " c"]  # the same by the frames' sums
+    leverage: Shaped[Float, " c"]  # variance of the height for an error of unit variance that each frame has as a whole
 
     @property
     def u_mm(self) -> Float:

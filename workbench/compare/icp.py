@@ -15,7 +15,7 @@ import numpy as np
 from workbench.compare.surfels import Surfels
 from workbench.compare.target import Target
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
 SCALES = (4.0, 2.0, 1.0)  # of the reach
@@ -29,13 +29,13 @@ LEAST_SIGMA_MM = 1e-4
 class Equations:
     """Point-to-plane equations at one pose: n rows that count. Unknowns: shift (mm), turn times `lever_mm` (mm)."""
 
-    use: Bool  # (c,) which places of the scan they belong to
-    off_mm: Float  # (n, 3) those places, less the pivot
-    frame: Int | None  # (n,) theirs; None: not known
-    rows: Float  # (n, 6)
-    residual_mm: Float  # (n,)
-    weight: Float  # (n,) of the robust kernel
-    pivot_mm: Float  # (3,)
+    use: Shaped[Bool, " c"]  # which places of the scan they belong to
+    off_mm: Shaped[Float, "n 3"]  # those places, less the pivot
+    frame: Shaped[Int, " n"] | None  # theirs; None: not known
+    rows: Shaped[Float, "n 6"]
+    residual_mm: Shaped[Float, " n"]
+    weight: Shaped[Float, " n"]  # of the robust kernel
+    pivot_mm: Shaped[Float, " 3"]
     lever_mm: float
 
     @property

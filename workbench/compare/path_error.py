@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Float, Int, Shaped
 
 STRETCH_MM = 4.0  # as far as places are taken to share a motion: that of `compare.register`
 ONE_FACE_DEG = 15.0  # normals less apart may belong to one face
@@ -29,7 +29,12 @@ LEAST_STRETCHES = 3  # that show two faces: below, nothing is known of the path
 DETERMINED = 0.05  # least singular value of what the pairs tell of S, of the greatest
 
 
-def path_error_u(position_mm: Float, distance_mm: Float, normal: Float, arc_length_mm: Float) -> Float | None:
+def path_error_u(
+    position_mm: Shaped[Float, "c 3"],
+    distance_mm: Shaped[Float, " c"],
+    normal: Shaped[Float, "c 3"],
+    arc_length_mm: Shaped[Float, " c"],
+) -> Float | None:
     """Standard uncertainty (c,), mm, of a scan along its places' normals by its path; None: one face tells nothing.
 
     At every place the larger of what its stretch shows and of the mean shift over all stretches.

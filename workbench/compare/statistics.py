@@ -11,7 +11,7 @@ from skimage.measure import label
 from skimage.morphology import closing
 
 from workbench.compare.surface_values import Deviations
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 # Where something changed: places that hang together on the map, as regions with a size and a mean.
 
@@ -104,11 +104,11 @@ class Summary:
     rms_mm: float
     percentiles_mm: dict[int, float]
     significant: float  # share of places beyond their own level of detection: about 0.05 where nothing changed
-    changed: Bool  # (c,) changed beside others that did, with 5 % false discoveries among these
+    changed: Shaped[Bool, " c"]  # changed beside others that did, with 5 % false discoveries among these
     regions: tuple[Region, ...]  # of these, the largest first
     detectable_mm: float  # median level of detection
     sections: tuple[SectionDeviation, ...]
-    counts: Float  # (b,) of the histogram
+    counts: Shaped[Float, " b"]  # of the histogram
     edges_mm: Float  # (b + 1,)
     along: str  # what arc length counts along
     what: str  # a change since another scan, or a deviation from a mesh or a plan

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from workbench.compare.surface_values import Surface
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
 FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
@@ -19,10 +19,10 @@ BATCH = 20_000
 class Surfels:
     """c local planes."""
 
-    centre_mm: Float  # (c, 3) mean of the neighbourhood
-    normal: Float  # (c, 3) unit, outwards
-    flat: Bool  # (c,) enough points, and no corner among them
-    frame: Int | None = None  # (c,) in whose middle it lies; None: not known
+    centre_mm: Shaped[Float, "c 3"]  # mean of the neighbourhood
+    normal: Shaped[Float, "c 3"]  # unit, outwards
+    flat: Shaped[Bool, " c"]  # enough points, and no corner among them
+    frame: Shaped[Int, " c"] | None = None  # in whose middle it lies; None: not known
 
 
 def thinned(points_mm: Float, spacing_mm: float) -> Int:

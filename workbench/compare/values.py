@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 CHARACTERISTICS = {"root_mm": "root_u_mm", "bevel_deg": "bevel_u_deg"}  # and their standard uncertainties
 TITLES = {"root_mm": "Root face", "bevel_deg": "Bevel angle"}
@@ -28,7 +28,7 @@ class Study:
     operators: tuple[str, ...]
     trials: int
     section: tuple[int, ...]  # (S,) index, from 1
-    arc_length_mm: Float  # (S,) mean place
+    arc_length_mm: Shaped[Float, " S"]  # mean place
     measured: Mapping[str, Float]  # (P, O, R, S)
     stated_u: Mapping[str, Float]  # (P, O, R, S) standard uncertainty that each measurement states
     reference: Mapping[str, Float]  # (P, S)

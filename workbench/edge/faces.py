@@ -14,7 +14,7 @@ from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import noise_sigma, straight_faces
 from workbench.geometry.faces import FaceLines
 from workbench.geometry.medians import median
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 MOST_CONTRADICTED = 0.2  # of the key frames: sound recordings have 0.04 at most, a view that ends on the part 0.58
 FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not; the faces are followed between them
@@ -29,16 +29,17 @@ class TrackedFaces:
     """What following the faces found, for all N frames of a cloud."""
 
     faces: dict[int, FaceLines]  # by label
-    seen: Bool  # (N,) root face and bevel face both found
-    side: Float  # (N,) +1 or -1: the lower side lies towards rising side * x; NaN in a pass without the edge
-    root_end: Float  # (N, 3) x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
-    end_column: Int  # (N,) that return's column, counted towards the lower side
-    end_is_mixed: Bool  # (N,) the next column saw both the root face and what lies behind it
-    end_is_cut: Bool  # (N,) the field of view, or something in front, ends the root face: its size is not seen
-    end_is_burred: Bool  # (N,) a burr stands on the root face's end and covers it
-    end_is_corner: Bool  # (N,) the lower surface is seen and joins the root face
-    labels: AnyArray  # (N, M) uint8
-    range_sigma_mm: Float  # (N, 4) range noise of each face (order of LABELS) in the frame's pass
+    seen: Shaped[Bool, " N"]  # root face and bevel face both found
+    side: Shaped[Float, " N"]  # +1 or -1: the lower side lies towards rising side * x; NaN in a pass without the edge
+    # x, z (profiler frame, mm) and step along the root face a column (mm), at its last return
+    root_end: Shaped[Float, "N 3"]
+    end_column: Shaped[Int, " N"]  # that return's column, counted towards the lower side
+    end_is_mixed: Shaped[Bool, " N"]  # the next column saw both the root face and what lies behind it
+    end_is_cut: Shaped[Bool, " N"]  # the field of view, or something in front, ends the root face: its size is not seen
+    end_is_burred: Shaped[Bool, " N"]  # a burr stands on the root face's end and covers it
+    end_is_corner: Shaped[Bool, " N"]  # the lower surface is seen and joins the root face
+    labels: Shaped[AnyArray, "N M"]  # uint8
+    range_sigma_mm: Shaped[Float, "N 4"]  # range noise of each face (order of LABELS) in the frame's pass
 
 
 def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0) -> TrackedFaces:

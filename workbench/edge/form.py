@@ -17,7 +17,7 @@ from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.faces import FaceLines
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 SAMPLE_FRAMES = 480  # evenly over the recording
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
@@ -49,9 +49,10 @@ MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which 
 class Form:
     """Misfit of both faces at m places of the edge."""
 
-    root_turn_u: Float  # (m,) standard uncertainty of the root face's direction by its form, rad
-    bevel_turn_u: Float  # (m,) the same of the bevel face
-    corner_u_mm: Float  # (m,) of the distance from their corner to the end of the root face, by the form of both
+    root_turn_u: Shaped[Float, " m"]  # standard uncertainty of the root face's direction by its form, rad
+    bevel_turn_u: Shaped[Float, " m"]  # the same of the bevel face
+    # of the distance from their corner to the end of the root face, by the form of both
+    corner_u_mm: Shaped[Float, " m"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +102,8 @@ def _sample(s_frames: Float, face: FaceLines) -> Int:
 class Misfit:
     """What the straight line of one face leaves, at m places of the edge."""
 
-    turn_u: Float  # (m,) standard uncertainty of the face's direction, rad
-    offset_u_mm: Float  # (m,) of its ends, across the face
+    turn_u: Shaped[Float, " m"]  # standard uncertainty of the face's direction, rad
+    offset_u_mm: Shaped[Float, " m"]  # of its ends, across the face
     width_mm: float
 
 
@@ -232,10 +233,10 @@ class FaceRim:
     """The free end of a face in each of N frames."""
 
     face: FaceLines
-    side: Float  # (N,) +1 or -1: the end lies towards rising side * x
-    end_x_mm: Float  # (N,) x of the last return on the face's line
-    step_mm: Float  # (N,) between columns, along the face
-    sense: Float  # (N,) +1: z counts away from the sensor
+    side: Shaped[Float, " N"]  # +1 or -1: the end lies towards rising side * x
+    end_x_mm: Shaped[Float, " N"]  # x of the last return on the face's line
+    step_mm: Shaped[Float, " N"]  # between columns, along the face
+    sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
 
 
 def root_rim(tracked: TrackedFaces) -> FaceRim:
@@ -386,9 +387,10 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
 class Depths:
     """What the last returns of a face lie under its line, by groups of columns from the last one on."""
 
-    mean: Float  # (g,) mm
-    noise: Float  # (g, g) covariance by noise and what patterns of the sensor may feign
-    free: Float  # (g, g) covariance of what says nothing of a rounding: the line's own place and turn, and a bow
+    mean: Shaped[Float, " g"]  # mm
+    noise: Shaped[Float, "g g"]  # covariance by noise and what patterns of the sensor may feign
+    # covariance of what says nothing of a rounding: the line's own place and turn, and a bow
+    free: Shaped[Float, "g g"]
 
 
 def _known_depths(depth: Float, edges_mm: Float) -> Depths:

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.grids import columns_to_next
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 SAMPLE = 24  # profiles that show which way is up
 FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
@@ -34,10 +34,10 @@ GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is 
 class ReadFrames:
     """The n profiles that show both plates as most do."""
 
-    frame: Int  # (n,) their numbers in the cloud
+    frame: Shaped[Int, " n"]  # their numbers in the cloud
     sides: tuple[list[Side], list[Side]]  # left, right
     columns: list[Int]  # of the points of each profile, in the order of their indices
-    flip: Float  # (n,) -1 where the profiler's x falls from left to right
+    flip: Shaped[Float, " n"]  # -1 where the profiler's x falls from left to right
     kinds: tuple[Kind, Kind]
     up: float  # 1 where z counts out of the plates
     share: float  # of the profiles that have enough returns
@@ -50,29 +50,30 @@ class Lines:
     """One plate of n profiles in the section planes, drawn as a left one: the right plate's a is mirrored."""
 
     kind: Kind
-    plate: Float  # (n,) direction of the upper surface, towards the groove, rad
+    plate: Shaped[Float, " n"]  # direction of the upper surface, towards the groove, rad
     plate_variance: Float
-    face: Float  # (n,) direction of the face downwards; NaN at an `edge`
+    face: Shaped[Float, " n"]  # direction of the face downwards; NaN at an `edge`
     face_variance: Float
-    face_s: Float  # (n,) arc length where the profile cuts the face's middle
-    plate_way: Float  # (n,) how far the profile goes along the groove a mm of the upper surface: it stands obliquely
+    face_s: Shaped[Float, " n"]  # arc length where the profile cuts the face's middle
+    # how far the profile goes along the groove a mm of the upper surface: it stands obliquely
+    plate_way: Shaped[Float, " n"]
     face_way: Float
-    corner: Float  # (n, 2) where both meet
-    corner_variance: Float  # (n, 2)
-    last: Float  # (n, 2) innermost return of the plate
-    step: Float  # (n,) from there to the next column
-    edge_step: Float  # (n,) from the upper surface's last return to the next column
-    grazing: Float  # (n,) how many times as far apart as on the plate the returns stand on the face
+    corner: Shaped[Float, "n 2"]  # where both meet
+    corner_variance: Shaped[Float, "n 2"]
+    last: Shaped[Float, "n 2"]  # innermost return of the plate
+    step: Shaped[Float, " n"]  # from there to the next column
+    edge_step: Shaped[Float, " n"]  # from the upper surface's last return to the next column
+    grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
     rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
-    radius: Float  # (n,) of the fillet; NaN where there is none
+    radius: Shaped[Float, " n"]  # of the fillet; NaN where there is none
     radius_variance: Float
-    radius_lever: Float  # (n,) of the fillet's radius, a mm of its form: large where a short arc is seen
-    bottom: Float  # (n,) level of the fillet's lowest place
+    radius_lever: Shaped[Float, " n"]  # of the fillet's radius, a mm of its form: large where a short arc is seen
+    bottom: Shaped[Float, " n"]  # level of the fillet's lowest place
     bottom_variance: Float
-    lowest: Float  # (n, 2) lowest return of the root face; NaN
-    root_a: Float  # (n,) a of the root face's returns; NaN where it is not seen
-    spacing: Float  # (n,) of its returns, down
+    lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN
+    root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
+    spacing: Shaped[Float, " n"]  # of its returns, down
     pattern: float  # share of the noise's variance that every profile repeats in the same column
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 # edge: nothing is seen below the upper surface; hidden: a fillet, but not the flank above it; unread: a face that is
 # too steep, low or curved to read
@@ -52,7 +52,7 @@ class Side:
 
     kind: Kind
     fall: float  # angle of the face below the upper surface, rad; NaN at an `edge`
-    corner: Float  # (2,) where both meet, or the upper surface's last return
+    corner: Shaped[Float, " 2"]  # where both meet, or the upper surface's last return
     upper: Int  # returns of the upper surface, less its end
     face: Int  # of bevel, flank or square face
     arc: Int  # of the fillet, from its flank to the root

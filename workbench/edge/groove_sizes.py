@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.gaps import covered
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
@@ -50,8 +50,8 @@ class View(NamedTuple):
 
     skew: float  # tangent of the angle between the laser plane's normal and the groove
     lean: float  # how far the range axis goes right a mm upwards
-    direction_u: Float  # (k,) rad, of the groove's direction
-    tilt_u: Float  # (k,) rad, of the plates' about it
+    direction_u: Shaped[Float, " k"]  # rad, of the groove's direction
+    tilt_u: Shaped[Float, " k"]  # rad, of the plates' about it
 
 
 class GrooveSizes:

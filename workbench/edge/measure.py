@@ -22,7 +22,7 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.frame_noise import settled
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
@@ -56,14 +56,14 @@ class Measured:
     """The milled edge's state."""
 
     curve: Curve  # the lower edge, from arc length 0
-    s_low: Float  # (N,) where each frame shows it; NaN where it does not
+    s_low: Shaped[Float, " N"]  # where each frame shows it; NaN where it does not
     faces: Faces
     ends: RootEnds  # of N frames
     end: EndCourse  # root face
-    upper_s: Float  # (N,) where each frame shows the upper edge of the root face
-    lever_mm: Float  # (N,) distance of the bevel's measured points from it
-    root_turn: Float  # (N,) what obliquity adds to the direction of the root face, rad
-    bevel_turn: Float  # (N,) the same of the bevel face
+    upper_s: Shaped[Float, " N"]  # where each frame shows the upper edge of the root face
+    lever_mm: Shaped[Float, " N"]  # distance of the bevel's measured points from it
+    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
+    bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
     shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
 
 
@@ -258,13 +258,13 @@ def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: b
 class _Corner:
     """The corner of both faces in N frames, and their angles there."""
 
-    tilt: Float  # (N,) direction of the root face, rad
-    beta: Float  # (N,) bevel angle, rad
-    up: Float  # (N,) distance along the root face to the corner, mm
-    upper_s: Float  # (N,) arc length of the corner, mm
-    lever: Float  # (N,) distance of the bevel's measured points from it, mm
-    root_turn: Float  # (N,) what obliquity adds to the direction of the root face, rad
-    bevel_turn: Float  # (N,) the same of the bevel face
+    tilt: Shaped[Float, " N"]  # direction of the root face, rad
+    beta: Shaped[Float, " N"]  # bevel angle, rad
+    up: Shaped[Float, " N"]  # distance along the root face to the corner, mm
+    upper_s: Shaped[Float, " N"]  # arc length of the corner, mm
+    lever: Shaped[Float, " N"]  # distance of the bevel's measured points from it, mm
+    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
+    bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
 
 
 def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> _Corner:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 LAND_TILT = 2.0 * DEG  # standard deviation of delta before anything is seen of it
 LEAST_POINTS = 12
@@ -36,10 +36,10 @@ class Fillet:
     level_mm: float  # h
     radius_mm: float  # R
     tilt: float  # delta, rad
-    covariance: Float  # (3, 3) of level, radius and tilt: by noise
+    covariance: Shaped[Float, "3 3"]  # of level, radius and tilt: by noise
     rms_mm: float
-    left_mm: Float  # (RUNS,) mean of what is left in runs of equally many points, from the flank on
-    by_run: Float  # (3, 3) covariance for runs that err by 1 mm, each on its own, mm^-2
+    left_mm: Shaped[Float, " RUNS"]  # mean of what is left in runs of equally many points, from the flank on
+    by_run: Shaped[Float, "3 3"]  # covariance for runs that err by 1 mm, each on its own, mm^-2
 
     def form_u(self, x_mm: float) -> tuple[float, float, float]:
         """By how much the land's level at x, its tilt and the radius err where every run does by 1 mm, rms."""

@@ -19,7 +19,7 @@ from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 FILLETED: tuple[PreparationType, ...] = ("nose", "J")
 FEW_FRAMES = 40  # evenly, by which a nose is told from a J
@@ -75,7 +75,7 @@ class Plates:
     kind: PreparationType
     share: float  # see PreparedFrames
     agreement: float
-    side: Int  # (N,) +1: from the upper surface to the root face x rises
+    side: Shaped[Int, " N"]  # +1: from the upper surface to the root face x rises
     sense: int  # +1: z counts away from the sensor
     readings: list[Reading | None]  # of N profiles; None: none of this kind
 

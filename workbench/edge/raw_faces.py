@@ -11,7 +11,7 @@ from workbench.errors import InputError
 from workbench.geometry import end_face
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.faces import FaceLines
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 LABELS = np.array([ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE])  # in the order of geometry.end_face
 BURR_POINTS = 3  # that stand out in a frame
@@ -21,13 +21,13 @@ BURR_POINTS = 3  # that stand out in a frame
 class FaceEnds:
     """One end of the end face in each of N frames; NaN where the frame does not show it."""
 
-    corner: Bool  # (N,) the surface that joins the face there is seen
-    point: Float  # (N, 2) x, z: the corner's virtual sharp edge, or the face's last return; profiler frame, mm
-    column: Float  # (N,) of the last return, counted outwards
-    pitch: Float  # (N,) distance of the columns in x, mm; 0 at a corner
-    slope: Float  # (N,) dz/dx of the face next to its last return
-    alone: Bool  # (N,) the next column saw both the face and what lies behind it
-    burred: Bool  # (N,) points stand out beside the edge
+    corner: Shaped[Bool, " N"]  # the surface that joins the face there is seen
+    point: Shaped[Float, "N 2"]  # x, z: the corner's virtual sharp edge, or the face's last return; profiler frame, mm
+    column: Shaped[Float, " N"]  # of the last return, counted outwards
+    pitch: Shaped[Float, " N"]  # distance of the columns in x, mm; 0 at a corner
+    slope: Shaped[Float, " N"]  # dz/dx of the face next to its last return
+    alone: Shaped[Bool, " N"]  # the next column saw both the face and what lies behind it
+    burred: Shaped[Bool, " N"]  # points stand out beside the edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,10 +38,10 @@ class RawFaces:
     whole: FaceLines  # the end face from edge to edge
     lower: FaceEnds
     upper: FaceEnds
-    seen: Bool  # (N,) the end face is seen
-    side: Float  # (N,) the upper side lies towards falling side * x
+    seen: Shaped[Bool, " N"]  # the end face is seen
+    side: Shaped[Float, " N"]  # the upper side lies towards falling side * x
     sense: float  # +1: z counts away from the sensor
-    labels: AnyArray  # (N, M) uint8
+    labels: Shaped[AnyArray, "N M"]  # uint8
 
 
 def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:

@@ -29,7 +29,7 @@ from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end
 from workbench.geometry.splines import Spline
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 ROUGH_SLOPE = 2.0  # slope of a rough face over its height, 1/mm: waves of some mm
@@ -56,9 +56,10 @@ class EndAlong:
 
     course: Course  # of its height: from where a straight line would run that the reference curve leaves by `bend`
     bend: scipy.interpolate.CubicSpline  # arc length -> mm
-    s: Float  # (N,) arc length at which each frame shows it; NaN where it does not
+    s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
     rounding: Rounding
-    loose_mm: Float  # (N,) by how much it may be off at each frame: what frames say does not run smoothly there
+    # by how much it may be off at each frame: what frames say does not run smoothly there
+    loose_mm: Shaped[Float, " N"]
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
@@ -71,13 +72,13 @@ class RawMeasured:
 
     curve: Curve
     tilt: Course  # direction of the end face, from the lower to the upper side, against a of the curve's frame; rad
-    stands_out_mm: Float  # (N,) of each frame's end face from the curve, along n
+    stands_out_mm: Shaped[Float, " N"]  # of each frame's end face from the curve, along n
     stand_out: Course  # the same along the edge, mm
     lower: EndAlong
     upper: EndAlong
     lean: float  # turn from the end face to the direction of the upper surface into the plate; NaN: not seen; rad
-    s_face: Float  # (N,) where each frame shows the end face, mm
-    run: Float  # (N,) by how much the section advances along the edge per mm along the face
+    s_face: Shaped[Float, " N"]  # where each frame shows the end face, mm
+    run: Shaped[Float, " N"]  # by how much the section advances along the edge per mm along the face
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
     pose_u_mm: float  # of a place over POSE_MM of edge, by how single frames scatter: robots' errors hang together
@@ -320,12 +321,12 @@ class _Side:
 
     ends: FaceEnds
     outward: float  # -1: the lower end, which lies towards falling m
-    s: Float  # (N,) arc length, mm
-    low: Float  # (N,) the face reaches at least to here, mm
-    step: Float  # (N,) and not beyond the next column, mm; 0 at a corner
-    sigma: Float  # (N,) noise of low, the frame's own shift included, mm
-    missing: Float  # (N,) probability that a column has no return
-    silhouette: Bool  # (N,) frames of which the last return is taken
+    s: Shaped[Float, " N"]  # arc length, mm
+    low: Shaped[Float, " N"]  # the face reaches at least to here, mm
+    step: Shaped[Float, " N"]  # and not beyond the next column, mm; 0 at a corner
+    sigma: Shaped[Float, " N"]  # noise of low, the frame's own shift included, mm
+    missing: Shaped[Float, " N"]  # probability that a column has no return
+    silhouette: Shaped[Bool, " N"]  # frames of which the last return is taken
     by_corners: bool  # corners show nearly all of it
 
     @property
@@ -488,8 +489,9 @@ def _told(
 class _Loose:
     """What of an end is not the plate's, in N frames."""
 
-    mm: Float  # (N,) by how much the end may be off
-    shift: Float  # (N,) how far it stands out where the face is wider than it mostly is, mm; NaN: it changes here
+    mm: Shaped[Float, " N"]  # by how much the end may be off
+    # how far it stands out where the face is wider than it mostly is, mm; NaN: it changes here
+    shift: Shaped[Float, " N"]
 
 
 def _sound(side: _Side, loose: _Loose) -> _Side:

@@ -13,7 +13,7 @@ from workbench.geometry.course import fit_course
 from workbench.geometry.curves import Curve
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 SKIPPED, BEFORE, LEAST_BEFORE = 2, 5, 3  # pixels before the last one: left out, looked at, and needed
 MODEL_FILL = 0.1  # standard uncertainty of a fill: a pixel's edges are not sharp
@@ -25,12 +25,12 @@ MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's 
 class RootEnds:
     """The end of the root face in N frames, counted from the frame's corner with the bevel face; NaN: not seen."""
 
-    low: Float  # (N,) the face reaches at least to here, mm
-    step: Float  # (N,) the next column would meet it this much further; 0: a corner with the lower surface, mm
-    sigma: Float  # (N,) noise of `low`, mm
-    missing: Float  # (N,) probability that a column at the end of the root face has no return on it
-    fill: Float  # (N,) share of the last pixel that the face fills, by its brightness; NaN: not known
-    fill_sigma: Float  # (N,) its standard uncertainty
+    low: Shaped[Float, " N"]  # the face reaches at least to here, mm
+    step: Shaped[Float, " N"]  # the next column would meet it this much further; 0: a corner with the lower surface, mm
+    sigma: Shaped[Float, " N"]  # noise of `low`, mm
+    missing: Shaped[Float, " N"]  # probability that a column at the end of the root face has no return on it
+    fill: Shaped[Float, " N"]  # share of the last pixel that the face fills, by its brightness; NaN: not known
+    fill_sigma: Shaped[Float, " N"]  # its standard uncertainty
 
 
 def root_ends(

@@ -49,7 +49,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
 from workbench.stage import stage
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 Given = Literal["auto", "bevel", "compound", "nose", "J"]
 CORNERS = "corners of the faces: range noise and robot position noise"
@@ -204,9 +204,9 @@ class _Lines:
 
     section: SectionLines
     course: Course  # of the direction as frames show it, rad
-    turn: Float  # (N,) what obliquity adds to it, rad
-    place: Float  # (N, 2)
-    angle: Float  # (N,) direction in each frame's section, rad
+    turn: Shaped[Float, " N"]  # what obliquity adds to it, rad
+    place: Shaped[Float, "N 2"]
+    angle: Shaped[Float, " N"]  # direction in each frame's section, rad
 
 
 Values = dict[str, Float]  # by name: (N,)

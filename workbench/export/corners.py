@@ -10,7 +10,7 @@ import numpy as np
 from workbench.artefacts import Document, Groove
 from workbench.errors import InputError
 from workbench.stage import stage
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 CORNERS = 7  # upper edge, root, three places between the roots, root, upper edge
 TORCH = "Torchpos:"
@@ -23,8 +23,8 @@ NAMED = ("left_upper", "left_root", "right_root", "right_upper")
 class SevenCorners(NamedTuple):
     """Corners of n rows, and where the torch was: lateral, along and up, in mm."""
 
-    corners_mm: Float  # (n, 7, 3)
-    torch_mm: Float  # (n, 2) lateral and up; NaN where none is told
+    corners_mm: Shaped[Float, "n 7 3"]
+    torch_mm: Shaped[Float, "n 2"]  # lateral and up; NaN where none is told
 
 
 @stage("export.corners")

@@ -8,17 +8,17 @@ import numpy as np
 
 from workbench.artefacts import Cloud, Edge
 from workbench.errors import InputError
-from workbench.units import AnyArray, Float, Int
+from workbench.units import AnyArray, Float, Int, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTable:
     """n points, frame by frame."""
 
-    position_mm: Float  # (n, 3) in the base
-    face: AnyArray  # (n,) uint8, label as in artefacts.FACE_NAMES
-    frame: Int  # (n,)
-    column: Int  # (n,)
+    position_mm: Shaped[Float, "n 3"]  # in the base
+    face: Shaped[AnyArray, " n"]  # uint8, label as in artefacts.FACE_NAMES
+    frame: Shaped[Int, " n"]
+    column: Shaped[Int, " n"]
 
 
 def point_table(cloud: Cloud, edge: Edge | None, frames: Int | None = None) -> PointTable:

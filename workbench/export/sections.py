@@ -12,7 +12,7 @@ from pydantic import Field
 from workbench.artefacts import BEVEL_FACE, FACE_NAMES, Cloud, Document, Edge, Inspection, Section
 from workbench.export.points import PointTable, point_table
 from workbench.stage import stage
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 HEADER = "section,arc_length_mm,kind,face,frame,column,normal_mm,across_mm,x_mm,y_mm,z_mm"
 
@@ -192,9 +192,9 @@ class SectionShape:
 
     section: Section
     points: PointTable
-    place_mm: Float  # (n, 2) of the points
-    root_line_mm: Float | None  # (2, 2) root face, from its lower edge to its upper edge
-    bevel_line_mm: Float | None  # (2, 2) bevel face, from the root face's upper edge upwards
+    place_mm: Shaped[Float, "n 2"]  # of the points
+    root_line_mm: Shaped[Float, "2 2"] | None  # root face, from its lower edge to its upper edge
+    bevel_line_mm: Shaped[Float, "2 2"] | None  # bevel face, from the root face's upper edge upwards
 
 
 def section_shape(cloud: Cloud, edge: Edge, section: Section, thickness_mm: float, reach_mm: float) -> SectionShape:

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 LINE_PRICE = 40.0  # squared sigmas that a further line must save
 POINT_PRICE = 14.0  # squared sigmas above which a point is better left out
@@ -129,7 +129,7 @@ def _joined(a: Float, b: Float) -> Float:
     return np.array([a[X0], b[X1], slope, z - slope * at, a[COUNT] + b[COUNT], a[FIRST], b[LAST]])
 
 
-def straight_faces(x: Float, z: Float) -> Float:
+def straight_faces(x: Shaped[Float, " n"], z: Shaped[Float, " n"]) -> Float:
     """The straight faces of one profile, in order of its points: rows (x0, x1, slope, offset, count, first, last).
 
     x, z: (n,) mm, n points in column order with x rising, no NaN. `first`, `last` index the points. Lines that continue

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 NORMAL_VOXELS, FEATURE_VOXELS = 3.0, 6.0  # radii of the neighbourhoods, in voxels
 NEAR_VOXELS = 1.5  # of points that belong together
@@ -23,7 +23,7 @@ TRIES = 6  # RANSAC may miss, and a part may look alike from several sides
 class Found(NamedTuple):
     """A coarse registration."""
 
-    target_from_source: Float  # (4, 4)
+    target_from_source: Shaped[Float, "4 4"]
     overlap: float  # share of the source's voxels that have a point of the target near
     rms_mm: float  # of those
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 REFINEMENTS = 2
 NEAR = 4  # strides: over a longer gap the profile may have turned away, and x with it
@@ -38,7 +38,7 @@ def usual_pitch(x_mm: Float, first: Bool) -> float | None:
 
 
 def columns_by_spacing(
-    x_mm: Float, first: Bool, *, pitch_mm: float | None = None, origin: float | None = None
+    x_mm: Float, first: Shaped[Bool, " R"], *, pitch_mm: float | None = None, origin: float | None = None
 ) -> Int | None:
     """Columns (R,) of points `x_mm` (R,), a gap of k usual spacings leaving k - 1 columns free.
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 
-def rounding_mm(position_mm: Float, via_mm: Float, circular: Bool, zone_mm: float) -> Float:
+def rounding_mm(position_mm: Float, via_mm: Float, circular: Shaped[Bool, " k"], zone_mm: float) -> Float:
     """How far from each target (k,) the path passes that is rounded off from `zone_mm` before to `zone_mm` after it.
 
     Controllers round corners by parabolas, which pass the corner at half the distance of their chord's middle, and

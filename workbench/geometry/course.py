@@ -20,7 +20,7 @@ from workbench.geometry.medians import median, medians
 from workbench.geometry.penalised import Penalised, penalised
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
@@ -52,15 +52,16 @@ class Course:
     """A smooth function of arc length with its uncertainty: posterior mean and standard deviation."""
 
     spline: Spline  # mean; values () or (d,)
-    at_mm: Float  # (k,) where the uncertainty was computed
-    variance: Float  # (k,) of each component there
-    slope_variance: Float  # (k,) of df/ds
-    kept: Bool  # (n,) False: outliers, and what was not finite
+    at_mm: Shaped[Float, " k"]  # where the uncertainty was computed
+    variance: Shaped[Float, " k"]  # of each component there
+    slope_variance: Shaped[Float, " k"]  # of df/ds
+    kept: Shaped[Bool, " n"]  # False: outliers, and what was not finite
     frame_factor: float  # variance of single values over the stated one
     noise_factor: float  # the same of bins of values: larger where neighbouring values share noise
     misfit: float  # mean square of the pooled residuals over their variance, the largest; 1: as the noise says
     log_evidence: float
-    stiffness: Float  # (j, 4) priors: the order of the lower derivative held back, both strengths, posterior share
+    # priors: the order of the lower derivative held back, both strengths, posterior share
+    stiffness: Shaped[Float, "j 4"]
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
@@ -87,12 +88,12 @@ class Course:
 class Bins:
     """Values averaged over short stretches of edge, pass by pass."""
 
-    s: Float  # (b,) mean
-    spread: Float  # (b,) standard deviation of s: the mean of a bend lies off the bend
-    y: Float  # (b, d)
-    variance: Float  # (b,) as the stated variances say
-    group: Int  # (b,)
-    kept: Bool  # (n,) False: outliers, and what was not finite
+    s: Shaped[Float, " b"]  # mean
+    spread: Shaped[Float, " b"]  # standard deviation of s: the mean of a bend lies off the bend
+    y: Shaped[Float, "b d"]
+    variance: Shaped[Float, " b"]  # as the stated variances say
+    group: Shaped[Int, " b"]
+    kept: Shaped[Bool, " n"]  # False: outliers, and what was not finite
     frame_factor: float  # NaN: most bins hold one value, and tell no scatter
     vector: bool = True  # of values (n, d)
 
@@ -100,8 +101,8 @@ class Bins:
 def fit_course(
     s: Float,
     y: Float,
-    variance: Float | None = None,
-    group: Int | None = None,
+    variance: Shaped[Float, " n"] | None = None,
+    group: Shaped[Int, " n"] | None = None,
     orders: tuple[int, int] = (1, 2),
     stiffness: Float | None = None,
     unseen: tuple[float, float] = (0.0, 1.0),
@@ -355,12 +356,12 @@ def _waves(phase: Float, values: Float, first: int, squares: Float) -> None:
 class Values:
     """The m of n values that are numbers, pass by pass along s, and the bins that they lie in."""
 
-    order: Int  # (m,) which of the n
+    order: Shaped[Int, " m"]  # which of the n
     count: int  # n
-    s: Float  # (m,)
-    y: Float  # (m, d)
-    variance: Float  # (m,)
-    group: Int  # (m,)
+    s: Shaped[Float, " m"]
+    y: Shaped[Float, "m d"]
+    variance: Shaped[Float, " m"]
+    group: Shaped[Int, " m"]
     passes: tuple[slice, ...]
     edges: Int  # (b + 1,) where bins begin, and the end
     width_mm: float  # of bins

@@ -13,7 +13,7 @@ from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 STEP_MM = 0.05  # a pass that moves less than this between frames stands still
 POSE_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
@@ -35,8 +35,8 @@ class Curve:
     """
 
     spline: Spline  # s -> position (3), mm
-    stations_mm: Float  # (k,) evenly spaced, where the frame was computed
-    references: Float  # (k, 3) a at the stations
+    stations_mm: Shaped[Float, " k"]  # evenly spaced, where the frame was computed
+    references: Shaped[Float, "k 3"]  # a at the stations
     course: Course | None  # of the points that it was fitted to; None: it is known
 
     def position(self, s: Float) -> Float:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from workbench.geometry.fits_steps import Guess, across, centred, minimise
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 Shape = Literal["line", "plane", "circle", "sphere", "cylinder"]
 
@@ -28,10 +28,10 @@ class Fit:
     """A fitted shape. Directions are unit vectors, their largest component positive."""
 
     shape: Shape
-    point_mm: Float  # (3,) centre; or the centroid's foot on line, plane or axis
-    direction: Float | None  # (3,) along a line or an axis, normal of a plane or a circle; None: a sphere
+    point_mm: Shaped[Float, " 3"]  # centre; or the centroid's foot on line, plane or axis
+    direction: Shaped[Float, " 3"] | None  # along a line or an axis, normal of a plane or a circle; None: a sphere
     radius_mm: float | None  # None: line, plane
-    residuals_mm: Float  # (n,) distances; signed (outside positive) where the shape has two sides
+    residuals_mm: Shaped[Float, " n"]  # distances; signed (outside positive) where the shape has two sides
 
     @property
     def rms_mm(self) -> float:

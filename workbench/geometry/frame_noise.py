@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.geometry.course import fit_course
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
 LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
@@ -21,11 +21,11 @@ PASSED = 5.0  # odds, for each column passed, that the columns moved against a s
 class SettledEnds:
     """The last return in each of n frames, freed of noise that neighbouring frames do not share."""
 
-    low: Float  # (n,) mm
-    step: Float  # (n,) mm
-    sigma: Float  # (n,) what remains of the noise, mm
-    weight: Float  # (n,) what the frame counts
-    doubt: Float  # (n,) probability that the end waves with `low`, and the columns stand still against it
+    low: Shaped[Float, " n"]  # mm
+    step: Shaped[Float, " n"]  # mm
+    sigma: Shaped[Float, " n"]  # what remains of the noise, mm
+    weight: Shaped[Float, " n"]  # what the frame counts
+    doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, and the columns stand still against it
 
 
 def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group: Int) -> SettledEnds:

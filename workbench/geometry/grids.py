@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
 _MAGNITUDE = np.int32(0x7FFFFFFF)
@@ -20,7 +20,11 @@ MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
 
 
 def fuse(
-    x_mm: Float32, z_mm: Float32, base_from_profiler: Float, origin_mm: Float, out: Float32 | None = None
+    x_mm: Shaped[Float32, "N M"],
+    z_mm: Shaped[Float32, "N M"],
+    base_from_profiler: Shaped[Float, "N 4 4"],
+    origin_mm: Shaped[Float, " 3"],
+    out: Shaped[Float32, "N M 3"] | None = None,
 ) -> Float32:
     """Base coordinates, less `origin_mm`, of every grid point: the paper's equation (9), one pose a frame.
 
@@ -159,7 +163,7 @@ def _unshuffle(planes: AnyArray, out: AnyArray) -> None:
         out[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
-def columns_to_next(z_mm: AnyArray, outwards: Int) -> Int:
+def columns_to_next(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
     """How many columns beyond the last return of a face the next one lies that measures anything (N,); mostly 1.
 
     A few neighbouring columns of a grid (N, M) in which no frame has a return, between others that do, are blind (dirt

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.geometry.poses import slerp
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 MOST_SWEEP = 170.0 * math.pi / 180.0  # of one arc: slerp takes the short way, and controllers end at 240 deg
 LEAST_CHORD_MM = 1.0  # of an arc, from start to target; ABB's own limit is 0.1 mm
@@ -23,14 +23,14 @@ CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle a
 
 
 def merge_poses(
-    position_mm: Float,
-    quaternion_wxyz: Float,
-    feed: Float,
-    label: Int,
+    position_mm: Shaped[Float, "n 3"],
+    quaternion_wxyz: Shaped[Float, "n 4"],
+    feed: Shaped[Float, " n"],
+    label: Shaped[Int, " n"],
     *,
     chord_mm: float,
     angle: float,
-    feed_share: Float,
+    feed_share: Shaped[Float, " n"],
     least_sweep: float,
     lever_mm: float = 0.0,
 ) -> tuple[Int, Bool, Float, Float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.kernels import kernel
-from workbench.units import Bool, Float32, Int
+from workbench.units import Bool, Float32, Int, Shaped
 
 REACH_COLUMNS = 4  # a neighbour may be this many columns away: returns go missing
 SHORT_RUN = 4  # a run of fewer returns than this, far from both neighbours, is no surface
@@ -16,7 +16,12 @@ GAP_COLUMNS, LINE_COLUMNS = 24, 8  # unless it goes on with a surface's line bey
 
 
 def reject_outliers(
-    z_mm: Float32, keep: Bool, pass_index: Int, tolerance_mm: float, window_frames: int, jump_mm: float
+    z_mm: Shaped[Float32, "N M"],
+    keep: Shaped[Bool, "N M"],
+    pass_index: Shaped[Int, " N"],
+    tolerance_mm: float,
+    window_frames: int,
+    jump_mm: float,
 ) -> tuple[Bool, int, int]:
     """What remains of `keep` (N, M) without isolated returns and short streaks, and how many there were of each.
 

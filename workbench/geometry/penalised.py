@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 BAND = 4
 SLOPE_MM = 0.5  # a slope is that of the chord from so far before to so far after
@@ -29,11 +29,12 @@ class Penalised:
     first: float  # arc length of the first knot within
     step: float  # between knots
     squares: float  # y' W y
-    normal: Float  # (K, BAND) B' W B
-    right: Float  # (K, d) B' W y
-    roughness: Float  # (2, K, BAND) Q1, Q2
+    normal: Shaped[Float, "K BAND"]  # B' W B
+    right: Shaped[Float, "K d"]  # B' W y
+    roughness: Shaped[Float, "2 K BAND"]  # Q1, Q2
     waves: Float  # (2, K - lower order) their eigenvalues, but for the ends
-    free: Float  # (3, K) coefficients p of a polynomial that is free though Q1 holds it, Q1 p and B' W B p; or (3, 0)
+    # coefficients p of a polynomial that is free though Q1 holds it, Q1 p and B' W B p; or (3, 0)
+    free: Shaped[Float, "3 _"]
 
     def evidence(self, strengths: Float) -> Float:
         """Logarithm of the restricted marginal likelihood (j,) of strengths (j, 2), but for a constant (eq. (3)).

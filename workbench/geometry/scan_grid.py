@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.geometry.scan_lines import ScanLines
-from workbench.units import Float, Float32, Int
+from workbench.units import Float, Float32, Int, Shaped
 
 ANGLES = 360  # of the lateral axis, that are tried; then as many between the two next to the best
 SAMPLE = 60_000  # steps that tell it
@@ -21,9 +21,9 @@ MOST_MISSING = 40  # columns left empty for returns that are missing in a row
 class ScanGrid:
     """Frames (N) by columns (M), with x rising; which way z counts is not known."""
 
-    x_mm: Float32  # (N, M) NaN where nothing came back
-    z_mm: Float32  # (N, M)
-    base_from_profiler: Float  # (N, 4, 4)
+    x_mm: Shaped[Float32, "N M"]  # NaN where nothing came back
+    z_mm: Shaped[Float32, "N M"]
+    base_from_profiler: Shaped[Float, "N 4 4"]
 
 
 def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_LINES, LEAST_POINTS = 3, 20  # of a cloud; of a line, in the median
 LEAST_SHARE = 0.8  # of the points, in such lines
@@ -29,8 +29,8 @@ class ScanLines:
     """N scan lines in the order in which they were written."""
 
     first: Int  # (N + 1,) index of each line's first point, and the end
-    normal: Float  # (N, 3) unit, of the laser plane
-    pass_index: Int  # (N,)
+    normal: Shaped[Float, "N 3"]  # unit, of the laser plane
+    pass_index: Shaped[Int, " N"]
 
 
 def scan_lines(points_mm: Float) -> ScanLines | None:

@@ -17,7 +17,7 @@ from workbench.geometry.curves import Curve, foot, frame_at
 from workbench.geometry.faces import FaceLines
 from workbench.geometry.splines import derivatives, piece_of
 from workbench.kernels import kernel
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,14 +27,15 @@ class SectionLines:
     NaN where the face is not seen.
     """
 
-    s: Float  # (n,) arc length of the face's centroid, mm
-    place: Float  # (n, 2) centroid relative to the curve, mm
-    angle: Float  # (n,) direction of the line against a, towards b; from the lower to the upper side; rad
-    angle_variance: Float  # (n,) rad^2, of independent range noise
-    offset_variance: Float  # (n,) of the centroid across the line, mm^2, likewise
-    run: Float  # (n,) how far the section advances along the edge per mm along the face (the obliquity's tangent)
-    spread: Float  # (n,) mean square distance of the face's points from the centroid along the face, mm^2
-    ray: Float  # (n, 2) direction of the range axis in (a, b)
+    s: Shaped[Float, " n"]  # arc length of the face's centroid, mm
+    place: Shaped[Float, "n 2"]  # centroid relative to the curve, mm
+    angle: Shaped[Float, " n"]  # direction of the line against a, towards b; from the lower to the upper side; rad
+    angle_variance: Shaped[Float, " n"]  # rad^2, of independent range noise
+    offset_variance: Shaped[Float, " n"]  # of the centroid across the line, mm^2, likewise
+    # how far the section advances along the edge per mm along the face (the obliquity's tangent)
+    run: Shaped[Float, " n"]
+    spread: Shaped[Float, " n"]  # mean square distance of the face's points from the centroid along the face, mm^2
+    ray: Shaped[Float, "n 2"]  # direction of the range axis in (a, b)
 
 
 def section_lines(

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, in_order
 from workbench.kernels import kernel
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 GROUP = 16  # neighbouring lines that share a sphere
 QUERIES = 2048  # in a task
@@ -20,9 +20,9 @@ QUERIES = 2048  # in a task
 class LineIndex:
     """Segments in an order in which neighbours are near each other, and a sphere around every 16 of them."""
 
-    start_mm: Float  # (n, 3)
-    end_mm: Float  # (n, 3)
-    spheres: Float  # (groups, 4) centre and radius
+    start_mm: Shaped[Float, "n 3"]
+    end_mm: Shaped[Float, "n 3"]
+    spheres: Shaped[Float, "groups 4"]  # centre and radius
 
 
 def index_lines(start_mm: Float, end_mm: Float) -> LineIndex | None:

@@ -19,7 +19,7 @@ from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.medians import medians
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
 MISSES = 6  # columns of the face that may have gone without return at its end
@@ -39,15 +39,15 @@ FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a
 class Ends:
     """The last return on a face in each of n frames, counted from some place in the frame, mm."""
 
-    s: Float  # (n,) arc length, rising
-    low: Float  # (n,) the face reaches at least to here
-    step: Float  # (n,) the next column lies this much further; 0: `low` is a measured corner
-    sigma: Float  # (n,) noise of low
-    missing: Float  # (n,) probability that a column of the face is without return
-    weight: Float  # (n,) what the frame counts: below 1 where neighbours share their noise
-    fill: Float  # (n,) share of the last pixel that the face fills, by its brightness; NaN: not known
-    fill_sigma: Float  # (n,) its standard uncertainty
-    doubt: Float  # (n,) probability that the end waves with `low`, rather than the columns against it
+    s: Shaped[Float, " n"]  # arc length, rising
+    low: Shaped[Float, " n"]  # the face reaches at least to here
+    step: Shaped[Float, " n"]  # the next column lies this much further; 0: `low` is a measured corner
+    sigma: Shaped[Float, " n"]  # noise of low
+    missing: Shaped[Float, " n"]  # probability that a column of the face is without return
+    weight: Shaped[Float, " n"]  # what the frame counts: below 1 where neighbours share their noise
+    fill: Shaped[Float, " n"]  # share of the last pixel that the face fills, by its brightness; NaN: not known
+    fill_sigma: Shaped[Float, " n"]  # its standard uncertainty
+    doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, rather than the columns against it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,11 +55,12 @@ class EndCourse:
     """The end along the edge."""
 
     course: Course  # mm
-    s: Float  # (c,) middle of each stretch of edge, mm
-    contradicted: Bool  # (c,) most frames there say something else than the course
-    departure: Float  # (c,) how far their middle lies off it there, mm; halved from cell to cell beside it; 0 elsewhere
-    middle: Float  # (c,) of the column steps there, whatever the course says, mm
-    middle_u: Float  # (c,) what the step leaves open, mm
+    s: Shaped[Float, " c"]  # middle of each stretch of edge, mm
+    contradicted: Shaped[Bool, " c"]  # most frames there say something else than the course
+    # how far their middle lies off it there, mm; halved from cell to cell beside it; 0 elsewhere
+    departure: Shaped[Float, " c"]
+    middle: Shaped[Float, " c"]  # of the column steps there, whatever the course says, mm
+    middle_u: Shaped[Float, " c"]  # what the step leaves open, mm
 
 
 def find_end(

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.curves import Curve
 from workbench.kernels import kernel
-from workbench.units import Float, Float32, Int
+from workbench.units import Float, Float32, Int, Shaped
 
 FRONT_MM = 0.5  # points of a cell this near to its foremost one are of the surface that is seen there
 MARGIN = 20  # empty columns on each side: no field of view ends a slice
@@ -26,8 +26,8 @@ class Laid:
     """n points laid out along a course: each in its own section plane, so that a curved edge becomes straight."""
 
     course: Curve
-    s: Float  # (n,) arc length, mm
-    place: Float  # (n, 2) along the course's (a, b), mm
+    s: Shaped[Float, " n"]  # arc length, mm
+    place: Shaped[Float, "n 2"]  # along the course's (a, b), mm
 
 
 def lay_out(points_mm: Float, course: Curve, s: Float) -> Laid:

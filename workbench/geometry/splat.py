@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, cores, in_order
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float, Float32
+from workbench.units import AnyArray, Float, Float32, Shaped
 
 FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smooth
 COARSER, FEW = 8.0, 200_000  # pixels and points in which the spacing of the points is looked for
@@ -28,8 +28,8 @@ REACH, FARTHEST = 2.5, 8  # its neighbours: so many discs away, pixels at most
 class Camera:
     """How space is seen: in parallel projection, or in perspective from a viewer at a distance from `centre_mm`."""
 
-    screen: Float  # (3, 3) rows right, up, towards the viewer; orthonormal
-    centre_mm: Float  # (3,) what is seen in the middle of the picture
+    screen: Shaped[Float, "3 3"]  # rows right, up, towards the viewer; orthonormal
+    centre_mm: Shaped[Float, " 3"]  # what is seen in the middle of the picture
     scale_px_mm: float  # pixels a mm, at the distance of the centre
     width_px: int
     height_px: int
@@ -52,11 +52,14 @@ class Camera:
 class Picture:
     """A drawn cloud: H x W pixels, the first row the uppermost."""
 
-    rgb: AnyArray  # (H, W, 3) uint8, on white
-    near_mm: Float32  # (H, W) the nearest point there, mm towards the viewer from the camera's centre; NaN: none
+    rgb: Shaped[AnyArray, "H W 3"]  # uint8, on white
+    # the nearest point there, mm towards the viewer from the camera's centre; NaN: none
+    near_mm: Shaped[Float32, "H W"]
 
 
-def draw_cloud(points_mm: AnyArray, colour: AnyArray, camera: Camera, size_px: float | None = None) -> Picture:
+def draw_cloud(
+    points_mm: Shaped[AnyArray, "n 3"], colour: Shaped[AnyArray, "n 3"], camera: Camera, size_px: float | None = None
+) -> Picture:
     """The points as lit discs; those in perspective are the larger the nearer they are.
 
     Args:

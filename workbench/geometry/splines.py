@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 CUBIC = 3
 
@@ -19,7 +19,7 @@ class Polynomials:
     """n polynomials of u = x - breaks[i], each from its break to the next; the first and the last go on beyond."""
 
     breaks: Float  # (n + 1,) rising
-    powers: Float  # (n, 4, d) of u^0 to u^3
+    powers: Shaped[Float, "n 4 d"]  # of u^0 to u^3
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Spline:
     """A spline by its knots and coefficients, as scipy.interpolate.BSpline has them."""
 
     t: Float  # (K + k + 1,) knots
-    c: Float  # (K,) or (K, d) coefficients
+    c: Shaped[Float, "K ..."]  # coefficients of one quantity, or of several
     k: int = CUBIC
 
     @functools.cached_property

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 SUPPORT_FRAMES = 6  # of the frames within as many before and after, that stand out too: outliers come in fewer
 SUPPORT_COLUMNS = 2  # to each side, in which they do
@@ -25,8 +25,9 @@ class SectionTable(NamedTuple):
     """Sections of the stock at n stations, `step` mm apart from arc length 0, as the kernels see them."""
 
     step: float
-    axes: Float  # (n, 12) lower edge, t, n, m in the base
-    stock: Float  # (n, 4) upper edge, and the unit direction along the upper surface into the plate, along n and m
+    axes: Shaped[Float, "n 12"]  # lower edge, t, n, m in the base
+    # upper edge, and the unit direction along the upper surface into the plate, along n and m
+    stock: Shaped[Float, "n 4"]
 
 
 def section_table(
@@ -38,13 +39,13 @@ def section_table(
 
 
 def foreign_points(
-    x_mm: Float32,
-    z_mm: Float32,
-    usable: Bool,
-    base_from_profiler: Float,
+    x_mm: Shaped[Float32, "N M"],
+    z_mm: Shaped[Float32, "N M"],
+    usable: Shaped[Bool, "N M"],
+    base_from_profiler: Shaped[Float, "N 4 4"],
     sections: SectionTable,
-    start: Int,
-    tolerance_mm: Float,
+    start: Shaped[Int, " N"],
+    tolerance_mm: Shaped[Float, " n"],
 ) -> tuple[Int, Int]:
     """Frames and columns of the points that belong to no face of the stock: clamps, the table.
 
@@ -134,15 +135,15 @@ def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
 
 
 def standing_layers(
-    x_mm: Float32,
-    z_mm: Float32,
-    keep: Bool,
-    base_from_profiler: Float,
+    x_mm: Shaped[Float32, "N M"],
+    z_mm: Shaped[Float32, "N M"],
+    keep: Shaped[Bool, "N M"],
+    base_from_profiler: Shaped[Float, "N 4 4"],
     sections: SectionTable,
-    start: Int,
+    start: Shaped[Int, " N"],
     bevel: tuple[float, float, float, float],
-    face_mm: Float,
-    reach_mm: Float,
+    face_mm: Shaped[Float, "n layers"],
+    reach_mm: Shaped[Float, " n"],
     beyond_mm: float = 0.0,
 ) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point.
@@ -229,11 +230,11 @@ def _standing(
 
 def needed_heights(
     points_mm: Float,
-    station: Int,
-    origin_mm: Float,
-    tangent: Float,
-    outward: Float,
-    axis: Float,
+    station: Shaped[Int, " p"],
+    origin_mm: Shaped[Float, "k 3"],
+    tangent: Shaped[Float, "k 3"],
+    outward: Shaped[Float, "k 3"],
+    axis: Shaped[Float, "k 3"],
     reach: tuple[float, float, float],
 ) -> Float:
     """Height (k,) of the cutter above its k places that keeps it clear of points (p, 3); -inf where none is near.

@@ -18,7 +18,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, in_order, over_blocks
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float, Float32, Int
+from workbench.units import AnyArray, Float, Float32, Int, Shaped
 
 Axis: TypeAlias = tuple[float, float, float, float, float, float, float]  # start, unit direction, length
 
@@ -32,16 +32,21 @@ MOST_NODES = 128  # that wait at a time: less than four a level
 class Stock:
     """The points of a cloud as an index for distances."""
 
-    x_mm: Float32  # (N, M)
-    z_mm: Float32  # (N, M)
-    base_from_profiler: Float  # (N, 4, 4)
-    stands: AnyArray  # (N, M) uint16: it still stands for the layers before this one; 0: not a point
-    spheres: Float  # (b, 4) centre and radius of each block, level by level from the leaves; radius -1: empty
-    block_stands: AnyArray  # (b,) uint16: the longest of its points
-    shape: Int  # (levels, 3) first block, blocks along the frames, blocks along the columns
+    x_mm: Shaped[Float32, "N M"]
+    z_mm: Shaped[Float32, "N M"]
+    base_from_profiler: Shaped[Float, "N 4 4"]
+    stands: Shaped[AnyArray, "N M"]  # uint16: it still stands for the layers before this one; 0: not a point
+    spheres: Shaped[Float, "b 4"]  # centre and radius of each block, level by level from the leaves; radius -1: empty
+    block_stands: Shaped[AnyArray, " b"]  # uint16: the longest of its points
+    shape: Shaped[Int, "levels 3"]  # first block, blocks along the frames, blocks along the columns
 
 
-def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands: AnyArray) -> Stock:
+def build_stock(
+    x_mm: Shaped[Float32, "N M"],
+    z_mm: Shaped[Float32, "N M"],
+    base_from_profiler: Shaped[Float, "N 4 4"],
+    stands: Shaped[AnyArray, "N M"],
+) -> Stock:
     """The index over the points of a cloud: one pass.
 
     Args:
@@ -60,7 +65,12 @@ def build_stock(x_mm: Float32, z_mm: Float32, base_from_profiler: Float, stands:
 
 
 def axis_distances(
-    stock: Stock, start_mm: Float, end_mm: Float, layer: Int, bound_mm: Float, flat: bool = False
+    stock: Stock,
+    start_mm: Shaped[Float, "k 3"],
+    end_mm: Shaped[Float, "k 3"],
+    layer: Shaped[Int, " k"],
+    bound_mm: Shaped[Float, " k"],
+    flat: bool = False,
 ) -> Float:
     """Least distance (k,) of axes, straight from `start_mm` to `end_mm` (k, 3), to the points that still stand.
 

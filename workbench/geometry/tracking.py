@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.geometry.blocks import as_input, in_order
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 # Faces in chain order, and what a state row holds for each: slope, offset, seen (0 or 1), free end x.
 UPPER, BEVEL, ROOT, LOWER = range(4)
@@ -430,9 +430,9 @@ def _follow_stretch(
 
 
 def follow(
-    x: Float32,
-    z: Float32,
-    keep: Bool,
+    x: Shaped[Float32, "n M"],
+    z: Shaped[Float32, "n M"],
+    keep: Shaped[Bool, "n M"],
     side: float,
     keys: Int,
     states: Float,

@@ -15,7 +15,7 @@ from workbench.errors import InputError, nearest
 from workbench.geometry.poses import interpolate_poses, inverse, pose_from, rotation_from_quaternion
 from workbench.importing.bags_times import in_order
 from workbench.scan.checks import normalised
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 SAME = 1e-9  # mm, or of a quaternion: nearer poses are one
 
@@ -36,9 +36,9 @@ class Motion:
 
     is_static: bool
     is_down: bool  # along the chain from parent to child
-    time_s: Float  # (K,)
-    position_mm: Float  # (K, 3)
-    quaternion_wxyz: Float  # (K, 4)
+    time_s: Shaped[Float, " K"]
+    position_mm: Shaped[Float, "K 3"]
+    quaternion_wxyz: Shaped[Float, "K 4"]
 
     @property
     def holds_still(self) -> bool:

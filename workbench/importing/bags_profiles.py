@@ -15,7 +15,7 @@ from workbench.importing.bags_mapping import LENGTH_MM, BagPart
 from workbench.importing.bags_reader import CLOUD, SCAN, Bag, Message, chosen_topic, listed
 from workbench.importing.bags_times import stamp_s
 from workbench.importing.neutral import ProfileFrames
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Shaped
 
 # One message of a bag as points: PointCloud2 by its fields, LaserScan by its angles and ranges.
 #
@@ -30,8 +30,8 @@ INTENSITY = ("intensity", "intensities")
 class Points:
     """What one message holds: H rows (profiles) of W points."""
 
-    xyz: Float  # (3, H, W) in the message's frame and unit; NaN = no return; an axis that is not there is 0
-    intensity: AnyArray | None  # (H, W)
+    xyz: Shaped[Float, "3 H W"]  # in the message's frame and unit; NaN = no return; an axis that is not there is 0
+    intensity: Shaped[AnyArray, "H W"] | None
 
 
 def cloud_points(message: Any, where: str) -> Points:
@@ -111,7 +111,7 @@ class Found:
     """What the messages turned out to be."""
 
     profiles: ProfileFrames
-    ros_from_profiler: Float  # (3, 3) axes of the profiler in the frame of the messages
+    ros_from_profiler: Shaped[Float, "3 3"]  # axes of the profiler in the frame of the messages
     frame_id: str
     notes: list[str] = field(default_factory=list)
 

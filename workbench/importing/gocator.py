@@ -18,7 +18,7 @@ from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.text import cells, head_text, numbered, numbers, read_lines_as_bytes
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 NAME = "Gocator CSV surface"
 CORNER = "Y\\X"
@@ -28,9 +28,9 @@ Lines = Iterator[tuple[int, str]]
 class Surface(NamedTuple):
     """One grid of heights in mm."""
 
-    x_mm: Float  # (M,)
-    y_mm: Float  # (N,)
-    z_mm: Float  # (N, M)
+    x_mm: Shaped[Float, " M"]
+    y_mm: Shaped[Float, " N"]
+    z_mm: Shaped[Float, "N M"]
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:

@@ -11,7 +11,7 @@ from workbench.errors import InputError
 from workbench.importing.mapping_tables import TextPart
 from workbench.importing.table import read_table
 from workbench.importing.text import first_bytes, head_text
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 NAME = "Kistler DynoWare"
 MARK = "DynoWare"
@@ -24,8 +24,8 @@ STEADY = 1e-3  # share of the sampling interval by which times may differ from e
 class Forces(NamedTuple):
     """Samples of a dynamometer: forces in N, moments in N m."""
 
-    time_s: Float  # (n,) rising
-    value: Float  # (n, c)
+    time_s: Shaped[Float, " n"]  # rising
+    value: Shaped[Float, "n c"]
     channel: tuple[str, ...]
     unit: tuple[str, ...]
     rate_hz: float

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from workbench.units import AnyArray, Float, Float32, Int
+from workbench.units import AnyArray, Float, Float32, Int, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,12 +16,12 @@ class ProfileFrames:
     """Profiles out of one source, in the profiler frame."""
 
     source: str  # the file's name as given, for messages
-    x_mm: Float32  # (N, M) lateral; NaN = no return
-    z_mm: Float32  # (N, M) range; NaN = no return
-    time_s: Float | None = None  # (N,) exposure times on the profiler's clock; None: the file has none
-    travel_mm: Float | None = None  # (N,) way gone along the scan: an encoder's or a surface's y
-    intensity: AnyArray | None = None  # (N, M) uint16
-    pass_index: Int | None = None  # (N,) where the file itself tells passes apart
+    x_mm: Shaped[Float32, "N M"]  # lateral; NaN = no return
+    z_mm: Shaped[Float32, "N M"]  # range; NaN = no return
+    time_s: Shaped[Float, " N"] | None = None  # exposure times on the profiler's clock; None: the file has none
+    travel_mm: Shaped[Float, " N"] | None = None  # way gone along the scan: an encoder's or a surface's y
+    intensity: Shaped[AnyArray, "N M"] | None = None  # uint16
+    pass_index: Shaped[Int, " N"] | None = None  # where the file itself tells passes apart
     sensor: str | None = None  # as the file names it
     length_unit: str = "mm"  # that the lengths were read from, for messages
 
@@ -31,10 +31,10 @@ class PoseStream:
     """Flange poses out of one source, in the robot base."""
 
     source: str
-    position_mm: Float  # (K, 3)
-    quaternion_wxyz: Float  # (K, 4), unit length
-    time_s: Float | None = None  # (K,) on the robot's clock; None: the file has none
-    pass_index: Int | None = None  # (K,) where the file itself tells passes apart
+    position_mm: Shaped[Float, "K 3"]
+    quaternion_wxyz: Shaped[Float, "K 4"]  # unit length
+    time_s: Shaped[Float, " K"] | None = None  # on the robot's clock; None: the file has none
+    pass_index: Shaped[Int, " K"] | None = None  # where the file itself tells passes apart
     length_unit: str = "mm"  # that the lengths were read from, for messages
     time_unit: str = "s"
 
@@ -46,14 +46,14 @@ class Imported:
     profiles: ProfileFrames | None = None
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
-    flange_from_profiler: Float | None = None  # (4, 4) where the source itself carries it
-    stamps_s: Float | None = None  # (N,) or (K,) times alone, for the frames or poses of another source
+    flange_from_profiler: Shaped[Float, "4 4"] | None = None  # where the source itself carries it
+    stamps_s: Shaped[Float, " N"] | None = None  # or (K,) times alone, for the frames or poses of another source
 
 
 class TimedPass(NamedTuple):
     """One pass on the robot's clock."""
 
-    time_s: Float  # (n,) of its frames
+    time_s: Shaped[Float, " n"]  # of its frames
     poses: PoseStream  # with times
     note: str  # how the times came about
     has_clock: bool = True  # False: the times only count frames or mm

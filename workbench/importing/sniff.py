@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.importing.text import NO_VALUE, cells, head_text
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 SAMPLE_BYTES = 2**22  # enough for some frames of a wide table
 MOST_ROWS = 20_000
@@ -24,8 +24,8 @@ class Form:
     decimal: str
     skip_lines: int  # before the header, or before the numbers
     header: tuple[str, ...]  # () where there is none
-    rows: Float  # (r, c) NaN where a cell is empty
-    after_blank: Bool  # (r,) a blank line stands before the row
+    rows: Shaped[Float, "r c"]  # NaN where a cell is empty
+    after_blank: Shaped[Bool, " r"]  # a blank line stands before the row
     whole: bool  # the sample is the whole file
 
     def as_part(self) -> dict[str, object]:

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
 from workbench.importing.text import decoded
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 NAME = "readings of a laser tracker"
 POSITION = re.compile(r"^\s*Pos\w*\s*(\d+)\b", re.IGNORECASE)
@@ -25,7 +25,7 @@ class Position(NamedTuple):
     """All readings of one position."""
 
     number: int
-    reading: Float  # (n, 3) in the file's unit
+    reading: Shaped[Float, "n 3"]  # in the file's unit
 
 
 def recognises(head: str) -> bool:

@@ -8,7 +8,7 @@ from workbench.artefacts import Strokes
 from workbench.artefacts.checks import Check
 from workbench.edge.groove_rows import Rows
 from workbench.look.single import Profile
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,7 +16,7 @@ class Shade:
     """A value a point, by which the view may be coloured."""
 
     name: str  # with its unit
-    values: Float  # (n,)
+    values: Shaped[Float, " n"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class Seen:
     kind: str  # what it is, for people
     frame: str  # in what frame the points are shown, in words
     lines: tuple[str, ...]  # the summary
-    points_mm: Float  # (n, 3) a sample of the points; any first part of it shows the whole
+    points_mm: Shaped[Float, "n 3"]  # a sample of the points; any first part of it shows the whole
     shades: tuple[Shade, ...]
     strokes: tuple[Strokes, ...] = ()
     checks: tuple[Check, ...] = ()

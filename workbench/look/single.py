@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.chains import COUNT, FIRST, LAST, noise_sigma, straight_faces
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 NOTE = (
     "angles are those of the profile; the angle of a part needs frames along its edge, "
@@ -56,8 +56,8 @@ class Corner(NamedTuple):
 class Profile(NamedTuple):
     """A profile and what was found in it."""
 
-    x_mm: Float  # (n,) rising
-    z_mm: Float  # (n,)
+    x_mm: Shaped[Float, " n"]  # rising
+    z_mm: Shaped[Float, " n"]
     lines: tuple[Line, ...]
     corners: tuple[Corner, ...]
 

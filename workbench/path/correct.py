@@ -31,7 +31,7 @@ from workbench.path.plan import KEY_POINT_MM, cut_stretches
 from workbench.path.poses import Poses, poses_of
 from workbench.path.section import LEAST_DEPTH_MM
 from workbench.stage import stage
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's constant errors may have
 VARYING_MM, VARYING = 1.0, 0.1 * DEG  # three times what repeats along the way and is not constant: gears, arc minutes
@@ -48,20 +48,20 @@ LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be m
 class Cut:
     """The face as it was cut at n places of the plan: what of the profile lies where the path cuts."""
 
-    arc_length_mm: Float  # (n,) as planned
-    root_mm: Float  # (n,)
+    arc_length_mm: Shaped[Float, " n"]  # as planned
+    root_mm: Shaped[Float, " n"]
     root_u: SharedU  # mm, but for where the lower edge lies
     edge_u_mm: float  # of that, what of it one scan of the whole edge may have wrong
-    angle: Float  # (n,) rad
+    angle: Shaped[Float, " n"]  # rad
     angle_u: SharedU  # rad
-    moved_mm: Float  # (n, 2) the lower edge beside the plan's: along b, along m
+    moved_mm: Shaped[Float, "n 2"]  # the lower edge beside the plan's: along b, along m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedU:
     """Standard uncertainties at n places, and what of them may be one error of the whole edge."""
 
-    local: Float  # (n,)
+    local: Shaped[Float, " n"]
     shared: float
 
 

@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import fit_course
 from workbench.geometry.tool_frames import unit
 from workbench.path.poses import poses_of
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
 LEAST_STATIONS = 4  # of the upper edge: a line that bends once, and one to judge it by
@@ -25,15 +25,15 @@ class Course:
     Sizes in the section plane have two components, along n and along m, counted from the lower edge.
     """
 
-    arc_length_mm: Float  # (k,)
-    position_mm: Float  # (k, 3) lower edge in the base; bridged smoothly where hidden
-    tangent: Float  # (k, 3)
-    normal: Float  # (k, 3)
-    across: Float  # (k, 3)
-    upper_mm: Float  # (k, 2) the stock's upper edge
-    inward: Float  # (k, 2) unit, along the upper surface into the plate
-    curvature: Float  # (k, 2) of the lower edge, 1/mm; 0 beyond the ends
-    seen: Bool  # (k,) measured here
+    arc_length_mm: Shaped[Float, " k"]
+    position_mm: Shaped[Float, "k 3"]  # lower edge in the base; bridged smoothly where hidden
+    tangent: Shaped[Float, "k 3"]
+    normal: Shaped[Float, "k 3"]
+    across: Shaped[Float, "k 3"]
+    upper_mm: Shaped[Float, "k 2"]  # the stock's upper edge
+    inward: Shaped[Float, "k 2"]  # unit, along the upper surface into the plate
+    curvature: Shaped[Float, "k 2"]  # of the lower edge, 1/mm; 0 beyond the ends
+    seen: Shaped[Bool, " k"]  # measured here
 
     def in_base(self, section: Float) -> Float:
         """Vectors (k, 2) of the section plane in the base (k, 3)."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 MOST_POINTS = 120  # of the edge that count, evenly spread
 WEAR_SHARE = 0.1  # of a constant error, that may grow along the edge
@@ -39,10 +39,10 @@ SURE = 0.9545  # of what does not repeat, that stays below what is called signif
 class Estimate:
     """What the next pass will show again, at m places; units are those of the values."""
 
-    value: Float  # (m,)
-    u: Float  # (m,)
+    value: Shaped[Float, " m"]
+    u: Shaped[Float, " m"]
     variation: float  # root mean square of f
-    by_chance: Float  # (m, m) covariance that `value` has where nothing repeats
+    by_chance: Shaped[Float, "m m"]  # covariance that `value` has where nothing repeats
 
     @property
     def significant(self) -> bool:
@@ -65,12 +65,12 @@ class Estimate:
 
 
 def estimate(
-    s: Float,
-    values: Float,
-    u: Float,
-    axes: Float,
-    at: Float,
-    axes_at: Float,
+    s: Shaped[Float, " n"],
+    values: Shaped[Float, " n"],
+    u: Shaped[Float, " n"],
+    axes: Shaped[Float, "n 3"],
+    at: Shaped[Float, " m"],
+    axes_at: Shaped[Float, "m 3"],
     largest: float,
     varying: float,
     unrepeated: float,

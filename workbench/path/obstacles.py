@@ -21,7 +21,7 @@ from workbench.geometry.stations import (
 )
 from workbench.geometry.tool_frames import smoothstep
 from workbench.path.course import Course
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate
 CLAMP_MM = 0.5  # over a hidden stretch, where a clamp may lie close
@@ -34,10 +34,10 @@ BESIDE_MM = 5.0  # points of a clamp lie up to this far from the stretch that it
 class Foreign:
     """Points of the cloud that belong to no face of the stock."""
 
-    frame: Int  # (p,)
-    column: Int  # (p,)
-    position_mm: Float  # (p, 3) in the base
-    arc_length_mm: Float  # (p,)
+    frame: Shaped[Int, " p"]
+    column: Shaped[Int, " p"]
+    position_mm: Shaped[Float, "p 3"]  # in the base
+    arc_length_mm: Shaped[Float, " p"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,11 @@ def find_foreign(cloud: Cloud, edge: Edge, sections: SectionTable) -> Foreign:
 
 
 def clearance_heights(
-    foreign: Foreign, course: Course, origin_mm: Float, quaternion_wxyz: Float, reach: tuple[float, float, float]
+    foreign: Foreign,
+    course: Course,
+    origin_mm: Shaped[Float, "k 3"],
+    quaternion_wxyz: Shaped[Float, "k 4"],
+    reach: tuple[float, float, float],
 ) -> Float:
     """Height (k,) above the final layer's places that keeps the cutter clear of the foreign points.
 
@@ -95,7 +99,14 @@ def clearance_heights(
     return needed_heights(foreign.position_mm, at, origin_mm, y, -x, z, reach)
 
 
-def find_lifts(s: Float, seen: Bool, needed_mm: Float, clear_mm: float, over_mm: float, ramp_mm: float) -> list[Lift]:
+def find_lifts(
+    s: Shaped[Float, " k"],
+    seen: Shaped[Bool, " k"],
+    needed_mm: Shaped[Float, " k"],
+    clear_mm: float,
+    over_mm: float,
+    ramp_mm: float,
+) -> list[Lift]:
     """Stretches to pass above, in order.
 
     A ramp lies over what is hidden, as far as there is room; where the cutter would meet something it begins earlier.

@@ -13,7 +13,7 @@ from workbench.geometry.tool_frames import bevel_normal, tool_quaternions
 from workbench.path.course import Course
 from workbench.path.obstacles import Lift, lifted_heights
 from workbench.path.section import LEAST_DEPTH_MM, Bevel
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 KEY_POINT_MM = 1.0
 MOST_TRAVEL_MM = 50.0  # between points of travel moves
@@ -36,9 +36,9 @@ class Plan:
 
     course: Course  # at the k points of every layer, lead-in and lead-out included
     bevel: Bevel
-    stock_mm: Float  # (k,) height of the stock above the finished face
-    outward: Float  # (k, 3) b
-    quaternion_wxyz: Float  # (k, 4)
+    stock_mm: Shaped[Float, " k"]  # height of the stock above the finished face
+    outward: Shaped[Float, "k 3"]  # b
+    quaternion_wxyz: Shaped[Float, "k 4"]
     lifts: tuple[Lift, ...]
     clear_mm: float  # height above the finished face that clears the stock
     air: Air

@@ -22,7 +22,7 @@ from workbench.path.poses import poses_of
 from workbench.path.refusals import refuse_cutter
 from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 # How much material stands above the required bevel, or lacks, along an inspected edge.
 
@@ -33,10 +33,11 @@ LEAST_MM = 0.02  # no less than this is milled, or missed
 class Excess:
     """What the face as measured has above the required one, along its normal, at n stations; NaN where not measured."""
 
-    root_end_mm: Float  # (n,) at the root face
-    upper_end_mm: Float  # (n,) at the upper surface
-    fails: Bool  # (n,) out of tolerance by the guard band
-    lacks: Bool  # (n,) of those: too small a root, or an angle that leaves part of the face below the required one
+    root_end_mm: Shaped[Float, " n"]  # at the root face
+    upper_end_mm: Shaped[Float, " n"]  # at the upper surface
+    fails: Shaped[Bool, " n"]  # out of tolerance by the guard band
+    # of those: too small a root, or an angle that leaves part of the face below the required one
+    lacks: Shaped[Bool, " n"]
 
     @property
     def height_mm(self) -> Float:

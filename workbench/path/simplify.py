@@ -12,7 +12,7 @@ from workbench.artefacts import Layer, Moves, Postures, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.moves import merge_poses
 from workbench.stage import stage
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SAME_MM, SAME_CHORD = 1e-6, 1e-8  # poses nearer than this are one target
 
@@ -20,13 +20,13 @@ SAME_MM, SAME_CHORD = 1e-6, 1e-8  # poses nearer than this are one target
 class Points(NamedTuple):
     """All n points of a path in the order of motion."""
 
-    position_mm: Float  # (n, 3)
-    quaternion_wxyz: Float  # (n, 4)
-    feed_mm_s: Float  # (n,)
-    cutting: Bool  # (n,)
-    measured: Bool  # (n,)
-    layer: Int  # (n,) 0: between layers
-    turntable: Float  # (n,) rad
+    position_mm: Shaped[Float, "n 3"]
+    quaternion_wxyz: Shaped[Float, "n 4"]
+    feed_mm_s: Shaped[Float, " n"]
+    cutting: Shaped[Bool, " n"]
+    measured: Shaped[Bool, " n"]
+    layer: Shaped[Int, " n"]  # 0: between layers
+    turntable: Shaped[Float, " n"]  # rad
 
 
 @stage("path.simplify")

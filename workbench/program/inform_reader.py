@@ -28,7 +28,7 @@ from workbench.robot.cell_file import ProcessPart
 from workbench.robot.chain import Chain
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.sides import arm_sides
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 Configuration = tuple[int, ...]  # no flip, lower arm, rear; R, T, S beyond +-180 deg
 WHOLE = 2 * np.pi
@@ -54,8 +54,8 @@ class Arm:
     """A robot with the controller's tool, and the frame of its positions."""
 
     chain: Chain
-    flange_from_tool: Float  # (4, 4)
-    base_from_frame: Float  # (4, 4)
+    flange_from_tool: Shaped[Float, "4 4"]
+    base_from_frame: Shaped[Float, "4 4"]
 
     def pose(self, base_from_flange: Float) -> Float:
         """frame_from_tool (4, 4) of a flange (4, 4) in the base."""

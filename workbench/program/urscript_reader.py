@@ -21,7 +21,7 @@ from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.program.reading import NAME, NUMBER, Events, Lines, numbers, one_file
 from workbench.robot.cell_file import ProcessPart
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 POSE = rf"p\[{', '.join([NUMBER] * 6)}\]"
 END = rf"a={NUMBER}, v={NUMBER}, r={NUMBER}"
@@ -33,7 +33,9 @@ TOOL, BASE = "tcp", "base"
 STOP = r'popup\("[^"]*", title="Stop", blocking=True\)'
 
 
-def read_urscript(files: Mapping[str, str], speeds: Float, process: ProcessPart | None = None) -> ProgramMoves:
+def read_urscript(
+    files: Mapping[str, str], speeds: Shaped[Float, " 6"], process: ProcessPart | None = None
+) -> ProgramMoves:
     """Read a URScript program from its file, name -> text.
 
     Args:

@@ -11,7 +11,7 @@ from workbench.report.colours import INK, LIMIT, MEASURED, TOLERANCE, VERDICTS
 from workbench.report.figures import hatch_hidden, mark_sections, svg
 from workbench.report.plot import Axes, Figure
 from workbench.report.values import COVERAGE, alike
-from workbench.units import Bool, Float
+from workbench.units import Bool, Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,8 +20,8 @@ class Characteristic:
 
     label: str
     unit: str
-    value: Float  # (n,)
-    u: Float  # (n,) standard uncertainty
+    value: Shaped[Float, " n"]
+    u: Shaped[Float, " n"]  # standard uncertainty
     at_sections: list[tuple[Section, float, float]]  # measured sections: value, standard uncertainty
     nominal: float
     tolerance: tuple[float, float]

@@ -12,7 +12,7 @@ from workbench.report.colours import FACES, GREY, INK
 from workbench.report.plot import Axes
 from workbench.report.sample import frame_arc_length_mm, of_section
 from workbench.report.unrolled_edge import in_section
-from workbench.units import DEG, AnyArray, Bool, Float
+from workbench.units import DEG, AnyArray, Bool, Float, Shaped
 
 STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material
 
@@ -22,8 +22,8 @@ class LaidOut:
     """A section and its points in its own plane."""
 
     section: Section
-    uv_mm: Float  # (n, 2)
-    label: AnyArray  # (n,)
+    uv_mm: Shaped[Float, "n 2"]
+    label: Shaped[AnyArray, " n"]
 
 
 def laid_out(cloud: Cloud, edge: Edge, section: Section, budget: int) -> LaidOut:

@@ -20,7 +20,7 @@ from workbench.report.plot import Axes, Figure
 from workbench.report.sample import around, frame_arc_length_mm
 from workbench.report.unrolled_edge import axes_at, developed
 from workbench.report.values import decimals, measured
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 ARC_POINTS = 40  # of a fillet
 POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
@@ -35,7 +35,7 @@ class Cut:
     layer: Layer
     upper: Float
     lower: Float
-    fillet: Float  # (f, 2) below it, made by a ball end; a flat end's has no extent
+    fillet: Shaped[Float, "f 2"]  # below it, made by a ball end; a flat end's has no extent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +44,8 @@ class Stepped:
 
     arc_length_mm: float
     thickness_mm: float
-    upper_edge: Float  # (2,)
-    inward: Float  # (2,) unit, along the upper surface into the plate
+    upper_edge: Shaped[Float, " 2"]
+    inward: Shaped[Float, " 2"]  # unit, along the upper surface into the plate
     cuts: list[Cut]  # layers that cut here, first to last
     root_mm: float
     bevel_deg: float

@@ -10,7 +10,7 @@ from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, step_times_s
 from workbench.report.unrolled_edge import axes_at, developed
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direction of a rough end face
 
@@ -19,12 +19,12 @@ LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direc
 class Run:
     """The whole path in the order in which it is run, k points, in the base."""
 
-    position_mm: Float  # (k, 3)
-    feed_mm_s: Float  # (k,)
-    cutting: Bool  # (k,)
-    layer: Int  # (k,) index of the layer; 0: travel between layers
-    length_mm: Float  # (k,) of the step to the point
-    time_s: Float  # (k,) of the step to the point
+    position_mm: Shaped[Float, "k 3"]
+    feed_mm_s: Shaped[Float, " k"]
+    cutting: Shaped[Bool, " k"]
+    layer: Shaped[Int, " k"]  # index of the layer; 0: travel between layers
+    length_mm: Shaped[Float, " k"]  # of the step to the point
+    time_s: Shaped[Float, " k"]  # of the step to the point
 
     @property
     def cutting_step(self) -> Bool:
@@ -43,9 +43,9 @@ class Run:
 class PlannedBevel:
     """Root face and bevel angle that the final layer makes at its k cutting points, in their section planes."""
 
-    arc_length_mm: Float  # (k,)
-    root_mm: Float  # (k,)
-    bevel_deg: Float  # (k,)
+    arc_length_mm: Shaped[Float, " k"]
+    root_mm: Shaped[Float, " k"]
+    bevel_deg: Shaped[Float, " k"]
 
 
 def whole_run(toolpath: Toolpath) -> Run:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Section
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 ROOT_POINTS = 8  # points kept across the root face at least, so that thinning does not lose it
 SURROUNDINGS_MM = 5.0  # unlabelled points are drawn this far about the faces; further off is background
@@ -23,10 +23,10 @@ AXES_POINTS = 5000  # that the principal axes of the faces are told from
 class Points:
     """Grid points that gave a return: coordinates in the base, face and place in the grid."""
 
-    position_mm: Float  # (n, 3) base
-    label: AnyArray  # (n,) uint8, face
-    frame: Int  # (n,)
-    column: Int  # (n,)
+    position_mm: Shaped[Float, "n 3"]  # base
+    label: Shaped[AnyArray, " n"]  # uint8, face
+    frame: Shaped[Int, " n"]
+    column: Shaped[Int, " n"]
 
     def where(self, mask: Bool | Int) -> Points:
         """The points where `mask` (n,) holds, or those of the given indices in their order."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.units import AnyArray, Float, Int
+from workbench.units import AnyArray, Float, Int, Shaped
 
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
 AXES = ("t", "n", "m")  # the rows of View.axes
@@ -23,18 +23,20 @@ class View:
     Lines are one array of points, each line from one of `line_start` to the next.
     """
 
-    points_mm: Float  # (n, 3)
-    colour: AnyArray  # (n, 3)
-    axes: Float  # (3, 3) rows t, n, m at the origin
-    look: Float  # (3,) unit, towards the viewer
+    points_mm: Shaped[Float, "n 3"]
+    colour: Shaped[AnyArray, "n 3"]
+    axes: Shaped[Float, "3 3"]  # rows t, n, m at the origin
+    look: Shaped[Float, " 3"]  # unit, towards the viewer
     axes_length_mm: float = 0.0  # 0: not drawn
-    dots_mm: Float = field(default_factory=lambda: _none(0, 3))  # (d, 3) larger than the points
-    dot_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (d, 3)
-    lines_mm: Float = field(default_factory=lambda: _none(0, 3))  # (p, 3)
-    line_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (p, 3)
-    line_start: Int = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (l,)
-    planes_mm: Float = field(default_factory=lambda: _none(0, 4, 3))  # (k, 4, 3) lower inner, outer, upper outer, inner
-    plane_colour: AnyArray = field(default_factory=lambda: _none(0, 3))  # (k, 3)
+    dots_mm: Shaped[Float, "d 3"] = field(default_factory=lambda: _none(0, 3))  # larger than the points
+    dot_colour: Shaped[AnyArray, "d 3"] = field(default_factory=lambda: _none(0, 3))
+    lines_mm: Shaped[Float, "p 3"] = field(default_factory=lambda: _none(0, 3))
+    line_colour: Shaped[AnyArray, "p 3"] = field(default_factory=lambda: _none(0, 3))
+    line_start: Shaped[Int, " l"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    planes_mm: Shaped[Float, "k 4 3"] = field(
+        default_factory=lambda: _none(0, 4, 3)
+    )  # lower inner, outer, upper outer, inner
+    plane_colour: Shaped[AnyArray, "k 3"] = field(default_factory=lambda: _none(0, 3))
     names: tuple[str, ...] = ()  # (k,) of the planes
     width_px: int = 1600
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.units import AnyArray
+from workbench.units import AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule; a box is none
 SECTION = 0.6180339887498949  # golden
@@ -24,16 +24,16 @@ STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 class Scene(NamedTuple):
     """A robot's axes at zero, the turntable's pose, and the S volumes and P pairs of `BoundingVolumes`."""
 
-    axes: AnyArray  # (6, 3) unit
-    points: AnyArray  # (6, 3) mm
-    table: AnyArray  # (4, 4) at angle 0
+    axes: Shaped[AnyArray, "6 3"]  # unit
+    points: Shaped[AnyArray, "6 3"]  # mm
+    table: Shaped[AnyArray, "4 4"]  # at angle 0
     link: AnyArray
     solid: AnyArray
     ends: AnyArray
     radius: AnyArray
     pose: AnyArray
     half: AnyArray
-    around: AnyArray  # (S,) radius of the sphere around each volume
+    around: Shaped[AnyArray, " S"]  # radius of the sphere around each volume
     pairs: AnyArray
 
 

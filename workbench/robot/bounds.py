@@ -15,7 +15,7 @@ from workbench.robot.bound_kernels import BOX, CYLINDER, FAR_MM, NONE, Scene, bo
 from workbench.robot.cell import Cell
 from workbench.robot.collision import checked_pairs, turntable_pose
 from workbench.robot.shapes import ON_TURNTABLE, Shape
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 
@@ -24,14 +24,14 @@ SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding de
 class BoundingVolumes:
     """S shapes as capsules (two ends, a radius) and solids (pose and half lengths), and the pairs to look at."""
 
-    link: Int  # (S,) as in `Shape`, the fixed ones 0
-    solid: Int  # (S,) 1: a box and no capsule, 2: a cylinder and the capsule around it, 0: a capsule alone
-    ends_mm: Float  # (S, 2, 3) at zero, in the base (or the turntable's frame)
-    radius_mm: Float  # (S,)
-    pose: Float  # (S, 4, 4) of solids, likewise
-    half_mm: Float  # (S, 3)
-    around_mm: Float  # (S,) radius of the sphere around each
-    pairs: Int  # (P, 2)
+    link: Shaped[Int, " S"]  # as in `Shape`, the fixed ones 0
+    solid: Shaped[Int, " S"]  # 1: a box and no capsule, 2: a cylinder and the capsule around it, 0: a capsule alone
+    ends_mm: Shaped[Float, "S 2 3"]  # at zero, in the base (or the turntable's frame)
+    radius_mm: Shaped[Float, " S"]
+    pose: Shaped[Float, "S 4 4"]  # of solids, likewise
+    half_mm: Shaped[Float, "S 3"]
+    around_mm: Shaped[Float, " S"]  # radius of the sphere around each
+    pairs: Shaped[Int, "P 2"]
 
 
 def bounding_volumes(cell: Cell) -> BoundingVolumes:

@@ -14,7 +14,7 @@ from workbench.robot.cell_file import ProcessPart
 from workbench.robot.chain import Chain
 from workbench.robot.margins import Margins
 from workbench.robot.shapes import Shape
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 COAXIAL = 1e-3  # rad, mm: nearer than this, the cutter's axis is the flange's
 
@@ -23,8 +23,8 @@ COAXIAL = 1e-3  # rad, mm: nearer than this, the cutter's axis is the flange's
 class Turntable:
     """A turntable under the workpiece; it turns about the z-axis of its frame."""
 
-    base_from_turntable: Float  # (4, 4) at 0
-    limits: Float  # (2,) rad
+    base_from_turntable: Shaped[Float, "4 4"]  # at 0
+    limits: Shaped[Float, " 2"]  # rad
     speed: float  # rad/s, largest
 
 
@@ -35,10 +35,10 @@ class LoadingSetup:
     The tool frame is the one whose displacement is given in six dimensions; targets are tracked points.
     """
 
-    flange_from_sensor: Float  # (4, 4)
-    flange_from_tool: Float  # (4, 4)
-    targets_mm: Float  # (k, 3) in the flange frame
-    load_points_mm: Float  # (m, 3) in the flange frame: where a force can be applied
+    flange_from_sensor: Shaped[Float, "4 4"]
+    flange_from_tool: Shaped[Float, "4 4"]
+    targets_mm: Shaped[Float, "k 3"]  # in the flange frame
+    load_points_mm: Shaped[Float, "m 3"]  # in the flange frame: where a force can be applied
     force_noise_n: float
     torque_noise_nm: float
     displacement_noise_mm: float
@@ -63,7 +63,7 @@ class Cell(RobotCell):
     title: str
     chain: Chain
     shapes: tuple[Shape, ...]
-    flange_from_cutter: Float  # (4, 4) the tool's tip: z along the cutter's axis, from shank to tip
+    flange_from_cutter: Shaped[Float, "4 4"]  # the tool's tip: z along the cutter's axis, from shank to tip
     turntable: Turntable | None
     loading: LoadingSetup | None
     may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
@@ -71,15 +71,15 @@ class Cell(RobotCell):
     warnings: tuple[str, ...] = ()
     controller: Controller | None = None  # None: the file does not say
     margins: Margins = field(default_factory=Margins)
-    accelerations: Float | None = None  # (6,) rad/s^2, largest of the joints; None: not stated
+    accelerations: Shaped[Float, " 6"] | None = None  # rad/s^2, largest of the joints; None: not stated
     controller_tools: Mapping[str, Float] = field(
         default_factory=dict
     )  # flange_from_tool (4, 4) by the controller's name
     controller_frames: Mapping[str, Float] = field(default_factory=dict)  # base_from_workobject (4, 4), likewise
     tool_mass_kg: float | None = None
-    tool_centre_of_gravity_mm: Float | None = None  # (3,) in the flange
+    tool_centre_of_gravity_mm: Shaped[Float, " 3"] | None = None  # in the flange
     base_from_workobject: Float = field(default_factory=lambda: np.eye(4))
-    joint_stiffness_nm_per_rad: Float | None = None  # (6,) of this robot; None: not stated
+    joint_stiffness_nm_per_rad: Shaped[Float, " 6"] | None = None  # of this robot; None: not stated
     material: str | None = None  # of the workpiece: whose cutting coefficients hold; None: not stated
     unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
     process: ProcessPart | None = None  # what a program does around the milling; None: not stated

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 AngleConvention = Literal["abb", "dh", "dh_same_sense"]
 
@@ -21,11 +21,11 @@ class Chain:
 
     name: str
     joint_names: tuple[str, ...]
-    axes: Float  # (6, 3) unit, in the base, all joints at 0
-    points_mm: Float  # (6, 3) a point on each axis, likewise
-    base_from_flange_at_zero: Float  # (4, 4)
-    limits: Float  # (6, 2) lower, upper
-    speeds: Float  # (6,) rad/s, largest
+    axes: Shaped[Float, "6 3"]  # unit, in the base, all joints at 0
+    points_mm: Shaped[Float, "6 3"]  # a point on each axis, likewise
+    base_from_flange_at_zero: Shaped[Float, "4 4"]
+    limits: Shaped[Float, "6 2"]  # lower, upper
+    speeds: Shaped[Float, " 6"]  # rad/s, largest
 
 
 def abb_angles(angles: Float, convention: AngleConvention) -> Float:

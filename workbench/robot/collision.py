@@ -14,7 +14,7 @@ from workbench.geometry.poses import pose_from
 from workbench.robot.cell import Cell
 from workbench.robot.kinematics import motions
 from workbench.robot.shapes import ON_TURNTABLE, Shape
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 POINTS_FIT_MM = 0.1  # how exactly fcl's nearest points have to fit its distance
 
@@ -25,7 +25,7 @@ class Clearance:
 
     distance_mm: float
     pair: tuple[str, str]
-    points_mm: Float | None = None  # (2, 3) the nearest points, in the base, where they are known
+    points_mm: Shaped[Float, "2 3"] | None = None  # the nearest points, in the base, where they are known
 
 
 class CollisionModel:
@@ -66,7 +66,7 @@ class CollisionModel:
                 best = Clearance(distance, self.names(a, b))
         return best
 
-    def first_hit(self, moved: Float, turned: Float, pairs: list[int]) -> int:
+    def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "4 4"], pairs: list[int]) -> int:
         """The first of some pairs (indices into `pairs`) that is nearer than the margin; -1: none.
 
         Args:

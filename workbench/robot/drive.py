@@ -18,7 +18,7 @@ from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.robot.way import JOINTS, Way
-from workbench.units import DEG, AnyArray, Float, Int
+from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
 STEP_MM, STEP_TURN, STEP_JOINT = 5.0, 2.0 * DEG, 4.0 * DEG  # of the first look; what it leaves open is looked at nearer
 
@@ -27,11 +27,11 @@ STEP_MM, STEP_TURN, STEP_JOINT = 5.0, 2.0 * DEG, 4.0 * DEG  # of the first look;
 class Places:
     """n places on a way, and how the robot stands there."""
 
-    segment: Int  # (n,)
-    share: Float  # (n,) of the segment
-    joints: Float  # (n, 6) rad; NaN: out of reach
-    turntable: Float  # (n,) rad
-    tool: Float  # (n, 4, 4) base_from_tool
+    segment: Shaped[Int, " n"]
+    share: Shaped[Float, " n"]  # of the segment
+    joints: Shaped[Float, "n 6"]  # rad; NaN: out of reach
+    turntable: Shaped[Float, " n"]  # rad
+    tool: Shaped[Float, "n 4 4"]  # base_from_tool
 
     def __len__(self) -> int:
         """How many."""

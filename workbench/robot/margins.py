@@ -9,7 +9,7 @@ import numpy as np
 from workbench.kernels import kernel
 from workbench.robot.chain import Chain
 from workbench.robot.kinematics import jacobian_at, joint_axes
-from workbench.units import DEG, AnyArray, Float
+from workbench.units import DEG, AnyArray, Float, Shaped
 
 COVERAGE = 2.0  # times the stated standard uncertainties
 REGULAR = 1e9  # condition number up to which a Jacobian is inverted
@@ -47,7 +47,11 @@ def own_length_mm(chain: Chain) -> float:
 
 
 def dexterity(
-    chain: Chain, joints: Float, tip_mm: Float, twist: Float, enough: float = 0.0
+    chain: Chain,
+    joints: Shaped[Float, "n 6"],
+    tip_mm: Shaped[Float, "n 3"],
+    twist: Shaped[Float, " 6"],
+    enough: float = 0.0,
 ) -> tuple[Float, Float, Float]:
     """Wrist angle (n,), condition number (n,) and what an error of the tool asks of the joints (n, 6), at (n, 6) rad.
 

@@ -16,7 +16,7 @@ from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import joint_axes
 from workbench.robot.margins import COVERAGE
 from workbench.robot.shapes import ON_TURNTABLE
-from workbench.units import Bool, Float, Int
+from workbench.units import Bool, Float, Int, Shaped
 
 WAYS_A_BLOCK = 8  # some 20 ms
 OFF_MM = 1.0  # at most between a way and what its places tell of it
@@ -69,7 +69,7 @@ class Pairs:
         slack = 1 - reach.sum(axis=1, keepdims=True)
         return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
 
-    def swept(self, joints: Float, table: Float) -> Bool:
+    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, " c"]) -> Bool:
         """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
 
         A stretch of a way is proven when every pair of bodies is farther apart in its middle than the margin, and what

@@ -16,7 +16,7 @@ from workbench.robot.description import collides, nearest_gaps, posture_text
 from workbench.robot.kinematics import forward_kinematics
 from workbench.robot.shapes import ON_BASE
 from workbench.robot.triangles import cell_triangles
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Shaped
 
 SIDES = 64  # of a round body
 ROBOT, HIT = ("#e8a33d", "#d9922b"), "#d11f1f"  # one link and the next
@@ -29,14 +29,14 @@ AROUND = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
 class CellPicture:
     """What is drawn, in mm in the base. F frames, B bodies."""
 
-    triangles_mm: Float  # (t, 3, 3)
-    body: AnyArray  # (t,) index of the body of each triangle
+    triangles_mm: Shaped[Float, "t 3 3"]
+    body: Shaped[AnyArray, " t"]  # index of the body of each triangle
     names: tuple[str, ...]  # (B,)
     colours: tuple[str, ...]  # (B,) '#rrggbb'
-    named: AnyArray  # (B,) bool: its name is written beside it
-    base_from_frame: Float  # (F, 4, 4)
+    named: Shaped[AnyArray, " B"]  # bool: its name is written beside it
+    base_from_frame: Shaped[Float, "F 4 4"]
     frames: tuple[str, ...]  # (F,)
-    gaps_mm: Float  # (g, 2, 3) the nearest points of bodies
+    gaps_mm: Shaped[Float, "g 2 3"]  # the nearest points of bodies
     caption: str
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.robot.chain import Chain
 from workbench.robot.kinematics import joint_axes, motions
 from workbench.robot.two_angles import two_angles
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
 STEPS = 3  # of Newton's: each squares what is missing
@@ -26,12 +26,12 @@ GENERIC = np.array([[0.3, 0.7, 1.1], [-0.9, 0.4, -1.7], [1.9, -1.2, 2.6], [0.1, 
 class Circle:
     """Points going round an axis, as seen from a point of axis 2: `middle + radius (cos(angle) e + sin(angle) f)`."""
 
-    foot: Float  # (3,) a point on the axis
-    middle: Float  # (n, 3)
-    radius: Float  # (n,)
-    e: Float  # (3,)
-    f: Float  # (3,)
-    start: Float  # (n,) the angle at which each stands
+    foot: Shaped[Float, " 3"]  # a point on the axis
+    middle: Shaped[Float, "n 3"]
+    radius: Shaped[Float, " n"]
+    e: Shaped[Float, " 3"]
+    f: Shaped[Float, " 3"]
+    start: Shaped[Float, " n"]  # the angle at which each stands
 
     def at(self, angle: Float) -> Float:
         """Points (n, k, 3) at angles (n, k)."""

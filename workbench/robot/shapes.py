@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.storage import regular_file
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Shaped
 
 ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot
 
@@ -25,9 +25,9 @@ class Shape:
     link: int  # 0 to 6: hangs on that link of the robot, whose base is 0; else ON_BASE or ON_TURNTABLE
     kind: str  # box (x, y, z), sphere (radius), capsule and cylinder (radius, length along z without caps), mesh
     size_mm: tuple[float, ...]
-    pose: Float  # (4, 4)
-    vertices_mm: Float | None = None  # (v, 3) of a mesh, in the shape's frame
-    triangles: AnyArray | None = None  # (t, 3)
+    pose: Shaped[Float, "4 4"]
+    vertices_mm: Shaped[Float, "v 3"] | None = None  # of a mesh, in the shape's frame
+    triangles: Shaped[AnyArray, "t 3"] | None = None
 
 
 def named_file(path: Path, where: str, what: str) -> None:

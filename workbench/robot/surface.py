@@ -11,7 +11,7 @@ from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.geometry.poses import interpolate_poses, inverse
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
-from workbench.units import DEG, AnyArray, Float, Int
+from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
 NEAR_MM = 20.0  # along the way, in which a place looks for its counterpart on the path
 MOST_STEP_MM = 1.0  # between points of the path that are compared with
@@ -26,10 +26,12 @@ class Planned:
     toolpath: Toolpath
     turntable: float  # where it stood when the path was planned, rad
     tolerance_mm: float  # by which the tool may leave it
-    flange_from_point: Float  # (4, 4) the path's frames in the flange
+    flange_from_point: Shaped[Float, "4 4"]  # the path's frames in the flange
 
 
-def deviations(cell: Cell, planned: Planned, tool: Float, turntable: Float) -> tuple[float, list[tuple[int, str]]]:
+def deviations(
+    cell: Cell, planned: Planned, tool: Shaped[Float, "n 4 4"], turntable: Shaped[Float, " n"]
+) -> tuple[float, list[tuple[int, str]]]:
     """The largest deviation over all layers, mm, and what is wrong: index of the place and words.
 
     The cutter's axis off the path's, and turned, over half the flutes. Layers and the travels between them must be

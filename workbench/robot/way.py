@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, slerp
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Float, Int, Shaped
 
 ToFlange = Callable[[Float], Float]  # base_from_flange (4, 4) at joint angles (6,)
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
@@ -36,20 +36,20 @@ class WayError(ValueError):
 class Way:
     """g segments in the order of motion. Poses are of the flange's tool in the base."""
 
-    kind: Int  # (g,) STRAIGHT, CIRCULAR, CORNER or JOINTS
-    line: Int  # (g,) of the program
-    move: Int  # (g,) index of the move that it belongs to
-    span: Float  # (g, 2) shares of the whole move that it reaches from and to
-    position_mm: Float  # (g, 3, 3) start, corner (of CORNER), end of the whole move
-    quaternion: Float  # (g, 3, 4) likewise
-    centre_mm: Float  # (g, 3) of arcs
-    turn: Float  # (g, 3) rotation axis of arcs, times the sweep
-    joints: Float  # (g, 2, 6) start and end of joint moves
-    turntable: Float  # (g, 3) start, corner, end
-    flange_from_tool: Float  # (g, 4, 4)
-    duration_s: Float  # (g,)
-    length_mm: Float  # (g,)
-    start_joints: Float  # (6,)
+    kind: Shaped[Int, " g"]  # STRAIGHT, CIRCULAR, CORNER or JOINTS
+    line: Shaped[Int, " g"]  # of the program
+    move: Shaped[Int, " g"]  # index of the move that it belongs to
+    span: Shaped[Float, "g 2"]  # shares of the whole move that it reaches from and to
+    position_mm: Shaped[Float, "g 3 3"]  # start, corner (of CORNER), end of the whole move
+    quaternion: Shaped[Float, "g 3 4"]  # likewise
+    centre_mm: Shaped[Float, "g 3"]  # of arcs
+    turn: Shaped[Float, "g 3"]  # rotation axis of arcs, times the sweep
+    joints: Shaped[Float, "g 2 6"]  # start and end of joint moves
+    turntable: Shaped[Float, "g 3"]  # start, corner, end
+    flange_from_tool: Shaped[Float, "g 4 4"]
+    duration_s: Shaped[Float, " g"]
+    length_mm: Shaped[Float, " g"]
+    start_joints: Shaped[Float, " 6"]
 
     def tool(self, segment: Int, share: Float) -> tuple[Float, Float]:
         """Poses (n, 4, 4) of the tool in the base, NaN on joint moves, and turntable angles (n,)."""
@@ -97,7 +97,7 @@ class _Leg:
     move: ProgramMove
     kind: int
     tool: Float  # flange_from_tool
-    start: Float  # (4, 4) tool in the base
+    start: Shaped[Float, "4 4"]  # tool in the base
     end: Float
     tables: tuple[float, float]
     joints: tuple[Float, Float] | None
@@ -122,7 +122,7 @@ def way_of(
     tools: Mapping[str, Float],
     work_objects: Mapping[str, Float],
     flange_at: ToFlange,
-    rated: Float,
+    rated: Shaped[Float, " 7"],
 ) -> Way:
     """The way of a program from its first target on.
 

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.robot.chain import Chain
 from workbench.robot.position_general import moves_everywhere
-from workbench.units import Float
+from workbench.units import Float, Shaped
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
 MEETING_MM = 1e-4  # distance at which lines still count as meeting
@@ -19,7 +19,7 @@ MEETING_MM = 1e-4  # distance at which lines still count as meeting
 class SphericalWrist:
     """Where the wrist's three axes meet, all joints at zero."""
 
-    centre_mm: Float  # (3,) in the base
+    centre_mm: Shaped[Float, " 3"]  # in the base
     behind_parallel_axes: bool  # axes 2 and 3 are parallel and axis 1 is not, as in most robots
     square: bool  # axis 5 at right angles to axes 4 and 6
 
@@ -28,8 +28,8 @@ class SphericalWrist:
 class OffsetWrist:
     """A wrist whose axes 4 and 6 meet axis 5 in two points, all joints at zero, in the base."""
 
-    on_4_mm: Float  # (3,) where axes 4 and 5 meet
-    on_6_mm: Float  # (3,) where axes 5 and 6 meet
+    on_4_mm: Shaped[Float, " 3"]  # where axes 4 and 5 meet
+    on_6_mm: Shaped[Float, " 3"]  # where axes 5 and 6 meet
     offset_mm: float  # from the one to the other, along axis 5
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 _ALMOST_PARALLEL = 1e-12
 _ALONG = 0.1  # an axis that leans more than this out of the plane is not looked at twice
@@ -23,21 +23,21 @@ _ALONG = 0.1  # an axis that leans more than this out of the plane is not looked
 class Lines(NamedTuple):
     """The lines: (U, W) of them start at base + w across and run along up, in the part's frame; mm."""
 
-    base: Float  # (U, 3)
-    across: Float  # (U, 3) unit, up the bevel's plane
-    up: Float  # (U, 3) unit, the plane's outward normal
+    base: Shaped[Float, "U 3"]
+    across: Shaped[Float, "U 3"]  # unit, up the bevel's plane
+    up: Shaped[Float, "U 3"]  # unit, the plane's outward normal
     w_first: float
     w_step: float
-    floor: Float  # (U, W) height at which a line leaves the part below
+    floor: Shaped[Float, "U W"]  # height at which a line leaves the part below
 
 
 class Sweep(NamedTuple):
     """A motion of the cutter through k poses, in the part's frame; between two of them it is linear."""
 
-    tip_frame: Float  # (k, 3) the frame's origin
-    x: Float  # (k, 3) unit, into the material: the axis runs `axis_offset` behind
-    z: Float  # (k, 3) unit, along the axis, from shank to tip
-    radius: Float  # (k,)
+    tip_frame: Shaped[Float, "k 3"]  # the frame's origin
+    x: Shaped[Float, "k 3"]  # unit, into the material: the axis runs `axis_offset` behind
+    z: Shaped[Float, "k 3"]  # unit, along the axis, from shank to tip
+    radius: Shaped[Float, " k"]
     axis_offset: float
     tip: float  # how far the cylinder reaches beyond the frame's origin, along z; the shank has no end
     ball: bool  # there a half sphere of the same radius goes on; else it is flat

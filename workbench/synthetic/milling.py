@@ -14,7 +14,7 @@ from workbench.synthetic import raycast
 from workbench.synthetic.dexels import Lines, Sweep, cut_lines
 from workbench.synthetic.surface import build_surface, clamp_boxes, course_values, edge_frames, end_face_axes, pose
 from workbench.synthetic.workpiece import CONVERGING, Cut, Workpiece
-from workbench.units import Float, Int
+from workbench.units import Float, Int, Shaped
 
 # The lines (dexels) on which a part's material is counted while it is milled: normal to a bevel plane.
 
@@ -143,8 +143,8 @@ class Motion:
     along z and has no end on the other side. `ball_end`: the last `axis_offset_mm` of that are a ball end's.
     """
 
-    base_from_tool: Float  # (k, 4, 4)
-    radius_mm: Float  # (k,)
+    base_from_tool: Shaped[Float, "k 4 4"]
+    radius_mm: Shaped[Float, " k"]
     axis_offset_mm: float
     tip_mm: float
     ball_end: bool = False

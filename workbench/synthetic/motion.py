@@ -12,18 +12,18 @@ from workbench.geometry.poses import inverse, pose_from
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Pass, Recipe
 from workbench.synthetic.surface import edge_frames, pose
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PassMotion:
     """One pass: N frames with their true poses, K recorded ones."""
 
-    time_s: Float  # (N,) as recorded
-    base_from_profiler: Float  # (N, 4, 4) true
-    pose_time_s: Float  # (K,)
-    position_mm: Float  # (K, 3) flange in the base, as recorded
-    quaternion_wxyz: Float  # (K, 4)
+    time_s: Shaped[Float, " N"]  # as recorded
+    base_from_profiler: Shaped[Float, "N 4 4"]  # true
+    pose_time_s: Shaped[Float, " K"]
+    position_mm: Shaped[Float, "K 3"]  # flange in the base, as recorded
+    quaternion_wxyz: Shaped[Float, "K 4"]
 
 
 def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, repeat: int = 0) -> PassMotion:

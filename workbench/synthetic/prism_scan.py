@@ -18,7 +18,7 @@ from workbench.synthetic.scan import column_offsets, sensor_of
 from workbench.synthetic.surface import build_surface, pose
 from workbench.synthetic.swept.groove import GrooveSizes
 from workbench.synthetic.swept.truth import GrooveTruth
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 BLOCK_FRAMES = 32
 STATION_MM = 0.25
@@ -178,14 +178,14 @@ NOTHING, LEFT, RIGHT, LEFT_TOP, RIGHT_TOP, OTHER = range(6)  # what a ray meets:
 class Plate:
     """A plate's section at k places, drawn as the left one; a plate without a bevel has all on one line."""
 
-    far: Float  # (k, 2, 2) ends of the lower and of the upper surface
-    foot: Float  # (k, 2) where the lower surface ends
-    lower: Float  # (k, 2) lower edge of the root face
-    root: Float  # (k, 2) upper edge of the root face
-    bend: Float  # (k, 2) where the bevel's straight flank begins
-    upper: Float  # (k, 2)
-    centre: Float  # (k, 2) of the fillet; NaN: none
-    bevel: Float  # (k,) rad, NaN: none
+    far: Shaped[Float, "k 2 2"]  # ends of the lower and of the upper surface
+    foot: Shaped[Float, "k 2"]  # where the lower surface ends
+    lower: Shaped[Float, "k 2"]  # lower edge of the root face
+    root: Shaped[Float, "k 2"]  # upper edge of the root face
+    bend: Shaped[Float, "k 2"]  # where the bevel's straight flank begins
+    upper: Shaped[Float, "k 2"]
+    centre: Shaped[Float, "k 2"]  # of the fillet; NaN: none
+    bevel: Shaped[Float, " k"]  # rad, NaN: none
 
 
 def course_at(course: Course, x: Float, length: float) -> Float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench.geometry.blocks import in_order
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Float
+from workbench.units import AnyArray, Float, Shaped
 
 Vector: TypeAlias = tuple[float, float, float]  # tuples stay in registers, small arrays would be allocated
 CourseTerms: TypeAlias = tuple[float, float, float, float, float]
@@ -40,14 +40,14 @@ class CutTerms(NamedTuple):
     w runs up the plane from the end face; between the grid's points the height is bilinear, beyond them it stays.
     """
 
-    height: Float  # (U, W) along the plane's outward normal; (0, 0): nothing was cut
+    height: Shaped[Float, "U W"]  # along the plane's outward normal; (0, 0): nothing was cut
     u_step: float  # column i lies at u = i u_step
     w_first: float
     w_step: float
     root: float  # the plane meets the end face here
     cosine: float  # of the bevel angle
     sine: float
-    relax: Float  # (U,) share of the height over the cut face that is a safe step, up to `CUT_REACH_MM`
+    relax: Shaped[Float, " U"]  # share of the height over the cut face that is a safe step, up to `CUT_REACH_MM`
 
 
 UNCUT = CutTerms(np.zeros((0, 0)), 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, np.zeros(0))
@@ -71,9 +71,9 @@ class Surface(NamedTuple):
     thickness: CourseTerms
     root: CourseTerms
     bevel: CourseTerms  # rad
-    roughness: Float  # (c, 4) amplitude, wave numbers along and across, phase
+    roughness: Shaped[Float, "c 4"]  # amplitude, wave numbers along and across, phase
     rough_reach: float  # no part of the roughness goes further
-    burrs: Float  # (b, 5) upper (1) or lower (0), from, to, height, width
+    burrs: Shaped[Float, "b 5"]  # upper (1) or lower (0), from, to, height, width
     top: float  # greatest height
     relax: float  # 0: Newton steps; else the share of F that is a safe step (rough or burred parts)
     reserve: float  # F - reserve is a safe step too, from far off

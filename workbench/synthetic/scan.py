@@ -14,7 +14,7 @@ from workbench.synthetic.recipe import Recipe, Scanner
 from workbench.synthetic.returns import disturb, intensities
 from workbench.synthetic.surface import build_surface, clamp_boxes, pose
 from workbench.synthetic.workpiece import Cut
-from workbench.units import AnyArray, Float, Float32
+from workbench.units import AnyArray, Float, Float32, Shaped
 
 BLOCK_FRAMES = 256
 _PAUSE_S = 2.0  # between passes
@@ -24,10 +24,10 @@ _PAUSE_S = 2.0  # between passes
 class Block:
     """Some frames of one pass, as returned."""
 
-    x_mm: Float32  # (B, M)
-    z_mm: Float32  # (B, M)
-    intensity: AnyArray | None  # (B, M) uint16
-    faces: AnyArray  # (B, M) uint8, the true face of each ray (`raycast.ROOT`, ...)
+    x_mm: Shaped[Float32, "B M"]
+    z_mm: Shaped[Float32, "B M"]
+    intensity: Shaped[AnyArray, "B M"] | None  # uint16
+    faces: Shaped[AnyArray, "B M"]  # uint8, the true face of each ray (`raycast.ROOT`, ...)
     seen_u: Float  # where those frames that see the edge cross it
 
 

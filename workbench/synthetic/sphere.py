@@ -23,7 +23,7 @@ from workbench.synthetic.returns import disturb
 from workbench.synthetic.scan import column_offsets, sensor_of
 from workbench.synthetic.sphere_recipe import SpherePass, SphereRecipe
 from workbench.synthetic.surface import pose
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 _BLOCK_FRAMES = 64
 
@@ -33,11 +33,11 @@ class SphereTruth:
     """What a synthetic calibration recording was made from. N frames."""
 
     recipe: SphereRecipe
-    flange_from_profiler: Float  # (4, 4) true
-    design: Float  # (4, 4) as the recording states it
-    base_from_flange: Float  # (N, 4, 4) true, of every frame
-    centre_mm: Float  # (N, 3) of the sphere in the profiler frame
-    pass_index: Int  # (N,)
+    flange_from_profiler: Shaped[Float, "4 4"]  # true
+    design: Shaped[Float, "4 4"]  # as the recording states it
+    base_from_flange: Shaped[Float, "N 4 4"]  # true, of every frame
+    centre_mm: Shaped[Float, "N 3"]  # of the sphere in the profiler frame
+    pass_index: Shaped[Int, " N"]
 
     @property
     def gross_passes(self) -> tuple[int, ...]:
@@ -147,8 +147,8 @@ _OFF = 1e-7  # of a ray's length: what it starts on does not hide it
 class Scene:
     """Sphere, stem and table in the profiler frames of N frames."""
 
-    centre: Float  # (N, 3) of the sphere
-    up: Float  # (N, 3) unit: normal of the table, axis of the stem
+    centre: Shaped[Float, "N 3"]  # of the sphere
+    up: Shaped[Float, "N 3"]  # unit: normal of the table, axis of the stem
     radius_mm: float
     stem_mm: float  # its radius; 0: none
     table_mm: float  # of the table below the centre; infinite: none
@@ -256,11 +256,11 @@ _MM_PER_RAD = 1000.0  # flange positions a metre apart are as far as orientation
 class SphereMotion:
     """One pass: N frames, K recorded poses."""
 
-    time_s: Float  # (N,) on the profiler's clock
-    base_from_flange: Float  # (N, 4, 4) true
-    pose_time_s: Float  # (K,) on the robot's clock
-    position_mm: Float  # (K, 3) as recorded
-    quaternion_wxyz: Float  # (K, 4) as recorded
+    time_s: Shaped[Float, " N"]  # on the profiler's clock
+    base_from_flange: Shaped[Float, "N 4 4"]  # true
+    pose_time_s: Shaped[Float, " K"]  # on the robot's clock
+    position_mm: Shaped[Float, "K 3"]  # as recorded
+    quaternion_wxyz: Shaped[Float, "K 4"]  # as recorded
 
 
 def sphere_motion(recipe: SphereRecipe) -> list[SphereMotion]:

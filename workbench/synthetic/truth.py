@@ -16,7 +16,7 @@ from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
 from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, end_face_axes, pose
 from workbench.synthetic.workpiece import Cut, Workpiece, profile_sizes
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.5
 FORMAT, VERSION = "bevel-truth", 1
@@ -32,16 +32,16 @@ class Truth:
     """
 
     recipe: Recipe
-    arc_length_mm: Float  # (n,)
-    position_mm: Float  # (n, 3) lower edge in the base
-    tangent: Float  # (n, 3) t = m x n
-    normal: Float  # (n, 3) outward normal of the root face or end face
-    across: Float  # (n, 3) m: from the lower to the upper side
-    root_mm: Float  # (n,)
-    bevel_deg: Float  # (n,)
-    thickness_mm: Float  # (n,)
-    seen: Bool  # (n,) False: under a clamp, or outside the scan
-    _parameter: Float = field(repr=False)  # (n,) u of the stations
+    arc_length_mm: Shaped[Float, " n"]
+    position_mm: Shaped[Float, "n 3"]  # lower edge in the base
+    tangent: Shaped[Float, "n 3"]  # t = m x n
+    normal: Shaped[Float, "n 3"]  # outward normal of the root face or end face
+    across: Shaped[Float, "n 3"]  # m: from the lower to the upper side
+    root_mm: Shaped[Float, " n"]
+    bevel_deg: Shaped[Float, " n"]
+    thickness_mm: Shaped[Float, " n"]
+    seen: Shaped[Bool, " n"]  # False: under a clamp, or outside the scan
+    _parameter: Shaped[Float, " n"] = field(repr=False)  # u of the stations
     _surface: raycast.Surface = field(repr=False)
 
     def root_mm_at(self, position_mm: Float) -> Float:

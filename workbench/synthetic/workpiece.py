@@ -10,7 +10,7 @@ import scipy
 
 from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
 from workbench.synthetic.recipe import Recipe
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 CONVERGING = 1.3  # a unit of u is at least 1/1.3 mm long wherever a cutter is
 _CLEAR_MM = 0.5  # a height this far above the stock says the same as any greater one
@@ -29,8 +29,8 @@ class Cut:
     the part counts as removed: such a slot is deeper than it is, never shallower.
     """
 
-    height_mm: Float  # (U, W)
-    stock_mm: Float  # (U, W) of the raw part; -inf where the line misses it
+    height_mm: Shaped[Float, "U W"]
+    stock_mm: Shaped[Float, "U W"]  # of the raw part; -inf where the line misses it
     u_step_mm: float  # column i of lines lies at u = i u_step_mm
     w_first_mm: float
     w_step_mm: float

@@ -15,7 +15,7 @@ from workbench.geometry.poses import (
     rotation_from_vector,
     slerp,
 )
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 _WAVES = 64
 _PIECE_MM, _PIECE = 1.0, 1.0 * DEG  # poses are at most so far apart
@@ -25,7 +25,7 @@ _PIECE_MM, _PIECE = 1.0, 1.0 * DEG  # poses are at most so far apart
 class Mechanics:
     """Errors of a milling cell; all zero: a perfect one. Lengths in mm, vectors (3,)."""
 
-    base_from_path: Float  # (4, 4)
+    base_from_path: Shaped[Float, "4 4"]
     offset_mm: Float  # of the tool, in the base
     rotation: Float  # rotation vector (rad) in the base, by which the tool is turned about its frame's origin
     noise_mm: float  # standard deviation of the robot's smooth error, each axis

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.api import DEG, Float, Int, rotation_from_vector
+from workbench.api import DEG, Float, Int, Shaped, rotation_from_vector
 
 if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
     from workbench.api import Chain
@@ -35,9 +35,10 @@ class ArmErrors:
     """P parameters of a chain: rad of offsets and tilts, mm of lengths."""
 
     names: tuple[str, ...]
-    before: Int  # (P,) number of the axis, 0 to 5, from which on everything moves
-    twist: Float  # (P, 6) of the base's origin (mm) and about it (rad), per unit of the parameter, joints at zero
-    prior: Float  # (P,)
+    before: Shaped[Int, " P"]  # number of the axis, 0 to 5, from which on everything moves
+    # of the base's origin (mm) and about it (rad), per unit of the parameter, joints at zero
+    twist: Shaped[Float, "P 6"]
+    prior: Shaped[Float, " P"]
     is_length: tuple[bool, ...]
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Bool, Float
+from workbench.api import Bool, Float, Shaped
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Normal, linearise, normal_equations
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.signs import GATE, distances
@@ -24,10 +24,10 @@ class Fit:
     """A fit and what it rests on: k observations, P unknowns."""
 
     estimate: Estimate
-    covariance: Float  # (P, P)
+    covariance: Shaped[Float, "P P"]
     chi2: float
     freedom: int
-    used: Bool  # (k,)
+    used: Shaped[Bool, " k"]
 
 
 def fit(

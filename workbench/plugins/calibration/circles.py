@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Bool, Float, InputError, Int, Recording, frozen, refuse_unsound, stage
+from workbench.api import Bool, Float, InputError, Int, Recording, Shaped, frozen, refuse_unsound, stage
 from workbench.plugins.calibration import arcs
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 
@@ -22,10 +22,10 @@ class Arc:
     """One frame's arc: its circle, the inverse normal matrix, scale of the residuals, points and their residuals."""
 
     frame: int
-    circle: Float  # (3,) x_c, z_c, w
-    inverse: Float  # (3, 3) covariance for unit noise
-    residual: Float  # (points,) along z
-    columns: Int  # (points,)
+    circle: Shaped[Float, " 3"]  # x_c, z_c, w
+    inverse: Shaped[Float, "3 3"]  # covariance for unit noise
+    residual: Shaped[Float, " points"]  # along z
+    columns: Shaped[Int, " points"]
     sense: float
 
 

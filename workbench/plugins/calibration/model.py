@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Bool, Float, rotation_from_vector
+from workbench.api import DEG, Bool, Float, Shaped, rotation_from_vector
 from workbench.plugins.calibration.observations import Group, Observations
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
@@ -41,9 +41,9 @@ class Noise:
 class Estimate:
     """A point in the space of unknowns."""
 
-    rotation: Float  # (3, 3) flange from profiler
-    translation_mm: Float  # (3,)
-    center_mm: Float  # (3,) of the sphere, in the base
+    rotation: Shaped[Float, "3 3"]  # flange from profiler
+    translation_mm: Shaped[Float, " 3"]
+    center_mm: Shaped[Float, " 3"]  # of the sphere, in the base
     radius_mm: float
     offset_s: float = 0.0
 
@@ -63,12 +63,12 @@ class Estimate:
 class Linear:
     """The model about an estimate, k observations, P unknowns."""
 
-    centre: Float  # (k, 3) of the sphere in the profiler frame
-    residual: Float  # (k, 3) measured minus predicted x_c, z_c, w
-    jacobian: Float  # (k, 3, P) of the prediction
-    covariance: Float  # (k, 3, 3) C_fit + H S H^T of each observation by itself
-    by_pose: Float  # (k, 3, 6) H: derivative by the errors of position (base) and orientation (flange)
-    bent: Float  # (k,) standard deviation of w by the square of the error of c_y
+    centre: Shaped[Float, "k 3"]  # of the sphere in the profiler frame
+    residual: Shaped[Float, "k 3"]  # measured minus predicted x_c, z_c, w
+    jacobian: Shaped[Float, "k 3 P"]  # of the prediction
+    covariance: Shaped[Float, "k 3 3"]  # C_fit + H S H^T of each observation by itself
+    by_pose: Shaped[Float, "k 3 6"]  # H: derivative by the errors of position (base) and orientation (flange)
+    bent: Shaped[Float, " k"]  # standard deviation of w by the square of the error of c_y
 
     def subset(self, keep: Bool) -> Linear:
         """Of the observations marked in `keep` (k,)."""

@@ -17,6 +17,7 @@ from workbench.api import (
     InputError,
     Int,
     Recording,
+    Shaped,
     interpolate_poses,
     inverse,
     rotation_from_quaternion,
@@ -36,9 +37,9 @@ SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
 class Group:
     """Observations whose pose errors come from the same recorded poses, in the order of time."""
 
-    rows: Int  # (m,) of the observations
-    node: Int  # (m,) recorded pose before each
-    fraction: Float  # (m,) of the way to the next one
+    rows: Shaped[Int, " m"]  # of the observations
+    node: Shaped[Int, " m"]  # recorded pose before each
+    fraction: Shaped[Float, " m"]  # of the way to the next one
     nodes: int  # recorded poses
 
 
@@ -46,12 +47,12 @@ class Group:
 class Observations:
     """k observations: circles with their covariance, and the pose of the flange at each, with what its errors share."""
 
-    circle: Float  # (k, 3) x_c, z_c mm, w mm^2
-    covariance: Float  # (k, 3, 3)
-    base_from_flange: Float  # (k, 4, 4)
-    velocity: Float  # (k, 6) of the flange, in the flange frame: mm/s, rad/s; 0 at rest
-    evened: Float  # (k,) variance of an interpolated pose's own error over a recorded one's: 1/2 to 1
-    still: Int  # (s,) rows with a pose error of their own
+    circle: Shaped[Float, "k 3"]  # x_c, z_c mm, w mm^2
+    covariance: Shaped[Float, "k 3 3"]
+    base_from_flange: Shaped[Float, "k 4 4"]
+    velocity: Shaped[Float, "k 6"]  # of the flange, in the flange frame: mm/s, rad/s; 0 at rest
+    evened: Shaped[Float, " k"]  # variance of an interpolated pose's own error over a recorded one's: 1/2 to 1
+    still: Shaped[Int, " s"]  # rows with a pose error of their own
     scans: tuple[Group, ...]
     frames: tuple[tuple[int, ...], ...]  # (k) of the recording
 
@@ -99,10 +100,10 @@ class Passes:
     """A recording's circles by pass, ready to be placed at any clock offset."""
 
     recording: Recording
-    circle: Float  # (k, 3) repeats averaged
-    covariance: Float  # (k, 3, 3)
-    time_s: Float  # (k,) on the clock of the profiles
-    number: Int  # (k,) pass
+    circle: Shaped[Float, "k 3"]  # repeats averaged
+    covariance: Shaped[Float, "k 3 3"]
+    time_s: Shaped[Float, " k"]  # on the clock of the profiles
+    number: Shaped[Int, " k"]  # pass
     frames: tuple[tuple[int, ...], ...]
     rejected: tuple[Rejected, ...]  # repeats that contradict the others
 

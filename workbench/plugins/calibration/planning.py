@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Float, Int, pose_from, rotation_from_vector
+from workbench.api import DEG, Float, Int, Shaped, pose_from, rotation_from_vector
 from workbench.plugins.calibration.arcs import LATERAL, STEEP
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import from_arrays
@@ -26,7 +26,7 @@ UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM = 50.0, 20 * DEG, 100.0  # before any
 class Limits:
     """Where the robot may show the sphere: orientations about a nominal one, places in the profiler frame."""
 
-    base_from_profiler: Float  # (3, 3) nominal orientation
+    base_from_profiler: Shaped[Float, "3 3"]  # nominal orientation
     cone: float  # greatest tilt of the range axis from it, rad
     roll: float  # greatest turn about the range axis, rad
     middle_mm: tuple[float, float]  # of the view: x, z

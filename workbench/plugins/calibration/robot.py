@@ -20,6 +20,7 @@ from workbench.api import (
     InputFile,
     Int,
     Recording,
+    Shaped,
     frozen,
     inverse,
     pose_from,
@@ -61,12 +62,12 @@ class Together:
     """Hand-eye pose, sphere and errors of the arm, with the covariance of all: as in `model`, then the errors."""
 
     estimate: Estimate
-    errors: Float  # (P,)
+    errors: Shaped[Float, " P"]
     covariance: Float  # (10 + P, 10 + P)
-    residual: Float  # (k, 3) of x_c, z_c and w
+    residual: Shaped[Float, "k 3"]  # of x_c, z_c and w
     misfit: float
     freedom: int
-    distance: Float  # (k,)
+    distance: Shaped[Float, " k"]
     place_u_mm: float  # of the sphere's place as predicted in these postures, RMS of x and z
 
 

@@ -17,6 +17,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    Shaped,
     pieces,
     stage,
     strict_json,
@@ -34,12 +35,12 @@ SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, tha
 class Touches:
     """n touches: the flange stands so that a tool point lies on a reference point."""
 
-    base_from_flange: Float  # (n, 3, 4) rotation and position
-    tool_point: Int  # (n,) number of the tool point
-    reference: Int  # (n,)
+    base_from_flange: Shaped[Float, "n 3 4"]  # rotation and position
+    tool_point: Shaped[Int, " n"]  # number of the tool point
+    reference: Shaped[Int, " n"]
     tool_names: tuple[str, ...]
     reference_names: tuple[str, ...]
-    known_mm: Float  # (r, 3) references as measured in the base; NaN: unknown
+    known_mm: Shaped[Float, "r 3"]  # references as measured in the base; NaN: unknown
     lines: tuple[int, ...]  # of the file
 
     def only(self, keep: Int) -> Touches:
@@ -57,13 +58,13 @@ class Touches:
 class ToolPoints:
     """Tool points in the flange, with what the touches leave open."""
 
-    position_mm: Float  # (t, 3)
+    position_mm: Shaped[Float, "t 3"]
     covariance: Float  # (3 t, 3 t) mm^2
-    reference_mm: Float  # (r, 3) in the base
-    residual_mm: Float  # (n, 3)
+    reference_mm: Shaped[Float, "r 3"]  # in the base
+    residual_mm: Shaped[Float, "n 3"]
     misfit: float  # chi-square over degrees of freedom
     freedom: int
-    distance: Float  # (n,) of each touch from the rest, in standard deviations of that
+    distance: Shaped[Float, " n"]  # of each touch from the rest, in standard deviations of that
 
 
 @stage("calibrate.tcp")

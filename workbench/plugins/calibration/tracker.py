@@ -18,6 +18,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    Shaped,
     inverse,
     pose_from,
     rotation_from_vector,
@@ -54,10 +55,10 @@ START_ROUNDS = 30  # of registration and lever arms in turn, each by medians
 class Seen:
     """n readings of targets on the flange, at postures of the robot."""
 
-    base_from_flange: Float  # (n, 4, 4) as the model says
-    joints: Float | None  # (n, 6) rad
-    target: Int  # (n,)
-    place_mm: Float  # (n, 3) in the tracker's frame
+    base_from_flange: Shaped[Float, "n 4 4"]  # as the model says
+    joints: Shaped[Float, "n 6"] | None  # rad
+    target: Shaped[Int, " n"]
+    place_mm: Shaped[Float, "n 3"]  # in the tracker's frame
     targets: tuple[str, ...]
     lines: tuple[int, ...]
 
@@ -77,15 +78,15 @@ class Seen:
 class Tracked:
     """Registration, targets and errors of the arm, with their covariance: t, turn (tracker), targets, errors."""
 
-    tracker_from_base: Float  # (4, 4)
-    target_mm: Float  # (t, 3) in the flange
-    errors: Float  # (P,)
+    tracker_from_base: Shaped[Float, "4 4"]
+    target_mm: Shaped[Float, "t 3"]  # in the flange
+    errors: Shaped[Float, " P"]
     covariance: Float  # (6 + 3 t + P, ...)
-    residual_mm: Float  # (n, 3)
-    predicted_u_mm: Float  # (n,) of a reading's place, RMS of the three axes, without its own noise
+    residual_mm: Shaped[Float, "n 3"]
+    predicted_u_mm: Shaped[Float, " n"]  # of a reading's place, RMS of the three axes, without its own noise
     misfit: float
     freedom: int
-    distance: Float  # (n,)
+    distance: Shaped[Float, " n"]
 
 
 @stage("calibrate.tracker")

@@ -18,6 +18,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    Shaped,
     pieces,
     rotation_from_vector,
     stage,
@@ -46,9 +47,9 @@ CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 class Marks:
     """n measured points: marker k at a table angle."""
 
-    point_mm: Float  # (n, 3) in the base
-    angle: Float  # (n,) rad, as the table counts
-    marker: Int  # (n,)
+    point_mm: Shaped[Float, "n 3"]  # in the base
+    angle: Shaped[Float, " n"]  # rad, as the table counts
+    marker: Shaped[Int, " n"]
     lines: tuple[int, ...]
     markers: int
 
@@ -64,15 +65,15 @@ class Marks:
 class Axis:
     """The axis: a point on it, nearest to the markers' middle, and its direction; rising angles turn about it."""
 
-    point_mm: Float  # (3,)
-    direction: Float  # (3,)
-    across: Float  # (2, 3) unit vectors square to it: the axes of the covariance
-    covariance: Float  # (4, 4) of the point along both (mm), and of the direction's turn towards both (rad)
-    residual_mm: Float  # (n, 3)
+    point_mm: Shaped[Float, " 3"]
+    direction: Shaped[Float, " 3"]
+    across: Shaped[Float, "2 3"]  # unit vectors square to it: the axes of the covariance
+    covariance: Shaped[Float, "4 4"]  # of the point along both (mm), and of the direction's turn towards both (rad)
+    residual_mm: Shaped[Float, "n 3"]
     misfit: float
     freedom: int
-    distance: Float  # (n,) of each point from the rest, in its standard deviations
-    marker_mm: Float  # (k, 3) from the axis' point, at angle 0
+    distance: Shaped[Float, " n"]  # of each point from the rest, in its standard deviations
+    marker_mm: Shaped[Float, "k 3"]  # from the axis' point, at angle 0
     scale: float  # of the angles, that the points show: 1, but for its u
     scale_u: float
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, Int, Recording, frozen, stage
+from workbench.api import Document, Float, InputError, Int, Recording, Shaped, frozen, stage
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
@@ -30,9 +30,9 @@ STEPS = 10  # of the fit of a second recording's sphere
 class HeldOut:
     """Postures predicted, not fitted: residuals of (x_c, z_c, w) and their covariance."""
 
-    residual: Float  # (k, 3)
-    covariance: Float  # (k, 3, 3)
-    y_mm: Float  # (k,) of the sphere's centre
+    residual: Shaped[Float, "k 3"]
+    covariance: Shaped[Float, "k 3 3"]
+    y_mm: Shaped[Float, " k"]  # of the sphere's centre
     chi2: float
     freedom: int
 

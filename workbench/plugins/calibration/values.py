@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from workbench.api import UNKNOWN_PART, Bool, Float, HandEye, Int, Part
+from workbench.api import UNKNOWN_PART, Bool, Float, HandEye, Int, Part, Shaped
 
 if TYPE_CHECKING:
     from workbench.plugins.calibration.model import Noise, View
@@ -25,12 +25,12 @@ class Rejected:
 class SphereProfiles:
     """The circles in which the laser plane cuts the calibration sphere, one a frame, in the profiler frame."""
 
-    frame: Int  # (n,) index in the recording
-    circle: Float  # (n, 3) x_c mm, z_c mm, w = r^2 mm^2
-    covariance: Float  # (n, 3, 3) of them, from the points' noise
-    residual_mm: Float  # (n,) standard deviation of the points about the circle, along z
-    points: Int  # (n,) on the arc
-    on_arc: Bool  # (N, M) which points of the grid count
+    frame: Shaped[Int, " n"]  # index in the recording
+    circle: Shaped[Float, "n 3"]  # x_c mm, z_c mm, w = r^2 mm^2
+    covariance: Shaped[Float, "n 3 3"]  # of them, from the points' noise
+    residual_mm: Shaped[Float, " n"]  # standard deviation of the points about the circle, along z
+    points: Shaped[Int, " n"]  # on the arc
+    on_arc: Shaped[Bool, "N M"]  # which points of the grid count
     sense: int  # +1: z counts towards the sensor; -1: away from it (from the arcs' convexity)
     noise_mm: float  # of a point along z, as found in all arcs, or as stated if that is larger
     stated_noise_mm: float
@@ -46,20 +46,20 @@ class Calibration:
 
     hand_eye: HandEye
     method: Method
-    sphere_center_mm: Float  # (3,) in the base
+    sphere_center_mm: Shaped[Float, " 3"]  # in the base
     sphere_radius_mm: float
-    covariance: Float  # (6, 6) as in HandEye
+    covariance: Shaped[Float, "6 6"]  # as in HandEye
     volume_u_mm: float  # predicted RMS error of a point over the field of view around the sphere centres
     directions: tuple[tuple[str, float], ...]  # six, worst first: in words, and their uncertainty in mm over the field
     time_offset_s: float | None  # profile time - robot time; None: not estimated
     time_offset_u_s: float | None
     frames: tuple[tuple[int, ...], ...]  # (k) frames of the recording that each posture rests on
-    centre_mm: Float  # (k, 3) sphere centre in the profiler frame: measured x and z, y by the answer
-    center_base_before_mm: Float  # (k, 3) centre in the base by the design's hand-eye; NaN without one
-    center_base_mm: Float  # (k, 3) by the answer
-    residual: Float  # (k, 3) of x_c mm, z_c mm, w mm^2
-    distance: Float  # (k,) Mahalanobis distance of the residual, left out of the fit; 1.7 is usual
-    used: Bool  # (k,) False: rejected as gross
+    centre_mm: Shaped[Float, "k 3"]  # sphere centre in the profiler frame: measured x and z, y by the answer
+    center_base_before_mm: Shaped[Float, "k 3"]  # centre in the base by the design's hand-eye; NaN without one
+    center_base_mm: Shaped[Float, "k 3"]  # by the answer
+    residual: Shaped[Float, "k 3"]  # of x_c mm, z_c mm, w mm^2
+    distance: Shaped[Float, " k"]  # Mahalanobis distance of the residual, left out of the fit; 1.7 is usual
+    used: Shaped[Bool, " k"]  # False: rejected as gross
     residual_rms_mm: float  # RMS distance of the measured points from the sphere
     misfit: float  # chi-square over degrees of freedom, the stated noise taken for true
     noise: Noise  # that the answer rests on: of the poses as large as the residuals say
@@ -76,14 +76,14 @@ class Calibration:
 class PosturePlan:
     """The next p postures that tell most. `volume_u_mm` is predicted from the noise that the residuals show."""
 
-    base_from_flange: Float  # (p, 4, 4) to go to, in order
-    centre_mm: Float  # (p, 3) where the sphere's centre will lie in the profiler frame
+    base_from_flange: Shaped[Float, "p 4 4"]  # to go to, in order
+    centre_mm: Shaped[Float, "p 3"]  # where the sphere's centre will lie in the profiler frame
     volume_u_mm: Float  # (p + 1,) now, and after each posture
     middle_mm: tuple[float, float]  # of the view: x, z in the profiler frame
     half_mm: tuple[float, float]  # half width and half height within which the sphere is shown
     cone_deg: float
-    map_tilt_deg: Float  # (m,) tilts of the range axis from the mean orientation, about the profiler's x and y
-    map_volume_u_mm: Float  # (m, m) after one more posture there, the sphere in its best place
+    map_tilt_deg: Shaped[Float, " m"]  # tilts of the range axis from the mean orientation, about the profiler's x and y
+    map_volume_u_mm: Shaped[Float, "m m"]  # after one more posture there, the sphere in its best place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,8 +92,9 @@ class Validation:
 
     how: str  # in words
     frames: tuple[tuple[int, ...], ...]  # (k)
-    error_mm: Float  # (k, 3) measured minus predicted sphere centre in the profiler frame; y NaN near the equator
-    u_mm: Float  # (k, 3) standard uncertainty of that: calibration, robot and profile
+    # measured minus predicted sphere centre in the profiler frame; y NaN near the equator
+    error_mm: Shaped[Float, "k 3"]
+    u_mm: Shaped[Float, "k 3"]  # standard uncertainty of that: calibration, robot and profile
     rms_mm: float  # of the errors in x and z
     expected_mm: float  # RMS of their uncertainty
     misfit: float  # chi-square over degrees of freedom; 1 where the stated uncertainties are right

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Float, Recording
+from workbench.api import Float, Recording, Shaped
 from workbench.plugins.calibration import arcs
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Linear, Noise, linearise, normal_equations
@@ -33,12 +33,12 @@ NEAR = 0.05  # of its u, by which a scale may still move
 class Scales:
     """Relative errors of the profiler's x and z, measured = (1 + error) true."""
 
-    error: Float  # (2,)
-    covariance: Float  # (2, 2)
-    by_scale: Float  # (P, 2) change of the fit's unknowns where an error is larger
+    error: Shaped[Float, " 2"]
+    covariance: Shaped[Float, "2 2"]
+    by_scale: Shaped[Float, "P 2"]  # change of the fit's unknowns where an error is larger
     free: tuple[bool, bool]
-    student: Float  # (2,) an error by itself over its u, by residuals as large as they are
-    chance: Float  # (2,) probability of such a one
+    student: Shaped[Float, " 2"]  # an error by itself over its u, by residuals as large as they are
+    chance: Shaped[Float, " 2"]  # probability of such a one
 
     @property
     def contradicted(self) -> int | None:

@@ -19,6 +19,7 @@ from workbench.api import (
     Chain,
     Float,
     InputError,
+    Shaped,
     arm_sides,
     forward_kinematics,
     inverse,
@@ -46,10 +47,10 @@ STRETCHED = 1e-6  # smallest singular value of the Jacobian, lengths in m, below
 class LoadedPath(NamedTuple):
     """Where the cutter stands at p path points for each of a turntable angles, and what pushes it there."""
 
-    flange_from_cutter: Float  # (4, 4)
-    base_from_cutter: Float  # (a, p, 4, 4) at rotation 0
-    load_mm: Float  # (a, p, 3) where the force acts, in the base
-    force_n: Float  # (a, p, 3) base axes
+    flange_from_cutter: Shaped[Float, "4 4"]
+    base_from_cutter: Shaped[Float, "a p 4 4"]  # at rotation 0
+    load_mm: Shaped[Float, "a p 3"]  # where the force acts, in the base
+    force_n: Shaped[Float, "a p 3"]  # base axes
 
 
 @dataclass(eq=False)
@@ -142,10 +143,10 @@ SQUARE = 1e-9  # cosine that still counts as a right angle
 class Arm:
     """A robot in the arm frame, for the kernels here."""
 
-    arm_from_base: Float  # (4, 4)
-    wrist_in_flange_mm: Float  # (3,) the wrist's centre
-    axis_in_flange: Float  # (3,) of joint 6
-    across_in_flange: Float  # (3,) of joint 5, where joint 6 is at zero
+    arm_from_base: Shaped[Float, "4 4"]
+    wrist_in_flange_mm: Shaped[Float, " 3"]  # the wrist's centre
+    axis_in_flange: Shaped[Float, " 3"]  # of joint 6
+    across_in_flange: Shaped[Float, " 3"]  # of joint 5, where joint 6 is at zero
     bend: float  # of axis 6 against axis 4 about axis 5, where joint 5 is at zero
     lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
@@ -219,10 +220,10 @@ def _window(low: float, high: float) -> tuple[float, float, float]:
 
 def displacements(
     arm: AnyArm,
-    stiffness: Float,
-    base_from_flange: Float,
-    tip_mm: Float,
-    force_n: Float,
+    stiffness: Shaped[Float, " 6"],
+    base_from_flange: Shaped[Float, "n 4 4"],
+    tip_mm: Shaped[Float, "n 3"],
+    force_n: Shaped[Float, "n 3"],
     *,
     shoulder: int = 0,
     elbow: int = 0,
@@ -261,7 +262,13 @@ def displacements(
 
 
 def traverse(
-    arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float, *, shoulder: int = 0, elbow: int = 0
+    arm: AnyArm,
+    stiffness: Shaped[Float, " 6"],
+    path: LoadedPath,
+    angles: Shaped[Float, " t"],
+    *,
+    shoulder: int = 0,
+    elbow: int = 0,
 ) -> tuple[Float, AnyArray]:
     """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Chain, Float, Int, LoadingSetup, forward_kinematics, rotation_from_vector
+from workbench.api import DEG, Chain, Float, Int, LoadingSetup, Shaped, forward_kinematics, rotation_from_vector
 from workbench.plugins.stiffness.equations import Equations, curvature, equations
 from workbench.plugins.stiffness.estimate import Estimate, whiten
 from workbench.plugins.stiffness.values import LoadingTests
@@ -32,7 +32,7 @@ class LackOfFit:
     """What the residuals say beyond noise."""
 
     causes: str  # in words, the surest first; empty: none
-    change: Float  # (6,) rad/Nm, by which the compliance would change if the causes were put right
+    change: Shaped[Float, " 6"]  # rad/Nm, by which the compliance would change if the causes were put right
     widened: float  # variance of the residuals that follow the loads, over the noise's; at least 1
 
 

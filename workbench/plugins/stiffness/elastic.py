@@ -11,6 +11,7 @@ import numpy as np
 from workbench.api import (
     Chain,
     Float,
+    Shaped,
     forward_kinematics,
     jacobian_at,
     jacobian_derivative,
@@ -41,10 +42,10 @@ def geometric_stiffness(derivative: Float, wrench: Float) -> Float:
 
 def give_way(
     chain: Chain,
-    stiffness: Float,
-    joints: Float,
-    point_mm: Float,
-    wrench: Float,
+    stiffness: Shaped[Float, " 6"],
+    joints: Shaped[Float, "... 6"],
+    point_mm: Shaped[Float, " 3"],
+    wrench: Shaped[Float, "... 6"],
     *,
     order: int = 2,
     with_kc: bool = True,

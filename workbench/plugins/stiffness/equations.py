@@ -14,6 +14,7 @@ from workbench.api import (
     Chain,
     Float,
     LoadingSetup,
+    Shaped,
     forward_kinematics,
     jacobian_at,
     jacobian_derivative,
@@ -27,16 +28,16 @@ from workbench.plugins.stiffness.values import LoadingTests
 class Equations:
     """L loads with r rows each; rows of points that were not seen have weight 0 (`seen`)."""
 
-    y: Float  # (L, r) mm, rad
-    a: Float  # (L, r, 6) with c in rad/Nm: first order
-    curved: Float  # (L, r, 6, 6) second derivative of y by joint deflection: mm/rad^2, 1/rad
-    torque: Float  # (L, 6) Nm, of each load about the joints
-    by_wrench: Float  # (L, 6, 6) torque = by_wrench @ the sensor's wrench
-    jacobian: Float  # (L, r, 6) of the rows: mm/rad, rad/rad
-    kc: Float  # (L, 6, 6) Nm/rad, of the load at its own posture
-    noise: Float  # (r,) standard deviation of a row
-    wrench_noise: Float  # (6,) N, Nm
-    seen: Float  # (L, r) 1 or 0
+    y: Shaped[Float, "L r"]  # mm, rad
+    a: Shaped[Float, "L r 6"]  # with c in rad/Nm: first order
+    curved: Shaped[Float, "L r 6 6"]  # second derivative of y by joint deflection: mm/rad^2, 1/rad
+    torque: Shaped[Float, "L 6"]  # Nm, of each load about the joints
+    by_wrench: Shaped[Float, "L 6 6"]  # torque = by_wrench @ the sensor's wrench
+    jacobian: Shaped[Float, "L r 6"]  # of the rows: mm/rad, rad/rad
+    kc: Shaped[Float, "L 6 6"]  # Nm/rad, of the load at its own posture
+    noise: Shaped[Float, " r"]  # standard deviation of a row
+    wrench_noise: Shaped[Float, " 6"]  # N, Nm
+    seen: Shaped[Float, "L r"]  # 1 or 0
 
 
 def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equations:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from workbench.api import AnyArray, Float
+from workbench.api import AnyArray, Float, Shaped
 from workbench.plugins.stiffness.equations import Equations, covariances, curvature
 
 GROSS = 1e-4  # chance that a sound set of loads loses one
@@ -21,11 +21,11 @@ WIDE = 1e-3  # rad/Nm, standard deviation of a prior that decides nothing: it ke
 class Estimate:
     """Compliance of the joints and what the loads say about it."""
 
-    compliance: Float  # (6,) rad/Nm
-    covariance: Float  # (6, 6)
-    misfit: Float  # (L,) chi-square of each load
-    rows: Float  # (L,) how many rows each has
-    residual: Float  # (L, r) measured minus modelled
+    compliance: Shaped[Float, " 6"]  # rad/Nm
+    covariance: Shaped[Float, "6 6"]
+    misfit: Shaped[Float, " L"]  # chi-square of each load
+    rows: Shaped[Float, " L"]  # how many rows each has
+    residual: Shaped[Float, "L r"]  # measured minus modelled
     scale2: float  # variance of the residuals over what the noise predicts
     freedom: float  # its degrees of freedom
 

@@ -7,7 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import DEG, Bool, Cell, Chain, CollisionScreen, Float, Int, dexterity, forward_kinematics, inverse
+from workbench.api import (
+    DEG,
+    Bool,
+    Cell,
+    Chain,
+    CollisionScreen,
+    Float,
+    Int,
+    Shaped,
+    dexterity,
+    forward_kinematics,
+    inverse,
+)
 from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, joint_angles
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 from workbench.plugins.stiffness.traversal import flange_poses, spread
@@ -39,10 +51,10 @@ class Configuration:
 class Verdicts:
     """What was found out about c cells of the grid."""
 
-    cause: Int  # (c,) index into CAUSES
-    hit: Int  # (c,) pair of bodies that collides, or -1
-    flip: Int  # (c,) of the wrist, where it is free
-    how: Int  # (c,) index into JUDGED
+    cause: Shaped[Int, " c"]  # index into CAUSES
+    hit: Shaped[Int, " c"]  # pair of bodies that collides, or -1
+    flip: Shaped[Int, " c"]  # of the wrist, where it is free
+    how: Shaped[Int, " c"]  # index into JUDGED
 
 
 class Examiner:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import AnyArray, Bool, Float, Int, within_limits
+from workbench.api import AnyArray, Bool, Float, Int, Shaped, within_limits
 from workbench.plugins.stiffness.arm import BRANCHES, displacements
 from workbench.plugins.stiffness.feasible import FREE, MOST_STEP, Configuration, Examiner
 from workbench.plugins.stiffness.law_bound import Grid, Relaxed, relaxed_law
@@ -26,7 +26,7 @@ EQUAL = 1e-9  # relative: two costs that are the same but for rounding
 class Limits:
     """What joints and turntable may do between points."""
 
-    speed: Float  # (7,) rad/s, the turntable's last
+    speed: Shaped[Float, " 7"]  # rad/s, the turntable's last
     acceleration: float  # rad/s^2, any of them
 
 
@@ -34,10 +34,10 @@ class Limits:
 class Law:
     """Cutter rotation and turntable angle of n points, and how the robot follows."""
 
-    rotation: Float  # (n,) rad
-    table: Float  # (n,) rad
+    rotation: Shaped[Float, " n"]  # rad
+    table: Shaped[Float, " n"]  # rad
     configuration: Configuration
-    joints: Float  # (n, 6) rad
+    joints: Shaped[Float, "n 6"]  # rad
     cost_mm: float  # displacements of all points and what the steps cost, summed
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import AnyArray, Bool, Float, Int
+from workbench.api import AnyArray, Bool, Float, Int, Shaped
 from workbench.plugins.stiffness.arm import BRANCHES, traverse
 from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law_kernel import stepped
@@ -20,9 +20,9 @@ BLOCK = 32  # points between which the values are kept; those inside are compute
 class Grid:
     """What a law may choose from."""
 
-    rotations: Float  # (t,) rad, evenly spaced
-    tables: Float  # (a,) rad
-    bands: Int  # (2,) largest step of turntable and cutter from point to point, in grid steps; 0: it stands still
+    rotations: Shaped[Float, " t"]  # rad, evenly spaced
+    tables: Shaped[Float, " a"]  # rad
+    bands: Shaped[Int, " 2"]  # most steps of turntable and cutter from point to point, in the grid; 0: it stands still
     step_cost_mm: float  # what a step costs, times its size squared, so that the law rests where little is gained
 
     @property
@@ -38,7 +38,7 @@ class Relaxed:
 
     branch: int
     cost_mm: float  # sum over the points, steps included: no law of the branch costs less
-    way: Int  # (n, 2) indices of turntable and cutter angle
+    way: Shaped[Int, "n 2"]  # indices of turntable and cutter angle
 
 
 def relaxed_law(

@@ -12,6 +12,7 @@ from workbench.api import (
     Float,
     Int,
     Postures,
+    Shaped,
     Toolpath,
     forward_kinematics,
     inverse,
@@ -34,8 +35,8 @@ class Case:
 
     rotation: float
     table: float
-    joints: Float  # (n, 6)
-    displacement_mm: Float  # (l,) of the loaded points
+    joints: Shaped[Float, "n 6"]
+    displacement_mm: Shaped[Float, " l"]  # of the loaded points
     cause: int  # index into `feasible.CAUSES`: free or in collision
     pair: tuple[str, str] | None  # that collides
 
@@ -49,10 +50,10 @@ class Found:
     choice: Choice  # the constant pair
     map: PostureMap
     mode: str
-    bound_mm: Float  # (s,) least displacement over the grid of each sampled loaded point, collision aside
+    bound_mm: Shaped[Float, " s"]  # least displacement over the grid of each sampled loaded point, collision aside
     law_bound_mm: float | None  # below the mean displacement and step cost of any law; None: constant angles
     law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
-    bound_at: Int  # (s,) which of the loaded points they are
+    bound_at: Shaped[Int, " s"]  # which of the loaded points they are
     cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
 
     @property

@@ -17,6 +17,7 @@ from workbench.api import (
     InputError,
     Int,
     Layer,
+    Shaped,
     Toolpath,
     Travel,
     interpolate_poses,
@@ -34,13 +35,13 @@ Load = Literal["mean", "peak"]
 class PathPoints:
     """n points of travels and layers in the order of motion; frames as in `Layer`, in the base."""
 
-    base_from_point: Float  # (n, 4, 4) with the turntable where it was when the path was planned
-    feed_mm_s: Float  # (n,) towards the point
-    force_n: Float  # (n, 3) on the cutter at the point, base axes; 0 in travel moves
-    layer: Int  # (n,) index of the layer; 0: travel between layers
-    cutting: Bool  # (n,)
-    measured: Bool  # (n,)
-    point_from_tip: Float  # (4, 4) the cutter's tip: a radius off along x, its reach along z
+    base_from_point: Shaped[Float, "n 4 4"]  # with the turntable where it was when the path was planned
+    feed_mm_s: Shaped[Float, " n"]  # towards the point
+    force_n: Shaped[Float, "n 3"]  # on the cutter at the point, base axes; 0 in travel moves
+    layer: Shaped[Int, " n"]  # index of the layer; 0: travel between layers
+    cutting: Shaped[Bool, " n"]
+    measured: Shaped[Bool, " n"]
+    point_from_tip: Shaped[Float, "4 4"]  # the cutter's tip: a radius off along x, its reach along z
     planned: float  # where the turntable stood, rad
     source: str  # of the path, for messages
 

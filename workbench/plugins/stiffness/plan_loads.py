@@ -18,6 +18,7 @@ from workbench.api import (
     InputError,
     LoadingSetup,
     Seed,
+    Shaped,
     abb_angles,
     stage,
     within_limits,
@@ -34,11 +35,11 @@ from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, Loa
 class Candidates:
     """P postures with the same D loads each; a load is a pair of opposite forces."""
 
-    joints: Float  # (P, 6) rad
-    points_mm: Float  # (D, 3) where the force acts, in the flange frame
-    force_n: Float  # (D, 3) in the flange's axes
-    wrench: Float  # (D, 6) N, Nm in the sensor frame
-    information: Float  # (P, D, 6, 6) of the logarithm of the stiffness, of a pair
+    joints: Shaped[Float, "P 6"]  # rad
+    points_mm: Shaped[Float, "D 3"]  # where the force acts, in the flange frame
+    force_n: Shaped[Float, "D 3"]  # in the flange's axes
+    wrench: Shaped[Float, "D 6"]  # N, Nm in the sensor frame
+    information: Shaped[Float, "P D 6 6"]  # of the logarithm of the stiffness, of a pair
 
 
 def free_postures(cell: Cell, wanted: int, rng: np.random.Generator) -> Float:

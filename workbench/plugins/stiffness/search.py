@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import Float, InputError, Int
+from workbench.api import Float, InputError, Int, Shaped
 from workbench.plugins.stiffness.feasible import (
     CAUSES,
     COLLISION,
@@ -29,7 +29,7 @@ class Choice:
     rotation: float
     table: float
     configuration: Configuration
-    joints: Float  # (n, 6) at all points
+    joints: Shaped[Float, "n 6"]  # at all points
     mean_mm: float
     examined: int  # cells that were better or equal, itself included
     of: int  # cells of the grid
@@ -39,14 +39,14 @@ class Choice:
 class PostureMap:
     """Eq. (25)'s function over t cutter rotations and a turntable angles; NaN and the cause where infeasible."""
 
-    rotations: Float  # (t,)
-    tables: Float  # (a,)
-    mean_mm: Float  # (t, a)
-    cause: Int  # (t, a) index into `feasible.CAUSES`
-    pair: Int  # (t, a) index into `pairs`, -1: no collision
+    rotations: Shaped[Float, " t"]
+    tables: Shaped[Float, " a"]
+    mean_mm: Shaped[Float, "t a"]
+    cause: Shaped[Int, "t a"]  # index into `feasible.CAUSES`
+    pair: Shaped[Int, "t a"]  # index into `pairs`, -1: no collision
     pairs: tuple[tuple[str, str], ...]
-    how: Int  # (t, a) index into `feasible.JUDGED`
-    without_collision_mm: Float  # (t, a)
+    how: Shaped[Int, "t a"]  # index into `feasible.JUDGED`
+    without_collision_mm: Shaped[Float, "t a"]
 
 
 def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Choice, PostureMap]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import AnyArray, Cell, Float, Int, inverse
+from workbench.api import AnyArray, Cell, Float, Int, Shaped, inverse
 from workbench.plugins.stiffness.arm import BRANCHES, CAUSES, AnyArm, LoadedPath, lowest_displacements, traverse
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
@@ -15,10 +15,10 @@ from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 class Traversal:
     """Eq. (25)'s function on its grid, without collision; t cutter rotations and a turntable angles, rad."""
 
-    rotations: Float  # (t,)
-    tables: Float  # (a,)
-    mean_mm: Float  # (4, a, t) mean displacement in each of BRANCHES; meaningless where it is not solved
-    said: AnyArray  # (4, a, t) index into `arm.CAUSES`: 0 where joint angles exist
+    rotations: Shaped[Float, " t"]
+    tables: Shaped[Float, " a"]
+    mean_mm: Shaped[Float, "4 a t"]  # mean displacement in each of BRANCHES; meaningless where it is not solved
+    said: Shaped[AnyArray, "4 a t"]  # index into `arm.CAUSES`: 0 where joint angles exist
 
     @property
     def ranked(self) -> Int:

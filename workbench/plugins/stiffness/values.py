@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import Float
+from workbench.api import Float, Shaped
 
 TABLE_2_NM_PER_RAD = (1.77e6, 3.43e6, 0.85e6, 0.87e6, 0.50e6, 0.14e6)  # the paper's Table 2
 TABLE_A1_DEG = ((0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45))  # Denavit-Hartenberg
@@ -16,8 +16,8 @@ TABLE_A1_DEG = ((0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12,
 class JointStiffness:
     """Torsional stiffness of the six joints, gearboxes and drives included, as springs about their axes."""
 
-    nm_per_rad: Float  # (6,) > 0
-    covariance: Float  # (6, 6) of them, (Nm/rad)^2
+    nm_per_rad: Shaped[Float, " 6"]  # > 0
+    covariance: Shaped[Float, "6 6"]  # of them, (Nm/rad)^2
     condition_number: float  # of the weighted problem, each joint's compliance in units of itself; 0: not identified
     postures: int  # that it rests on
     loads: int
@@ -34,10 +34,10 @@ class JointStiffness:
 class Deflection:
     """Displacement of the cutter's tip under a wrench at one posture, in base axes."""
 
-    displacement_mm: Float  # (3,)
-    rotation: Float  # (3,) rotation vector, rad
-    joints: Float  # (6,) how far each joint gives way, rad
-    tangent_stiffness: Float  # (6, 6) eq. (17) at the loaded posture: N, Nm per m, rad
+    displacement_mm: Shaped[Float, " 3"]
+    rotation: Shaped[Float, " 3"]  # rotation vector, rad
+    joints: Shaped[Float, " 6"]  # how far each joint gives way, rad
+    tangent_stiffness: Shaped[Float, "6 6"]  # eq. (17) at the loaded posture: N, Nm per m, rad
     warnings: tuple[str, ...] = ()
 
 
@@ -48,10 +48,10 @@ class LoadingTests:
     source: str
     labels: tuple[str, ...]  # of the posture of each load
     lines: tuple[int, ...]  # of the file, for messages
-    joints: Float  # (L, 6) rad, in the convention of the file
-    wrench: Float  # (L, 6) N, Nm: acts on the robot, in the sensor frame
-    displacement: Float | None  # (L, 6) of the tool frame, in the base: mm, rotation vector in rad
-    targets_mm: Float | None  # (L, k, 3) displacement of tracked points, in the base; NaN: not seen
+    joints: Shaped[Float, "L 6"]  # rad, in the convention of the file
+    wrench: Shaped[Float, "L 6"]  # N, Nm: acts on the robot, in the sensor frame
+    displacement: Shaped[Float, "L 6"] | None  # of the tool frame, in the base: mm, rotation vector in rad
+    targets_mm: Shaped[Float, "L k 3"] | None  # displacement of tracked points, in the base; NaN: not seen
     warnings: tuple[str, ...] = ()
 
 
@@ -63,11 +63,11 @@ class LayerForce:
     """
 
     index: int  # of the layer
-    arc_length_mm: Float  # (k,)
-    mean_n: Float  # (k, 3) over a revolution, in the point's axes
-    peak_n: Float  # (k, 3) where the revolution's force is greatest
-    mean_in_path_n: Float  # (k, 3) the same in the frame of the path: base or work object
-    peak_in_path_n: Float  # (k, 3)
+    arc_length_mm: Shaped[Float, " k"]
+    mean_n: Shaped[Float, "k 3"]  # over a revolution, in the point's axes
+    peak_n: Shaped[Float, "k 3"]  # where the revolution's force is greatest
+    mean_in_path_n: Shaped[Float, "k 3"]  # the same in the frame of the path: base or work object
+    peak_in_path_n: Shaped[Float, "k 3"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,11 +85,11 @@ class LoadPlan:
     """Planned loading tests: L loads in pairs of opposite ones, and what they promise."""
 
     labels: tuple[str, ...]  # of the posture of each load
-    joints: Float  # (L, 6) rad, the controller's angles
-    points_mm: Float  # (L, 3) where the force acts, in the flange frame
-    force_n: Float  # (L, 3) in the flange's axes
-    wrench: Float  # (L, 6) N, Nm in the sensor frame
-    relative_u: Float  # (6,) expected standard uncertainty of each joint's stiffness over its value
+    joints: Shaped[Float, "L 6"]  # rad, the controller's angles
+    points_mm: Shaped[Float, "L 3"]  # where the force acts, in the flange frame
+    force_n: Shaped[Float, "L 3"]  # in the flange's axes
+    wrench: Shaped[Float, "L 6"]  # N, Nm in the sensor frame
+    relative_u: Shaped[Float, " 6"]  # expected standard uncertainty of each joint's stiffness over its value
     warnings: tuple[str, ...] = ()
 
 
@@ -99,10 +99,10 @@ class StiffnessMaps:
 
     axes: tuple[int, int]  # from 1
     at: tuple[Float, Float]  # (a,), (b,) rad
-    inverse_dexterity: Float  # (a, b) 1/omega, 1/m^3; infinite where singular
-    fp: Float  # (a, b)
-    fr: Float  # (a, b) rad
-    marked: Float  # (p, 6) rad
-    marked_values: Float  # (p, 3) 1/omega, f_p, f_r there
+    inverse_dexterity: Shaped[Float, "a b"]  # 1/omega, 1/m^3; infinite where singular
+    fp: Shaped[Float, "a b"]
+    fr: Shaped[Float, "a b"]  # rad
+    marked: Shaped[Float, "p 6"]  # rad
+    marked_values: Shaped[Float, "p 3"]  # 1/omega, f_p, f_r there
     verdict: str  # whether K_c is negligible
     warnings: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ import scipy
 
 from workbench.synthetic.swept.section import Chain
 from workbench.synthetic.swept.spine import Curve, Frames
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 STEP_STRAIGHT_MM, STEP_BENT_MM = 0.5, 0.3  # between stations
 OTHER = 255  # face of clamps and burrs
@@ -21,24 +21,24 @@ OTHER = 255  # face of clamps and burrs
 class Hits:
     """Where rays enter the part: k rays."""
 
-    reach: Float  # (k,) length along the ray in units of its direction; inf: nothing
-    cosine: Float  # (k,) of the incidence; not positive: the back of a face
-    face: AnyArray  # (k,) uint8
-    s: Float  # (k,) along the spine
-    across_mm: Float  # (k,) across the face, from its lower end
-    share: Float  # (k,) the same as a share of the face
-    normal: Float  # (k, 3) of the triangle
+    reach: Shaped[Float, " k"]  # length along the ray in units of its direction; inf: nothing
+    cosine: Shaped[Float, " k"]  # of the incidence; not positive: the back of a face
+    face: Shaped[AnyArray, " k"]  # uint8
+    s: Shaped[Float, " k"]  # along the spine
+    across_mm: Shaped[Float, " k"]  # across the face, from its lower end
+    share: Shaped[Float, " k"]  # the same as a share of the face
+    normal: Shaped[Float, "k 3"]  # of the triangle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
     """Triangles with what stands at their corners."""
 
-    origin: Float  # (3,) of the local coordinates, in which single precision is enough to find a triangle
-    corner: Float  # (n, 3) a corner of each triangle, local
-    normal: Float  # (n, 3) unit, outward
-    face: AnyArray  # (n,) uint8
-    place: Float  # (n, 3, 3) at each corner: s, across_mm, share
+    origin: Shaped[Float, " 3"]  # of the local coordinates, in which single precision is enough to find a triangle
+    corner: Shaped[Float, "n 3"]  # a corner of each triangle, local
+    normal: Shaped[Float, "n 3"]  # unit, outward
+    face: Shaped[AnyArray, " n"]  # uint8
+    place: Shaped[Float, "n 3 3"]  # at each corner: s, across_mm, share
     scene: Any
 
     def cast(self, start: Float, way: Float, threads: int = 1) -> Hits:
@@ -100,7 +100,7 @@ def swept(frames: Frames, points: Float) -> Float:
 class Relief:
     """A Gaussian random field over a face, zero mean, on a periodic grid."""
 
-    field: Float  # (p, q)
+    field: Shaped[Float, "p q"]
     step_mm: float
 
     def at(self, s: Float, across_mm: Float) -> Float:

@@ -12,7 +12,7 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.synthetic.recipe import Placement
 from workbench.synthetic.swept.recipe import AnyRecipe, Way
 from workbench.synthetic.swept.spine import Curve
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 PAUSE_S = 2.0  # between passes
 
@@ -21,11 +21,11 @@ PAUSE_S = 2.0  # between passes
 class Motion:
     """One pass: N frames, K recorded poses."""
 
-    time_s: Float  # (N,) as recorded
-    part_from_profiler: Float  # (N, 4, 4) true
-    pose_time_s: Float  # (K,)
-    position_mm: Float  # (K, 3) flange in the base, as recorded
-    quaternion_wxyz: Float  # (K, 4)
+    time_s: Shaped[Float, " N"]  # as recorded
+    part_from_profiler: Shaped[Float, "N 4 4"]  # true
+    pose_time_s: Shaped[Float, " K"]
+    position_mm: Shaped[Float, "K 3"]  # flange in the base, as recorded
+    quaternion_wxyz: Shaped[Float, "K 4"]
 
 
 def placed(placement: Placement) -> Float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.synthetic.swept.recipe import SweptPart
 from workbench.synthetic.swept.spine import along
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Float, Int, Shaped
 
 # Faces of a mesh. UNDER: the bevel below the root face of an X groove; LAND, UPPER_BEVEL: of a prepared plate.
 LOWER, ROOT, BEVEL, UPPER, UNDER, LAND, UPPER_BEVEL = range(7)
@@ -27,18 +27,18 @@ _ARC_SAG_MM = 2e-4  # of the facets of a rounding
 class Shape:
     """Corners and directions in the section plane at k stations."""
 
-    corner: Float  # (k, c, 2) of the chain, c = faces + 1
+    corner: Shaped[Float, "k c 2"]  # of the chain, c = faces + 1
     faces: tuple[int, ...]
-    bevel: Float  # (k,) rad; NaN on a raw edge
-    lower_lean: Float  # (k,) rad: of the lower surface, positive where the plate's inside hangs lower
-    upper_lean: Float  # (k,) rad
+    bevel: Shaped[Float, " k"]  # rad; NaN on a raw edge
+    lower_lean: Shaped[Float, " k"]  # rad: of the lower surface, positive where the plate's inside hangs lower
+    upper_lean: Shaped[Float, " k"]  # rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
     """What a chain is made of: sharp corners at k stations, then what becomes of them."""
 
-    corner: Float  # (k, c, 2)
+    corner: Shaped[Float, "k c 2"]
     faces: tuple[int, ...]  # (c - 1,)
     radii: tuple[float, ...]  # (c,) mm; 0 at both ends
     bows: Mapping[int, float] = field(default_factory=dict)  # face -> height of its middle over the chord, mm
@@ -49,9 +49,9 @@ class Outline:
 class Chain:
     """The section as a polyline at k stations, with j points."""
 
-    points: Float  # (k, j, 2)
+    points: Shaped[Float, "k j 2"]
     face: Int  # (j - 1,) of the strip between neighbouring points
-    across: Float  # (k, j) share of its face, 0 at its lower end; of the rounding, the nearer end
+    across: Shaped[Float, "k j"]  # share of its face, 0 at its lower end; of the rounding, the nearer end
 
 
 def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
@@ -184,10 +184,10 @@ def _arc(start: Float, way_in: Float, way_out: Float, radius: float) -> Float:
 class VirtualEdges:
     """Sharp edges between the least-squares lines of the faces, in the section of k stations."""
 
-    lower: Float  # (k, 2) (a, b)
-    upper: Float  # (k, 2) raw: upper edge of the end face; milled: of the root face
-    root_mm: Float  # (k,) NaN on a raw edge
-    bevel: Float  # (k,) rad; NaN on a raw edge
+    lower: Shaped[Float, "k 2"]  # (a, b)
+    upper: Shaped[Float, "k 2"]  # raw: upper edge of the end face; milled: of the root face
+    root_mm: Shaped[Float, " k"]  # NaN on a raw edge
+    bevel: Shaped[Float, " k"]  # rad; NaN on a raw edge
 
 
 def virtual_edges(part: SweptPart, shape: Shape) -> VirtualEdges:

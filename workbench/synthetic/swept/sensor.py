@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.synthetic.swept.mesh import OTHER, Hits, Mesh, Relief
 from workbench.synthetic.swept.recipe import SweptScanner
-from workbench.units import AnyArray, Bool, Float
+from workbench.units import AnyArray, Bool, Float, Shaped
 
 SUBRAYS = 9  # odd: half of a footprint is filled just where its middle is
 JUMP_MM = 0.15  # neighbours further apart may be two sides of an edge: their footprint is looked at ray by ray
@@ -18,14 +18,14 @@ LEAST_COSINE = 0.2  # a texture's height is divided by the cosine of the inciden
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
-    """What n frames see before noise; columns (M,) each."""
+    """What frames see before noise: (n, M), or all returns in a row."""
 
-    range_mm: Float  # (n, M) from the laser; NaN: nothing
-    cosine: Float  # (n, M)
-    fill: Float  # (n, M) share of the footprint that the return comes from
-    face: AnyArray  # (n, M) uint8
-    s: Float  # (n, M)
-    share: Float  # (n, M) across the face
+    range_mm: Shaped[Float, "*n"]  # from the laser; NaN: nothing
+    cosine: Shaped[Float, "*n"]
+    fill: Shaped[Float, "*n"]  # share of the footprint that the return comes from
+    face: Shaped[AnyArray, "*n"]  # uint8
+    s: Shaped[Float, "*n"]
+    share: Shaped[Float, "*n"]  # across the face
 
 
 Spoil = Callable[[Hits, Float, Float, np.random.Generator], Float]  # hits, points (k, 3), ways (k, 3) -> what is added

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.synthetic.recipe import Course
 from workbench.synthetic.swept.recipe import GroovePart, Spine, SweptPart
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 _GAUSS_AT, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(5)
 
@@ -18,13 +18,13 @@ _GAUSS_AT, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(5)
 class Frames:
     """The spine and its frame at k places: n is the end face's outward normal, m points up, t = m x n."""
 
-    s: Float  # (k,)
-    position: Float  # (k, 3) part frame
-    t: Float  # (k, 3)
-    n: Float  # (k, 3) twisted
-    m: Float  # (k, 3)
-    n0: Float  # (k, 3) before the twist
-    m0: Float  # (k, 3)
+    s: Shaped[Float, " k"]
+    position: Shaped[Float, "k 3"]  # part frame
+    t: Shaped[Float, "k 3"]
+    n: Shaped[Float, "k 3"]  # twisted
+    m: Shaped[Float, "k 3"]
+    n0: Shaped[Float, "k 3"]  # before the twist
+    m0: Shaped[Float, "k 3"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

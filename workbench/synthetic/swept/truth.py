@@ -16,7 +16,7 @@ from workbench.synthetic.swept.motion import placed
 from workbench.synthetic.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
 from workbench.synthetic.swept.section import preparation_sizes, shape_of, virtual_edges
 from workbench.synthetic.swept.spine import Curve, along
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.25
 _PLACES = ("arc_length_mm", "position_mm", "tangent", "normal", "across")
@@ -28,11 +28,11 @@ class Stations:
     """Places along an edge or a groove; arrays have one row a station."""
 
     closed: bool
-    arc_length_mm: Float  # (n,) along the lower edge, or the groove's middle, from the part's start
-    position_mm: Float  # (n, 3) lower edge, or the groove's middle, in the base
-    tangent: Float  # (n, 3) t = m x n
-    seen: Bool  # (n,)
-    spine_mm: Float  # (n,) s of the stations
+    arc_length_mm: Shaped[Float, " n"]  # along the lower edge, or the groove's middle, from the part's start
+    position_mm: Shaped[Float, "n 3"]  # lower edge, or the groove's middle, in the base
+    tangent: Shaped[Float, "n 3"]  # t = m x n
+    seen: Shaped[Bool, " n"]
+    spine_mm: Shaped[Float, " n"]  # s of the stations
 
     def at(self, position_mm: Float, values: Float) -> Float:
         """`values` (n, ...) of the stations, in the sections of base points (..., 3): linear between stations."""
@@ -72,12 +72,12 @@ class SweptTruth(Stations):
     """The part as built, at stations along the virtual lower edge; arrays have one row a station."""
 
     recipe: SweptRecipe
-    upper_position_mm: Float  # (n, 3) upper edge of the root face, or of the end face of a raw part
-    normal: Float  # (n, 3) outward normal of the root face or end face
-    across: Float  # (n, 3)
-    root_mm: Float  # (n,) NaN on a raw part
-    bevel_deg: Float  # (n,) NaN on a raw part
-    thickness_mm: Float  # (n,)
+    upper_position_mm: Shaped[Float, "n 3"]  # upper edge of the root face, or of the end face of a raw part
+    normal: Shaped[Float, "n 3"]  # outward normal of the root face or end face
+    across: Shaped[Float, "n 3"]
+    root_mm: Shaped[Float, " n"]  # NaN on a raw part
+    bevel_deg: Shaped[Float, " n"]  # NaN on a raw part
+    thickness_mm: Shaped[Float, " n"]
     preparation: Mapping[str, Float]  # (n,) each: sizes by the names of `preparation.json`; empty on a raw part
 
     def root_mm_at(self, position_mm: Float) -> Float:
@@ -162,11 +162,11 @@ class GrooveTruth(Stations):
     recipe: Strict
     simulator: str
     type: str
-    normal: Float  # (n, 3) across the groove, from the left plate to the right one
-    across: Float  # (n, 3) up
+    normal: Shaped[Float, "n 3"]  # across the groove, from the left plate to the right one
+    across: Shaped[Float, "n 3"]  # up
     sizes: GrooveSizes  # (n,) each
-    base_from_part: Float  # (4, 4)
-    flange_from_profiler: Float  # (4, 4) true
+    base_from_part: Shaped[Float, "4 4"]
+    flange_from_profiler: Shaped[Float, "4 4"]  # true
 
     def document(self) -> dict[str, Any]:
         """The content of a truth file: strict JSON, null for what is not."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -308,7 +309,7 @@ EDITS = {
         ("C00003=", "C00004="),
         ("MOVL C00004", "MOVL C09000"),
         ("///NPOS ", "///NPOS 1"),
-        ("///RCONF 1", "///RCONF 2"),
+        ("///RCONF ", "///RCONF 2"),
         ("///RECTAN", "///PULSE"),
         ("///TOOL 3", "///TOOL tMill"),
         ("SC,RW,RJ", "SC,RW"),
@@ -382,9 +383,11 @@ def test_without_a_turntable_no_external_axis_is_moved(tmp_path: Path) -> None:
 
 
 def test_yaskawa_says_the_configuration(cells) -> None:
-    """RCONF: flip 0, lower arm 1, rear 1; R, T, S beyond +-180 deg."""
+    """RCONF: flip 0 where R lies within 90 deg of a whole turn, lower arm 1, rear 1; R, T, S beyond +-180 deg."""
     chain = cells["gp25"].chain
-    assert inform_configuration(chain, np.radians([0, 0, 0, 0, -90, 0])) == (1, 0, 0, 0, 0, 0)
+    flip, no_flip = (0, 90, -89, 271, 360, -270, -360), (91, 180, 270, -90, -180, -269)
+    for r in (*flip, *no_flip):
+        assert inform_configuration(chain, np.radians([0, 0, 0, r, -90, 0]))[0] == (r in no_flip)
     assert inform_configuration(chain, np.radians([0, 0, 0, 0, 90, 0])) == (0, 0, 0, 0, 0, 0)
     assert inform_configuration(chain, np.radians([180, 60, 130, 185, -90, -200])) == (1, 1, 0, 1, 1, 0)
     assert inform_configuration(chain, np.radians([-180, -100, 60, -180, -90, 180]))[2:] == (1, 1, 0, 1)
@@ -408,7 +411,10 @@ def test_another_configuration_is_another_posture(made, cells) -> None:
     """The wrist flipped at the first target: the job says another program, and no path of these postures."""
     moves, cell = made["gp25"], cells["gp25"]
     written = files(moves, cell, "yaskawa")
-    flipped = {name: text.replace("///RCONF 1", "///RCONF 0") for name, text in written.items()}
+    flipped = {
+        name: re.sub(r"///RCONF [01]", lambda said: f"///RCONF {1 - int(said[0][-1])}", text)
+        for name, text in written.items()
+    }
     first = back(moves, cell, "yaskawa", flipped).moves[0].joints
     assert np.degrees(np.abs(first - moves.postures.joints[0])).max() > 50
 

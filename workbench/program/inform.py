@@ -3,11 +3,12 @@
 (Yaskawa Motoman: NX100 and DX100 Instructions, Data Transmission Function, job data format; DX100 and YRC1000
 Instructions, INFORM Language.) Targets are X, Y, Z in mm and R = Rz(Rz) Ry(Ry) Rx(Rx) in deg, in the robot's frame or
 in a user frame that the controller has, for a tool that it has: a job declares none. RCONF says the arm's branch for
-every target: flip 0 or no flip 1, upper arm 0 or lower arm 1, front 0 or rear 1, then whether R, T and S (joints 4, 6
-and 1) are beyond +-180 deg. MOVJ goes to such a target too: pulses of the encoders, the other way to say a posture, are
-known to the controller alone. Speeds are mm/s in tenths, rounded down. A target is reached (PL=0), or rounded by CR in
-mm where the controller has that tag: the position levels 1 to 8 round by what no job says, so they are not used. The
-robot frame's origin is where axis 1 meets the height of axis 2: `base_frame` of the cell must be that.
+every target: flip 0 (R, axis 4, within +-90 deg) or no flip 1, upper arm 0 or lower arm 1, front 0 or rear 1, then
+whether R, T and S (joints 4, 6 and 1) are beyond +-180 deg. MOVJ goes to such a target too: pulses of the encoders,
+the other way to say a posture, are known to the controller alone. Speeds are mm/s in tenths, rounded down. A target
+is reached (PL=0), or rounded by CR in mm where the controller has that tag: the position levels 1 to 8 round by what
+no job says, so they are not used. The robot frame's origin is where axis 1 meets the height of axis 2: `base_frame`
+of the cell must be that.
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Shaped
 
 Configuration = tuple[int, ...]  # no flip, lower arm, rear; R, T, S beyond +-180 deg
+FLIP_DEG = 90.0  # to both sides of R's home, and of whole turns of it
 WHOLE = 2 * np.pi
 TURNED = [3, 5, 0]  # joints R, T, S
 SAME_POSTURE = 1e-3 * DEG  # branches that coincide
@@ -42,11 +43,16 @@ EVENT = rf"DOUT OT#\((\d+)\) (ON|OFF)|WAIT IN#\((\d+)\)=ON|TIMER T=(\d+\.\d\d)|(
 
 
 def inform_configuration(chain: Chain, joints: Float) -> Configuration:
-    """RCONF of a posture (6,), rad: no flip, lower arm, rear; whether R, T and S are beyond +-180 deg."""
-    behind, down, flipped = arm_sides(chain, joints)[0].tolist()
+    """RCONF of a posture (6,), rad: no flip, lower arm, rear; whether R, T and S are beyond +-180 deg.
+
+    Flip is -90 < R <= 90 deg, and so about every whole turn of R (NX100 Operator's Manual, Manipulator Types): the
+    wrist's other solution has R half a turn away. R counts from the axis' home position, as the robot's URDF must.
+    """
+    behind, down, _ = arm_sides(chain, joints)[0].tolist()
     angles = np.round(joints[TURNED] / DEG, 4)
+    flip = 0.0 < (float(angles[0]) + FLIP_DEG) % 360.0 <= 2.0 * FLIP_DEG
     beyond = ((angles > 180) | (angles <= -180)).astype(int).tolist()
-    return (int(not flipped), int(down), int(behind), *beyond)
+    return (int(not flip), int(down), int(behind), *beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

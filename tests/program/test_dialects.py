@@ -407,6 +407,19 @@ def test_a_pose_and_its_configuration_are_one_posture(cells) -> None:
     assert len(found) == 1  # -160 deg is not beyond 180, and 200 - 720 deg is beyond the limits
 
 
+def test_a_job_says_the_angles_of_its_first_position(made, cells) -> None:
+    """By which an operator tells the branch on the pendant, before anything moves."""
+    moves, cell = made["gp25"], cells["gp25"]
+    head = files(moves, cell, "yaskawa")["BEVELPATH.JBI"].partition("MOVJ")[0]
+    said = " ".join("".join(head.split("\r\n'")).split())
+    angles = np.degrees(moves.postures.joints[0])
+    told = [
+        float(one)
+        for one in re.search(r"S *(\S+) *L *(\S+) *U *(\S+) *R *(\S+) *B *(\S+) *T *(-?[0-9.]+)", said).groups()
+    ]
+    assert told == pytest.approx(angles, abs=0.051)
+
+
 def test_another_configuration_is_another_posture(made, cells) -> None:
     """The wrist flipped at the first target: the job says another program, and no path of these postures."""
     moves, cell = made["gp25"], cells["gp25"]

@@ -152,8 +152,13 @@ class Inform:
         return [f"V={feed:.1f} {end}" for feed, end in zip(feeds.tolist(), near, strict=True)]
 
     def head(self) -> Iterator[str]:
-        """Remarks; where the turntable must stand."""
+        """Remarks; the first posture's angles, by which its branch is told on the pendant; the turntable's."""
         yield from (self.remark(remark) for remark in self.job.remarks)
+        said = " ".join(
+            f"{axis} {round(angle, 1) + 0.0:.1f}"
+            for axis, angle in zip("SLURBT", self._first_deg.tolist(), strict=True)
+        )
+        yield self.remark(f"C00000 on the pendant, deg: {said}")
         yield from self._said(self.skeleton.first) if self.skeleton else ()
         if self.job.turntable_deg is not None:
             yield from (f'MSG "TURNTABLE AT {self.job.turntable_deg[0] + 0.0:.4f} DEG?"', "PAUSE")
@@ -238,6 +243,13 @@ class Inform:
         content += [piece for line in text.splitlines() for piece in _short(line)]
         return {f"{name}.JBI": "\r\n".join([*content, ""])}
 
+    @property
+    def _first_deg(self) -> Float:
+        """Joint angles (6,) of C00000, where the way along the path begins."""
+        assert self.job.moves.joints_deg is not None
+        angles = self.job.moves.joints_deg[0] if self.skeleton is None else self.skeleton.start_deg[0]
+        return np.asarray(angles)
+
     def _positions(self) -> Iterator[str]:
         moves, skeleton = self.job.moves, self.skeleton
         assert moves.joints_deg is not None
@@ -247,8 +259,7 @@ class Inform:
         over = self._spelled(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
         via = dict(zip(arcs.tolist(), over, strict=True))
         said = [self.configuration(posture, self.cell) for posture in joints]
-        first = joints[0] if skeleton is None else skeleton.start_deg[0] * DEG
-        rows = [self._posture(first)]
+        rows = [self._posture(self._first_deg * DEG)]
         for i in range(1, len(joints)):
             rows += [(said[i], via[i])] if i in via else []
             rows.append((said[i], here[i]))

@@ -36,14 +36,16 @@ NOTHING = StandsOut(0.0, 0.0, 0.0)
 def ledge_takes_mm(close_mm: float, bevel: Float) -> Float:
     """What a ledge above the root face takes off it, by what it stands out of the corner within CLOSE_MM on average.
 
-    docs/method.md, (11a); bevel: angles (m,), rad.
+    docs/method.md, (11a); bevel: angles (m,), rad. Where the faces meet at a right angle or more it takes nothing.
 
     Example:
         >>> [round(float(mm), 3) for mm in ledge_takes_mm(0.009, np.radians([30.0, 40.0, 50.0]))]
         [0.074, 0.06, 0.051]
+        >>> ledge_takes_mm(0.009, np.radians([90.0, 120.0])).round(6).tolist()
+        [0.0, 0.0]
     """
-    width = np.sqrt(4.0 * CLOSE_MM * max(close_mm, 0.0) / (np.cos(bevel) * (1.0 + 1.0 / np.tan(bevel))))
-    return np.asarray(width / np.tan(bevel))
+    sine, cosine = np.sin(bevel), np.maximum(np.cos(bevel), 0.0)
+    return np.asarray(np.sqrt(4.0 * CLOSE_MM * max(close_mm, 0.0) * cosine / (sine * (sine + cosine))))
 
 
 def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOut:

@@ -185,6 +185,15 @@ def test_upper_side_turned_round_turns_the_edge_round(scanned: Scans) -> None:
     assert abs(float((other.position_mm[10] - one.upper_position_mm[10])[2])) < 0.05
 
 
+def test_poses_of_a_pass_s_ends_only_are_as_uncertain_as_declared(scanned: Scans) -> None:
+    cloud = scanned(part=RAW, passes=[ABOVE]).cloud
+    ends, many = (
+        segment_raw(replace(cloud, only_end_poses=only), upper_side=(0.0, 0.0, 1.0), robot_noise_mm=0.05).position_u_mm
+        for only in (True, False)
+    )
+    np.testing.assert_allclose(ends**2 - many**2, 0.05**2, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("upper_side", "message"),
     [

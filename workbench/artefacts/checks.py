@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 UNSEEN = (
     "Errors of scale and linearity of the profile sensor: see its calibration certificate.",
-    "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration.",
+    "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration; "
+    "where a pass has only the poses of its two ends, how far the robot left the straight line between them.",
     "A rotation of the laser plane by up to 20°, a displaced hand-eye pose, mirrored axes, an orientation that was not "
     "measured, and a scale error or the reverse sense of the robot's travel: passes in which the flange hardly turns "
     "do not reveal them.",

@@ -80,6 +80,7 @@ class Cloud:
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
     brightness: Shaped[AnyArray, "N M"] | None = None  # of the returns, as recorded
     sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
+    only_end_poses: bool = False  # some pass has the poses of its two ends only: frames do not average their errors
 
     @property
     def points_mm(self) -> Float:

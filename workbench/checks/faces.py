@@ -81,7 +81,7 @@ def require_bevel(
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
-    checks = (plates_check(shown.two_plates_share, limits), seen, wide, right, *judge_faces(cloud, labels, limits))
+    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judge_faces(cloud, labels, limits), right)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 

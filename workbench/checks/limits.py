@@ -184,11 +184,11 @@ LIMITS: dict[str, Limit] = {
         "look like a bevel face and a wide root face, and a bevel face like a narrow one",
     ),
     "complement_nearer_deg": Limit(
-        10.0,
+        5.0,
         "by how much nearer to the nominal bevel angle the complement of the measured one comes, where neither upper "
         "nor lower surface is in view",
         "upper surface and bevel face meet at that complement: where the root face is out of view, they look like "
-        "bevel face and root face; within 5 deg of its nominal angle a bevel stays below 5",
+        "bevel face and root face; a bevel within 5 deg of its nominal angle passes",
     ),
     "face_bow": Limit(
         0.03,

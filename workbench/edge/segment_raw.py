@@ -67,7 +67,7 @@ def segment_raw(
         upper_side: from the lower to the upper side, in the base: on a raw edge nothing tells the sides apart.
         z_away: whether z counts away from the sensor; only needed where nothing but the end face is in view.
         robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
-            its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
+            its two ends, nothing in the scan shows it, yet it moves the edge and turns its tangent.
         end_u_mm: of the lower edge across it by what no frame shows (a burr in the end face's plane, returns lost along
             the whole edge).
         robot_drift_u_mm: of a place of the edge in the base, along its normal and across it: errors of the robot that
@@ -154,6 +154,7 @@ def _edge(
     tilt_u = np.hypot(np.hypot(tilt_u, form.turn_u), np.abs(_between(measured.s_face, measured.run, at)) * tangent_u)
     reach_mm = float(np.linalg.norm((origin.mean(axis=0) - cloud.base_from_profiler[:, :3, 3]).mean(axis=0)))
     pose_u = math.hypot(measured.pose_u_mm, math.hypot(sparse_mm, sparse_turn * reach_mm))
+    pose_u = math.hypot(pose_u, robot_noise_mm if cloud.only_end_poses else 0.0)
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), pose_u), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
     if measured.rough:  # its scatter hides the robot's

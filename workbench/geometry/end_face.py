@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
 
@@ -28,6 +29,8 @@ JUMP_MM = 0.6  # across it between neighbouring returns, at most
 LEAST_WIDTH_MM = 2.0
 LEAST_POINTS = 8
 GATES_MM = (0.8, 0.6, 0.6)  # about the face's line while it settles
+STREAK = 0.5  # times what the line leaves, that most points leave of theirs: the others are a streak, not roughness
+SCALE_POINTS = 128  # and up to twice as many, of its points, that tell how most of them lie
 FINAL_SIGMAS, FINAL_LEAST_MM, FINAL_MOST_MM = 4.5, 0.08, 0.6
 MARGIN_MM = 0.5  # of the face at its ends that is left out: burrs, and the corner's own points
 SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its surfaces are measured
@@ -96,8 +99,10 @@ def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int
         if step < len(GATES_MM):
             gate = GATES_MM[step]
         first, last = _block(p, q, n, a, b, gate)
+        if last < 0:
+            return a, b, 0, -1, gate
         low, high = min(p[first], p[last]) + MARGIN_MM, max(p[first], p[last]) - MARGIN_MM
-        if last < 0 or high - low < LEAST_WIDTH_MM - 2.0 * MARGIN_MM:
+        if high - low < LEAST_WIDTH_MM - 2.0 * MARGIN_MM:
             return a, b, 0, -1, gate
         m, sp, sq, spp, spq, sqq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first, last + 1):
@@ -110,9 +115,44 @@ def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int
         turn = (spq - sp * sq / m) / max(spread, 1e-9)
         rss = max(sqq - sq * sq / m - turn * turn * spread, 0.0)
         a, b = a + (sq - turn * sp) / m - turn * low, b + turn
-        gate = min(max(FINAL_SIGMAS * math.sqrt(rss / m), FINAL_LEAST_MM), FINAL_MOST_MM)
+        scale = math.sqrt(rss / m)
+        if step == len(GATES_MM) - 1 and scale > FINAL_LEAST_MM / FINAL_SIGMAS:
+            most_a, most_b, most_scale = _without_streaks(p, q, first, last, a, b)
+            if most_scale < STREAK * scale:
+                a, b, scale = most_a, most_b, most_scale
+        gate = min(max(FINAL_SIGMAS * scale, FINAL_LEAST_MM), FINAL_MOST_MM)
     first, last = _block(p, q, n, a, b, gate)
     return a, b, first, last, gate
+
+
+@kernel
+def _without_streaks(p: Float, q: Float, first: int, last: int, a: float, b: float) -> tuple[float, float, float]:
+    """The line that most points of a run follow, near q = a + b p, and how far they scatter about it, mm.
+
+    A streak of stray returns beside the face leans as the face does: slopes over a fifth of the run tell the face's, as
+    long as the streak takes less than half of it.
+    """
+    along, off, work = np.empty(2 * SCALE_POINTS), np.empty(2 * SCALE_POINTS), np.empty(2 * SCALE_POINTS)
+    size = 0
+    for k in range(first, last + 1, max(1, (last + 1 - first) // SCALE_POINTS)):
+        r = q[k] - a - b * p[k]
+        if abs(r) <= GATES_MM[0]:
+            along[size], off[size] = p[k] - p[first], r
+            size += 1
+    apart, slopes = max(1, size // 5), 0
+    for i in range(size - apart):
+        way = along[i + apart] - along[i]
+        if way != 0.0:
+            work[slopes] = (off[i + apart] - off[i]) / way
+            slopes += 1
+    turn = median_of(work, slopes) if slopes else 0.0
+    for i in range(size):
+        work[i] = off[i] - turn * along[i]
+    middle = median_of(work, size) if size else 0.0
+    for i in range(size):
+        work[i] = abs(off[i] - turn * along[i] - middle)
+    scale = median_of(work, size) / 0.6745 if size else GATES_MM[0]
+    return a + middle - turn * p[first], b + turn, scale
 
 
 @kernel

@@ -7,6 +7,7 @@ import math
 from typing import Annotated
 
 import numpy as np
+import scipy.special
 from pydantic import Field
 
 from workbench.artefacts import Cloud, HandEye, Recording
@@ -18,6 +19,7 @@ from workbench.stage import InputFile, stage
 from workbench.units import Bool, Float, Float32
 
 SPARSE_MM = 2.0  # of way between recorded poses, from which on their errors do not average over 4 mm (geometry.curves)
+TWO_SIGMA = 0.97725  # probability below two standard deviations
 
 
 @stage("scan.fuse")
@@ -84,6 +86,7 @@ def fuse(
         part=part,
         checks=checks,
         sparse_poses_u=sparse_poses_u(recording),
+        only_end_poses=bool((np.unique(recording.robot_pass, return_counts=True)[1] <= 2).any()),
     )
 
 
@@ -123,7 +126,9 @@ def _between(value: Float, way: Float, axes: int) -> float:
 
     second = across(2)
     scatter = across(4) / math.sqrt(70.0) if len(value) > 4 else second / math.sqrt(6.0)
-    return math.hypot(scatter, second / 8.0 * math.sqrt(8.0 / 15.0))
+    freedom = axes * (len(value) - (4 if len(value) > 4 else 2))
+    few = float(scipy.special.stdtrit(freedom, TWO_SIGMA)) / 2.0  # so that 2 u cover as much, however few they are
+    return few * math.hypot(scatter, second / 8.0 * math.sqrt(8.0 / 15.0))
 
 
 def _true(measured_mm: Float32, calibration: HandEye, axis: int) -> Float32:

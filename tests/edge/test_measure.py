@@ -11,7 +11,7 @@ import pytest
 
 from bench.odd_plates import odd_plate
 from workbench.cloud import denoise
-from workbench.edge import segment
+from workbench.edge import measure, segment
 from workbench.errors import InputError
 from workbench.scan import fuse
 from workbench.synthetic import Truth
@@ -116,6 +116,23 @@ def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:
     still = replace(cloud, base_from_profiler=np.tile(cloud.base_from_profiler[100], (len(cloud.keep), 1, 1)))
     with pytest.raises(InputError, match=r"expected at least 3 frames that see the edge along at least 1 mm of it"):
         segment(still)
+
+
+def test_a_lower_edge_that_never_settles_is_refused(scanned: Scans, monkeypatch: pytest.MonkeyPatch) -> None:
+    state, rounds = measure._state, [0]
+
+    def restless(*given: Any, whole: bool) -> tuple[Any, Float, Float]:
+        """Half of the lower edge swings by 0.4 mm from round to round."""
+        found, lower_edge, s_low = state(*given, whole=whole)
+        rounds[0] += 1
+        off = np.where(np.arange(len(lower_edge)) % 2, 0.2, 0.0) * (-1) ** rounds[0]
+        return found, lower_edge + off[:, None] * [0.0, 0.0, 1.0], s_low
+
+    cloud = scanned().cloud
+    monkeypatch.setattr(measure, "_state", restless)
+    with pytest.raises(InputError, match="do not determine one smooth edge"):
+        segment(cloud)
+    assert rounds[0] == 1 + measure.MOST_ROUNDS
 
 
 @pytest.mark.parametrize("count", [1, 2])

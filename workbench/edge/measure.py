@@ -101,8 +101,10 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
         curve = fit_curve(lower_edge[clean], s_low[clean], cloud.pass_index[clean])
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
+    else:
+        astray = max(astray, float(np.mean(moved >= ASTRAY_MM)))
     if astray > MOST_ASTRAY:
-        raise np.linalg.LinAlgError("corners of the frames lie anywhere")
+        raise np.linalg.LinAlgError("corners of the frames lie anywhere, or the lower edge never settles")
     return measured
 
 

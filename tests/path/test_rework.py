@@ -17,6 +17,8 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.inspect import sections
 from workbench.path import layers, rework
+from workbench.path.obstacles import LEAST_CUT_MM
+from workbench.path.rework import _between
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
 from workbench.units import DEG
@@ -128,3 +130,13 @@ def test_what_cannot_be_mended_is_said(plan: Toolpath, part: dict[str, float], a
         lack = max((1.5 - root) * math.sin(40 * DEG), (8 - root) * math.tan(angle) * math.cos(40 * DEG) - high)
         words = found.too_little_material[0].reason
         assert float(words.split(" up to ")[1].split(" mm")[0]) == pytest.approx(lack, abs=0.06)
+
+
+@pytest.mark.parametrize(("spare_mm", "lifts"), [(-0.5, 0), (0.5, 1)])
+def test_the_cutter_rises_between_two_stretches_where_there_is_room(spare_mm: float, lifts: int) -> None:
+    """Room for a ramp up, one down, and a cut that is not too short."""
+    ramp_mm, first, second = 5.0, 20.0, 80.0
+    begin = first + 2.0 * ramp_mm + LEAST_CUT_MM + spare_mm
+    inside = [one for one in _between([(0.0, first), (begin, second)], 30.0, ramp_mm) if math.isfinite(one.from_mm)]
+    between = [one for one in inside if one.to_mm < second]
+    assert [(one.from_mm, one.to_mm) for one in between] == [(first + ramp_mm, begin - ramp_mm)] * lifts

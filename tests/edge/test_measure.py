@@ -118,21 +118,27 @@ def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:
         segment(still)
 
 
-def test_a_lower_edge_that_never_settles_is_refused(scanned: Scans, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lower_edge_that_never_settles_is_uncertain_by_how_far_it_moves(
+    scanned: Scans, monkeypatch: pytest.MonkeyPatch
+) -> None:
     state, rounds = measure._state, [0]
 
     def restless(*given: Any, whole: bool) -> tuple[Any, Float, Float]:
-        """Half of the lower edge swings by 0.4 mm from round to round."""
+        """A fifth of the lower edge swings by 0.4 mm from round to round."""
         found, lower_edge, s_low = state(*given, whole=whole)
         rounds[0] += 1
-        off = np.where(np.arange(len(lower_edge)) % 2, 0.2, 0.0) * (-1) ** rounds[0]
+        off = np.where(np.arange(len(lower_edge)) < 0.2 * len(lower_edge), 0.2, 0.0) * (-1) ** rounds[0]
         return found, lower_edge + off[:, None] * [0.0, 0.0, 1.0], s_low
 
     cloud = scanned().cloud
+    calm = segment(cloud).root.u
     monkeypatch.setattr(measure, "_state", restless)
-    with pytest.raises(InputError, match="do not determine one smooth edge"):
-        segment(cloud)
+    moved = segment(cloud).root.u
     assert rounds[0] == 1 + measure.MOST_ROUNDS
+    fifth = calm.size // 5
+    swings = moved[: fifth - 3] if np.nanmax(moved[: fifth - 3]) > 0.3 else moved[3 - fifth :]  # t may run either way
+    assert (swings[1:-1] > 0.3).all()
+    assert np.nanmedian(moved) < 1.5 * np.nanmedian(calm)
 
 
 @pytest.mark.parametrize("count", [1, 2])

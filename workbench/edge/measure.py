@@ -8,7 +8,7 @@ ends; nothing else of it is used, so that vibration and the robot's errors cance
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class Measured:
     root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
     bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
     shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
+    # how far each frame's lower edge still moved in the last round, where it did not settle; 0 elsewhere
+    unsettled_mm: Shaped[Float, " N"]
 
 
 def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
@@ -72,7 +74,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
     the lower edge that this gives; and again, which elsewhere changed neither errors nor uncertainties, where that
-    lower edge followed ends which the likelihood of the frames then tells to be lost.
+    lower edge followed ends which the likelihood of the frames then tells to be lost. Where it never settles, how far
+    the last round moved it is in the uncertainty of the root face's end.
     """
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
@@ -102,9 +105,10 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
         s[good] = curve.project(lower_edge[good], s_low[good])
         s[~good] = np.nan
     else:
-        astray = max(astray, float(np.mean(moved >= ASTRAY_MM)))
+        still = np.nan_to_num(np.linalg.norm(lower_edge - before, axis=1))
+        measured = replace(measured, unsettled_mm=np.where(still < ASTRAY_MM, 0.0, still))
     if astray > MOST_ASTRAY:
-        raise np.linalg.LinAlgError("corners of the frames lie anywhere, or the lower edge never settles")
+        raise np.linalg.LinAlgError("corners of the frames lie anywhere")
     return measured
 
 
@@ -252,6 +256,7 @@ def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: b
         made.root_turn,
         made.bevel_turn,
         shift,
+        none,
     )
     return measured, lower_edge, s_low
 

@@ -71,7 +71,8 @@ def loose_mm(measured: Measured, at: Float) -> Float:
     """By how much the end of the root face may be lost, covered or drawn out at arc lengths `at` (m,), mm."""
     s, course = at + measured.shift, measured.end.course
     steps = sudden(at, course.value(s), course.u(s), seen=_seen(measured, s))
-    return np.asarray(np.maximum(steps, end_loose_mm(measured.end, s)))
+    loose = np.maximum(steps, end_loose_mm(measured.end, s))
+    return np.asarray(np.maximum(loose, _along(measured, measured.unsettled_mm, s)))
 
 
 def turned_u(measured: Measured, at: Float) -> Float:

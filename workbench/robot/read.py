@@ -143,6 +143,30 @@ def _on_controller(part: CellPart, cutter: Float, path: Path) -> tuple[dict[str,
 
 def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
     """What the cell file leaves open: a program says so, since nothing could look at it."""
+    yield from _bodies_not_said(part, shapes)
+    no_load = part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm)
+    left_open = (
+        (no_load, "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"),
+        (
+            part.work_object is None,
+            "the work object: the cell file states none ($.work_object); targets are in the robot's base",
+        ),
+        (part.envelope is None, "the robot's envelope: the cell file states none ($.envelope)"),
+        (part.margin_mm == 0, "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)"),
+        (
+            part.uncertainty is None,
+            "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)",
+        ),
+        (
+            part.robot.acceleration_deg_s2 is None,
+            "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)",
+        ),
+    )
+    yield from (sentence for is_open, sentence in left_open if is_open)
+
+
+def _bodies_not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
+    """Bodies without a shape, joints that must stand, and bodies that may touch."""
     bare = [str(link) for link in range(1, 6) if not any(shape.link == link for shape in shapes)]
     if bare:
         yield f"collision of the robot's links {', '.join(bare)}: the URDF gives them no <collision>"
@@ -156,18 +180,6 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
     for one, other in part.may_touch:
         if {one, other} != CUTS and {one, other} & {"tool", "cutter"}:
             yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
-    if part.tool.controller_name is None and None in (part.tool.mass_kg, part.tool.centre_of_gravity_mm):
-        yield "the load of the tool: neither its name on the controller nor mass and centre of gravity ($.tool)"
-    if part.work_object is None:
-        yield "the work object: the cell file states none ($.work_object); targets are in the robot's base"
-    if part.envelope is None:
-        yield "the robot's envelope: the cell file states none ($.envelope)"
-    if part.margin_mm == 0:
-        yield "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)"
-    if part.uncertainty is None:
-        yield "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)"
-    if part.robot.acceleration_deg_s2 is None:
-        yield "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)"
 
 
 def _walls(part: EnvelopePart) -> Iterator[Shape]:

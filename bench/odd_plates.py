@@ -63,11 +63,18 @@ def _j_shape(rng: np.random.Generator, _: float, height_mm: float) -> Corners:
     )
 
 
+def _step(rng: np.random.Generator, _: float, height_mm: float) -> Corners:
+    """An end face whose upper part stands back, or out."""
+    back = rng.uniform(0.15, 0.9) * rng.choice([-1.0, 1.0])
+    return ((-back, 0.0), (-back, height_mm))
+
+
 SHAPES: dict[str, Callable[[np.random.Generator, float, float], Corners]] = {
     "compound bevel": _compound,
     "nose of 0.5 to 3 mm": lambda rng, bevel_deg, height_mm: ledge(rng.uniform(0.5, 3.0), bevel_deg, height_mm),
     "ledge of 0.05 to 0.5 mm": lambda rng, bevel_deg, height_mm: ledge(rng.uniform(0.05, 0.5), bevel_deg, height_mm),
     "J": _j_shape,
+    "step of 0.15 to 0.9 mm": _step,
 }
 
 

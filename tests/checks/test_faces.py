@@ -212,15 +212,29 @@ def test_an_edge_that_is_prepared_is_no_raw_edge(name: str, seed: int) -> None:
 @pytest.mark.parametrize(
     ("shape", "seed", "expected"),
     [
-        ("compound bevel", 39, r"prepared already.*end_face_bow"),
-        ("nose of 0.5 to 3 mm", 13, r"whether z counts away.*prepared already"),
-        ("J", 6, r"prepared already.*end_face_square_deg"),
+        ("compound bevel", 17, "end_face_bow"),
+        ("nose of 0.5 to 3 mm", 13, "end_face_lean_deg"),
+        ("J", 6, "end_face_square_deg"),
     ],
 )
 def test_a_refused_raw_edge_names_what_it_is(shape: str, seed: int, expected: str) -> None:
     part = odd_plate(shape, seed, is_raw=True)
-    with pytest.raises(InputError, match=expected):
+    with pytest.raises(InputError, match=rf"prepared already.*{expected}"):
         segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
+
+
+@pytest.mark.parametrize("seed", [3302, 3311, 3320, 3338, 3356])
+def test_an_end_face_with_a_step_is_not_measured_as_one_of_its_levels(seed: int) -> None:
+    """A streak of stray returns beside the face is left out; a step that lasts all along the edge is no streak."""
+    rng = np.random.default_rng(seed)
+    thick, share, step = rng.uniform(4.0, 12.0), rng.uniform(0.3, 0.7), rng.uniform(0.2, 0.8) * rng.choice([-1.0, 1.0])
+    levels = ((-step, 0.0), (-step, (1.0 - share) * thick))
+    part = simulate(seed, True, Chain(share * thick, 0.0, 0.0, thick, 0.0, None, levels))
+    turn = part.base_from_section[:3, :3]
+    with contextlib.suppress(InputError):  # refused is right, too
+        edge = segment_raw(denoise(fuse(part.recording)), upper_side=tuple(turn[:, 1].tolist()))
+        off = np.abs((edge.position_mm - part.base_from_section[:3, 3]) @ turn[:, :2])[edge.seen]
+        assert (off <= 3.0 * edge.position_u_mm[edge.seen]).all()
 
 
 @pytest.mark.parametrize("condition", ["raw_straight", "raw_rough", "raw_clamps", "raw_burrs"])

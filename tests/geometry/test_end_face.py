@@ -16,7 +16,7 @@ NOISE_MM = 0.005
 def settled(across: Float, along: Float) -> tuple[float, int, float]:
     """Slope of the line found, how many points lie from its first to its last (0: no face), and the gate, mm."""
     level, _ = _level(along, across, along.size, 1.0)
-    _, slope, first, last, gate = _settle(along, across, along.size, level)
+    _, slope, first, last, gate, _ = _settle(along, across, along.size, level, True)
     return slope, last - first + 1, gate
 
 

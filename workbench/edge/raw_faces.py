@@ -15,6 +15,9 @@ from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 LABELS = np.array([ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE])  # in the order of geometry.end_face
 BURR_POINTS = 3  # that stand out in a frame
+# What stands beside the face in more frames in a row, over more of the way, is no streak; nor in so many of all frames.
+STREAK_FRAMES, STREAK_MM, LONG_MM, MOST_STREAKS = 8, 2.0, 10.0, 0.25
+STREAK_GAP = 3  # frames between those of one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +56,19 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 8), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    known = as_input(along), sense, as_input(LABELS)
-    over_blocks(lambda i, j: end_face.read_frames(*grid, *known, sums, ends, seen, labels, i, j), (n, columns))
+    streaks = np.ones(n, bool)
+
+    def read(along: Float) -> None:
+        known = as_input(along), sense, as_input(LABELS)
+        over_blocks(
+            lambda i, j: end_face.read_frames(*grid, *known, sums, ends, seen, labels, streaks, i, j), (n, columns)
+        )
+
+    read(along)
+    part = lasting(streaks, seen, cloud)
+    if part.any():  # steps of the end face, no streaks: they are in it, or it is none
+        sums[part], ends[part], seen[part], labels[part], streaks[part] = 0.0, np.nan, False, 0, False
+        read(np.where(part[:, None], along, np.nan))
     found = _gather(sums, ends, seen, -np.sign(along[:, 0]), sense, labels)
     hidden = seen & ~not_in_front(
         middle_of(cloud, found.faces[ROOT_FACE]), outward_of(cloud, found), seen, cloud.pass_index
@@ -70,6 +84,22 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
                 "(edge.segment)?",
             )
     return found
+
+
+def lasting(streaks: Bool, seen: Bool, cloud: Cloud) -> Bool:
+    """Frames (N,) in which what stands beside the face lasts too long along the edge for a streak of stray returns.
+
+    streaks (N,): where something does, of the frames that are `seen` (N,).
+    """
+    if streaks.sum() > MOST_STREAKS * max(int(seen.sum()), 1):
+        return np.ones(streaks.size, bool)
+    out, place = np.zeros(streaks.size, bool), cloud.base_from_profiler[:, :3, 3]
+    at = np.flatnonzero(streaks)
+    for run in np.split(at, np.flatnonzero((np.diff(at) > STREAK_GAP) | (np.diff(cloud.pass_index[at]) != 0)) + 1):
+        way = float(np.linalg.norm(place[run[-1]] - place[run[0]])) if run.size > 1 else 0.0
+        if way > LONG_MM or (run.size > STREAK_FRAMES and way > STREAK_MM):
+            out[run[0] : run[-1] + 1] = True
+    return out
 
 
 def _gather(sums: Float, ends: Float, seen: Bool, side: Float, sense: float, labels: AnyArray) -> RawFaces:

@@ -92,37 +92,41 @@ def _block(p: Float, q: Float, n: int, a: float, b: float, gate: float) -> tuple
 
 
 @kernel
-def _settle(p: Float, q: Float, n: int, level: float) -> tuple[float, float, int, int, float]:
-    """The face's line q = a + b p, its first and last point, and the gate (mm) about it."""
-    a, b, gate = level, 0.0, GATES_MM[0]
+def _settle(p: Float, q: Float, n: int, level: float, leave: bool) -> tuple[float, float, int, int, float, bool]:
+    """The face's line q = a + b p, its first and last point, the gate (mm) about it, and whether a streak was left out.
+
+    leave: a streak of stray returns beside the face may be left out.
+    """
+    a, b, gate, left = level, 0.0, GATES_MM[0], False
     for step in range(len(GATES_MM) + 1):
         if step < len(GATES_MM):
             gate = GATES_MM[step]
         first, last = _block(p, q, n, a, b, gate)
         if last < 0:
-            return a, b, 0, -1, gate
+            return a, b, 0, -1, gate, left
         low, high = min(p[first], p[last]) + MARGIN_MM, max(p[first], p[last]) - MARGIN_MM
         if high - low < LEAST_WIDTH_MM - 2.0 * MARGIN_MM:
-            return a, b, 0, -1, gate
+            return a, b, 0, -1, gate, left
         m, sp, sq, spp, spq, sqq = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first, last + 1):
             r, u = q[k] - a - b * p[k], p[k] - low
             if abs(r) <= gate and low <= p[k] <= high:
                 m, sp, sq, spp, spq, sqq = m + 1.0, sp + u, sq + r, spp + u * u, spq + u * r, sqq + r * r
         if m < LEAST_POINTS:
-            return a, b, 0, -1, gate
+            return a, b, 0, -1, gate, left
         spread = spp - sp * sp / m
         turn = (spq - sp * sq / m) / max(spread, 1e-9)
         rss = max(sqq - sq * sq / m - turn * turn * spread, 0.0)
         a, b = a + (sq - turn * sp) / m - turn * low, b + turn
         scale = math.sqrt(rss / m)
-        if step == len(GATES_MM) - 1 and scale > FINAL_LEAST_MM / FINAL_SIGMAS:
+        if leave and step == len(GATES_MM) - 1 and scale > FINAL_LEAST_MM / FINAL_SIGMAS:
             most_a, most_b, most_scale = _without_streaks(p, q, first, last, a, b)
-            if most_scale < STREAK * scale:
+            left = most_scale < STREAK * scale
+            if left:
                 a, b, scale = most_a, most_b, most_scale
         gate = min(max(FINAL_SIGMAS * scale, FINAL_LEAST_MM), FINAL_MOST_MM)
     first, last = _block(p, q, n, a, b, gate)
-    return a, b, first, last, gate
+    return a, b, first, last, gate, left
 
 
 @kernel
@@ -179,7 +183,7 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
         c, s = math.cos(best), math.sin(best)
         ux, uz = gx * c - gz * s, gz * c + gx * s
         n = _turned(x, z, keep, ux, uz, at, p, q)
-        a, b, first, last, gate = _settle(p, q, n, _level(p, q, n, _rising(x, at, n, ux))[0])
+        a, b, first, last, gate, _ = _settle(p, q, n, _level(p, q, n, _rising(x, at, n, ux))[0], False)
         if last < 0:
             return
         best += math.atan(b)
@@ -325,19 +329,20 @@ def _read_frame(
     sums: Float,
     ends: Float,
     labels: AnyArray,
-) -> bool:
-    """One frame of `read_frames`; work (4, M), at (M,) and chosen (M,) are scratch. False: no end face."""
+    leave: bool,
+) -> tuple[bool, bool]:
+    """One frame of `read_frames`; work (4, M), at (M,) and chosen (M,) are scratch. Is there an end face; a streak?"""
     p, q, depth = work[0], work[1], work[2]
     n = _turned(x, z, keep, gx, gz, at, p, q)
     if n < LEAST_POINTS:
-        return False
+        return False, False
     rising = _rising(x, at, n, gx)
     level, length = _level(p, q, n, rising)
     if length < 0.5 * LEAST_WIDTH_MM:
-        return False
-    a, b, first, last, gate = _settle(p, q, n, level)
+        return False, False
+    a, b, first, last, gate, left = _settle(p, q, n, level, leave)
     if last < 0 or abs(p[last] - p[first]) < LEAST_WIDTH_MM:
-        return False
+        return False, False
     inward = sense * np.sign(gx)
     for k in range(n):
         depth[k] = inward * (q[k] - a - b * p[k])
@@ -354,7 +359,7 @@ def _read_frame(
     work[3, :n] = 1.0
     _sum_up(x, z, at, chosen, n, work[3], sums[FACE])
     if sums[FACE, COUNT] < LEAST_POINTS:
-        return False
+        return False, False
     for upper in range(2):
         end = high_end if upper else low_end
         way = 1 if end == last else -1
@@ -377,7 +382,7 @@ def _read_frame(
         ends[upper, SLOPE] = _slope_at(x, z, at, depth, end, -way, gate)
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
         ends[upper, ALONE] = _stands_alone(z, j + way, way)
-    return True
+    return True, left
 
 
 @kernel
@@ -427,6 +432,7 @@ def read_frames(
     ends: Float,
     seen: Bool,
     labels: AnyArray,
+    streaks: Bool,
     first: int,
     last: int,
 ) -> None:
@@ -434,13 +440,14 @@ def read_frames(
 
     x, z, keep: (N, M) grid; along (N, 2) direction of the face in (x, z), unit, from the lower to the upper side, good
     to some degrees (NaN: leave the frame out); sense +1 if z counts away from the sensor, else -1; names (3,) labels of
-    face, upper and lower surface. Filled in: sums (N, 4, 8), ends (N, 2, 8), seen (N,), labels (N, M).
+    face, upper and lower surface. Filled in: sums (N, 4, 8), ends (N, 2, 8), seen (N,), labels (N, M). streaks (N,):
+    in which frames a streak beside the face may be left out; filled in: where one was.
     """
     columns = x.shape[1]
     work, at, chosen = np.empty((4, columns)), np.empty(columns, np.int64), np.empty(columns, np.bool_)
     for i in range(first, last):
         if np.isfinite(along[i, 0]):
-            seen[i] = _read_frame(
+            seen[i], streaks[i] = _read_frame(
                 x[i],
                 z[i],
                 keep[i],
@@ -454,6 +461,7 @@ def read_frames(
                 sums[i],
                 ends[i],
                 labels[i],
+                streaks[i],
             )
         if not seen[i]:
             sums[i], ends[i], labels[i] = 0.0, np.nan, 0

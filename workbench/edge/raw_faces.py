@@ -56,7 +56,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 8), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    streaks = np.ones(n, bool)
+    streaks = np.isfinite(along[:, 0])
 
     def read(along: Float) -> None:
         known = as_input(along), sense, as_input(LABELS)

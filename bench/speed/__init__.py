@@ -1,1 +1,5 @@
 """How fast, beside what else one would use: both sides in one run, in turn. `make bench`."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `workbench` has it: its threads wait busily

@@ -58,6 +58,7 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
         root_turn=np.zeros(frames.size),
         bevel_turn=np.zeros(frames.size),
         shift=0.0,
+        unsettled_mm=np.zeros(frames.size),
     )
 
 

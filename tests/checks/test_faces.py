@@ -237,6 +237,14 @@ def test_an_end_face_with_a_step_is_not_measured_as_one_of_its_levels(seed: int)
         assert (off <= 3.0 * edge.position_u_mm[edge.seen]).all()
 
 
+@pytest.mark.parametrize("seed", [2813, 2858])
+def test_an_undercut_beyond_the_end_face_is_told(seed: int) -> None:
+    """1 mm of the plate stands back below an end face of 7 mm: its lower edge was taken for the plate's (1 mm off)."""
+    part = odd_plate("step of 0.15 to 0.9 mm", seed, is_raw=True)
+    with pytest.raises(InputError, match=r"a step, an undercut.*end_face_step_share"):
+        segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
+
+
 @pytest.mark.parametrize("condition", ["raw_straight", "raw_rough", "raw_clamps", "raw_burrs"])
 def test_end_faces_of_raw_plates_pass(condition: str) -> None:
     recording, truth = simulate_recording(random_recipe(condition, 9_300_000))
@@ -245,6 +253,7 @@ def test_end_faces_of_raw_plates_pass(condition: str) -> None:
     assert (value["end_face_square_deg"] or 0.0) < 5.0
     assert (value["end_face_lean_deg"] or 0.0) < 12.0
     assert (value["end_face_bow"] or 0.0) < 0.01
+    assert (value["end_face_step_share"] or 0.0) < 0.1
 
 
 def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:

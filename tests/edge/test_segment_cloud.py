@@ -113,7 +113,14 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     points = PointSet(points_of(raw.cloud), "raw.ply")
     _, edge = segment_cloud(points, upper_side=up)
     np.testing.assert_allclose(edge.position_mm, gridded.position_mm, atol=2e-3)
-    names = ["recording_judged", "two_plates_share", "end_face_lean_deg", "end_face_square_deg", "end_face_bow"]
+    names = [
+        "recording_judged",
+        "two_plates_share",
+        "end_face_lean_deg",
+        "end_face_square_deg",
+        "end_face_bow",
+        "end_face_step_share",
+    ]
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):
         segment_cloud(points, upper_side=up, use_order=False)

@@ -10,9 +10,13 @@ from workbench.artefacts import ROOT_FACE, Check, Cloud
 from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
-from workbench.units import DEG, AnyArray
+from workbench.units import DEG, AnyArray, Float, Int
 
 LEAST_FRAMES = 4
+# Returns that run parallel to the end face beyond one of its ends: how far beside its line, how many, over how much of
+# it, leaning by how much to it, and among how many columns.
+STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
+STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 4, 0.2, 0.2, 60
 
 
 def require_end_face(
@@ -41,6 +45,10 @@ def require_end_face(
     turns = [turn for _, beside in seen for turn in beside]
     off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
     bow = bow_of(cloud, labels, rows, ROOT_FACE).share
+    steps = [_steps_mm(cloud, labels[i], int(i)) for i in rows]
+    level = max((np.array([one[k] for one in steps], float) for k in (0, 1)), key=lambda one: np.isfinite(one).sum())
+    stepped = float(np.isfinite(level).mean()) if len(rows) >= LEAST_FRAMES else None
+    beside = float(np.nanmedian(np.abs(level))) if stepped else 0.0
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
     checks = (
         check(
@@ -61,9 +69,45 @@ def require_end_face(
             f"what would be the end face bows by {100 * bow:.1f} % of its width: {prepared}",
             given=limits,
         ),
+        check(
+            "end_face_step_share",
+            stepped,
+            f"in {100 * (stepped or 0.0):.0f} % of the frames returns run parallel to what would be the end face, "
+            f"{beside:.2f} mm beside it, beyond one of its ends: a step, an undercut, a second plate, a backing strip?",
+            given=limits,
+        ),
     )
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     return checks
+
+
+def _steps_mm(cloud: Cloud, labels: AnyArray, i: int) -> tuple[float, float]:
+    """How far beside a frame's end face returns run parallel to it beyond its first and its last column; NaN: none."""
+    x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
+    on, kept = np.flatnonzero((labels == ROOT_FACE) & cloud.keep[i]), np.flatnonzero(cloud.keep[i])
+    if len(on) < LEAST_POINTS:
+        return np.nan, np.nan
+    sign = rising(x[kept])
+    at = direction(x[on], z[on], sign)
+    along, across = (
+        x * np.cos(turn) * sign + z * np.sin(turn) for turn in (at, at + 0.5 * np.pi)
+    )  # rising with the column, and square to that
+    across = across - np.median(across[on])
+    before, after = kept[kept < on[0]][::-1], kept[kept > on[-1]]
+    return _parallel_mm(-along, across, before, int(on[0])), _parallel_mm(along, across, after, int(on[-1]))
+
+
+def _parallel_mm(outwards: Float, across: Float, beyond: Int, end: int) -> float:
+    """Distance from the face of the first run of returns parallel to it `beyond` its `end` (columns), mm; NaN: none."""
+    near = beyond[np.abs(beyond - end) <= STEP_COLUMNS]
+    for run in np.split(near, np.flatnonzero(np.abs(np.diff(across[near])) > STEP_FROM_MM) + 1):
+        if len(run) < STEP_POINTS or np.ptp(outwards[run]) < STEP_LONG_MM:
+            continue
+        level, away = float(np.median(across[run])), outwards[run[0]] - outwards[end]
+        lean = abs(float(np.polyfit(outwards[run], across[run], 1)[0]))
+        if STEP_FROM_MM < abs(level) < STEP_TO_MM and lean < STEP_LEAN and away < STEP_TO_MM:
+            return level
+    return np.nan
 
 
 def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:

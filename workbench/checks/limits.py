@@ -250,6 +250,13 @@ LIMITS: dict[str, Limit] = {
         "bow of the end face of a raw edge over its width, where it is certain and more than 0.03 mm",
         "rough faces of the simulators bow by up to 0.006; a compound bevel taken for one face by 0.04 and more",
     ),
+    "end_face_step_share": Limit(
+        0.3,
+        "share of some frames in which returns run parallel to the end face of a raw plate, 0.15 to 3 mm beside it, "
+        "beyond one of its ends",
+        "raw plates of all simulators show them in up to 0.05; a step or an undercut, whose lower edge is another, in "
+        "0.5 and more",
+    ),
     "two_plates_share": Limit(
         0.4,
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",

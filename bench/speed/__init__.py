@@ -3,3 +3,4 @@
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `workbench` has it: its threads wait busily
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # users keep the byte code of the sources

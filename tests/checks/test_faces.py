@@ -13,7 +13,7 @@ import pytest
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import Chain, compound, j_shape, ledge, odd_plate
-from bench.outside import Part, Section, simulate
+from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
@@ -44,7 +44,7 @@ def test_upper_surface_and_bevel_face_are_no_bevel_face_and_root_face() -> None:
     """A view from above that does not show the root face: the angle tells, where no further surface does."""
     cloud = denoise(fuse(good()))
     edge = segment(cloud)
-    shown = Shown(0.0, 1.0, 1.0, False, False, 36.0, 55.0)
+    shown = Shown(0.0, 1.0, 1.0, False, False, 36.0, 55.0, 5.0)
     with pytest.raises(InputError, match=r"a bevel face of 54.0 deg would: is the root face in view"):
         require_bevel(cloud, edge.labels, shown)
     for known in (shown._replace(upper_seen=True), shown._replace(lower_seen=True), shown._replace(bevel_deg=46.0)):
@@ -291,3 +291,33 @@ def test_a_corner_stands_out_by_what_a_ledge_does() -> None:
     assert close[0.0] < 0.002
     for land_mm in (0.03, 0.06):
         assert 0.6 < close[land_mm] / (land_mm / np.tan(40.0 * DEG)) < 1.1
+
+
+@pytest.mark.parametrize("seed", [2917, 5034, 5064, 5084])
+def test_a_compound_bevel_whose_angles_hardly_differ_is_refused(seed: int) -> None:
+    """By 2.3 to 3.5 deg: as one face it was up to 3 deg off its lower one, at 5 u and more."""
+    height, share, low, high = {
+        2917: (6.6, 0.15, 33.8, 37.2),
+        5034: (7.0, 0.31, 49.1, 45.8),
+        5064: (4.0, 0.15, 35.4, 38.3),
+        5084: (5.0, 0.16, 43.3, 45.6),
+    }[seed]
+    of = Chain(1.5, 0.0, low * DEG, 1.5 + height, 0.0, None, compound(low, high, share, height))
+    with pytest.raises(InputError, match=r"the bevel face has a corner of [23]\.\d deg at \d+ % .*face_bend_deg"):
+        judged_inspection(simulate(seed, False, of))
+
+
+@pytest.mark.parametrize("differ_deg", [0.6, -0.8])
+def test_a_smaller_corner_within_the_bevel_face_is_in_its_uncertainty(differ_deg: float) -> None:
+    corners = {share: compound(40.0, 40.0 + differ_deg, share, 6.0) for share in (0.2, 0.4)}
+    for share, shape in corners.items():
+        found = judged_inspection(simulate(5027, False, Chain(1.5, 0.0, 40.0 * DEG, 7.5, 0.0, None, shape)))
+        error, u = found["bevel, deg"]
+        assert np.median(error) == pytest.approx(differ_deg * (1.0 - share), abs=0.25)
+        assert (np.abs(error) / u).max() < 2.5
+
+
+def test_faces_that_only_their_widths_tell_apart_are_refused() -> None:
+    """A bevel face as wide as the root face, neither upper nor lower surface in view: root 0.66 mm off at 8 u."""
+    with pytest.raises(InputError, match=r"read the other way.*readings_apart"):
+        judged_inspection(simulate(1504, False, None, Wide()))

@@ -79,11 +79,11 @@ def _stands_out(
     off, away = np.empty(columns), np.empty(columns)
     for n in range(len(rows)):
         i = rows[n]
-        first, second = _on(keep[i], labels[i], one, on[0]), _on(keep[i], labels[i], other, on[1])
+        first, second = face_columns(keep[i], labels[i], one, on[0]), face_columns(keep[i], labels[i], other, on[1])
         if min(first, second) < LEAST_POINTS:
             continue
-        _line(x[i], z[i], on[0, :first], off, lines[0])
-        _line(x[i], z[i], on[1, :second], off, lines[1])
+        fitted_line(x[i], z[i], on[0, :first], off, lines[0])
+        fitted_line(x[i], z[i], on[1, :second], off, lines[1])
         if abs(_sine(lines)) < PARALLEL:
             continue
         corner = _crossing(lines)
@@ -96,7 +96,7 @@ def _stands_out(
 
 
 @kernel
-def _on(keep: Bool, labels: AnyArray, label: int, on: Int) -> int:
+def face_columns(keep: Bool, labels: AnyArray, label: int, on: Int) -> int:
     """Fill in the columns of a frame that are kept and have a label; how many."""
     count = 0
     for j in range(len(labels)):
@@ -109,7 +109,7 @@ def _on(keep: Bool, labels: AnyArray, label: int, on: Int) -> int:
 @kernel
 def _crossing(lines: Float) -> tuple[float, float]:
     """Where two lines meet, x and z."""
-    ahead = _across(lines[1], lines[0, 0], lines[0, 1]) / _sine(lines)
+    ahead = off_line(lines[1], lines[0, 0], lines[0, 1]) / _sine(lines)
     return lines[0, 0] + ahead * lines[0, 2], lines[0, 1] + ahead * lines[0, 3]
 
 
@@ -142,15 +142,15 @@ def _mean_out(x: Float32, z: Float32, at: Int, away: Float, reach_mm: float, lin
     """
     sine = abs(_sine(lines))
     outwards = (
-        -math.copysign(1.0, _across(lines[0], lines[1, 0], lines[1, 1])),
-        -math.copysign(1.0, _across(lines[1], lines[0, 0], lines[0, 1])),
+        -math.copysign(1.0, off_line(lines[0], lines[1, 0], lines[1, 1])),
+        -math.copysign(1.0, off_line(lines[1], lines[0, 0], lines[0, 1])),
     )
     noise = math.sqrt(2.0) * max(lines[0, 4], lines[1, 4], LEAST_SCATTER_MM)
     total, count = 0.0, 0
     for k in range(len(at)):
         if away[k] <= reach_mm:
             a, b = float(x[at[k]]), float(z[at[k]])
-            out = max(outwards[0] * _across(lines[0], a, b), outwards[1] * _across(lines[1], a, b))
+            out = max(outwards[0] * off_line(lines[0], a, b), outwards[1] * off_line(lines[1], a, b))
             behind = away[k] * sine / noise
             density = math.exp(-0.5 * behind**2) / math.sqrt(2.0 * math.pi)
             total += out - noise * (density - behind * 0.5 * math.erfc(behind / math.sqrt(2.0)))
@@ -165,14 +165,17 @@ def _sine(lines: Float) -> float:
 
 
 @kernel
-def _across(line: Float, x: float, z: float) -> float:
+def off_line(line: Float, x: float, z: float) -> float:
     """Distance of a point from a line (a point on it, x and z; its direction; scatter), counted along (-z, x)."""
     return float((z - line[1]) * line[2] - (x - line[0]) * line[3])
 
 
 @kernel
-def _line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> None:
-    """Fill in the line through the columns `on` of a profile, strays left out: a point on it, direction, scatter."""
+def fitted_line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> float:
+    """Fill in the line through the columns `on` of a profile, strays left out: a point on it, direction, scatter.
+
+    And `off`, how far each column's return lies from it; returns beyond which distance they are strays.
+    """
     limit = np.inf
     for _ in range(ROUNDS):
         count, x0, z0 = 0, 0.0, 0.0
@@ -188,7 +191,8 @@ def _line(x: Float32, z: Float32, on: Int, off: Float, line: Float) -> None:
         turn = 0.5 * math.atan2(2.0 * xz, xx - zz)
         line[0], line[1], line[2], line[3] = x0, z0, math.cos(turn), math.sin(turn)
         for k in range(len(on)):
-            off[k] = abs(_across(line, x[on[k]], z[on[k]]))
+            off[k] = abs(off_line(line, x[on[k]], z[on[k]]))
         middle = median_of(off[: len(on)].copy(), len(on))
         limit = STRAY * middle + 1e-9
     line[4] = middle / 0.6745
+    return limit

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
+from workbench.checks.bends import bend_of
 from workbench.checks.corners import StandsOut, stands_out
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, least, most
@@ -47,6 +48,7 @@ class Shown(NamedTuple):
     lower_seen: bool  # likewise the lower surface
     bevel_deg: float  # angle between the two faces
     bevel_nominal_deg: float
+    readings_apart: float  # in score (edge.identify), by which root face and bevel face read the other way fit worse
 
 
 def require_bevel(
@@ -81,7 +83,12 @@ def require_bevel(
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
-    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judge_faces(cloud, labels, limits), right)
+    told = "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
+    told += "nominal root face, and neither upper nor lower surface is in view to tell; widen or shift the view"
+    told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
+    apart = check("readings_apart", shown.readings_apart if alone else None, told, given=limits)
+    judged = judge_faces(cloud, labels, limits)
+    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judged, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 
@@ -151,6 +158,7 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     return (
         check("edge_share", share, told, given=given),
         check("face_bow", bow, round_, given=given),
+        _bend_check(cloud, labels, NAMES, given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
         check("goes_on_share", on, goes_on, given=given),
@@ -191,8 +199,8 @@ def bows_check(
     faces: Sequence[int],
     pairs: Sequence[tuple[int, int]],
     limits: Mapping[str, Bound] | None = None,
-) -> tuple[Check, Check, Check]:
-    """The checks that no face, by its label (N, M), is round, and that no corner of two of them is but a bow.
+) -> tuple[Check, Check, Check, Check]:
+    """The checks that no face, by its label (N, M), is round or bent, and that no corner of two of them is but a bow.
 
     The two halves of one arc are chords that differ by d, rad; each bows by d / 8 of its width. A face must show that
     it bows by less, for which it needs a few returns.
@@ -215,8 +223,20 @@ def bows_check(
     return (
         check("face_columns", fewest, few, given=limits),
         check("face_bow", most_bow, told, given=limits),
+        _bend_check(cloud, labels, straight, limits),
         check("corner_bow", as_arc, round_, given=limits),
     )
+
+
+def _bend_check(
+    cloud: Cloud, labels: AnyArray, faces: Iterable[int], limits: Mapping[str, Bound] | None = None
+) -> Check:
+    """The check that no face, by its label (N, M), is two at an angle."""
+    bends = [(abs(one.turn), one.at, face) for face in faces for one in [bend_of(cloud, labels, face)]]
+    turn, at, face = max(bends, default=(0.0, 0.5, 0))
+    told = f"the {NAMES.get(face, 'face')} has a corner of {turn / DEG:.1f} deg at {100 * at:.0f} % of its width: "
+    told += "a compound bevel whose angles hardly differ, or a face that is not straight?"
+    return check("face_bend_deg", turn / DEG, told, given=limits)
 
 
 def _sample(labels: AnyArray, faces: Sequence[int]) -> AnyArray:

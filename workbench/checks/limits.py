@@ -190,12 +190,26 @@ LIMITS: dict[str, Limit] = {
         "upper surface and bevel face meet at that complement: where the root face is out of view, they look like "
         "bevel face and root face; a bevel within 5 deg of its nominal angle passes",
     ),
+    "readings_apart": Limit(
+        (0.25, 1e5),
+        "by how much root face and bevel face, read the other way round, fit worse, where neither upper nor lower "
+        "surface is in view: half the square of the logarithm of a width over its nominal one, in units of 0.6",
+        "where both faces are as wide, nothing tells them apart; 0.25 is a bevel face 1.5 times as wide as the nominal "
+        "root face",
+    ),
     "face_bow": Limit(
         0.03,
         "bow of the root face or the bevel face over its width, where it is certain and, on faces from 1 mm on, more "
         "than 0.03 mm",
         "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the "
         "flatter ones",
+    ),
+    "face_bend_deg": Limit(
+        1.0,
+        "turn of a corner within the root face or the bevel face, where two straight pieces fit its returns for "
+        "certain and a bow does not",
+        "no face of 900 good ones of three simulators shows one, bowed ones and those with ghosts included; of "
+        "compound bevels that differ by 1.5 deg and more nine in ten do; a smaller one is in the uncertainty",
     ),
     "face_columns": Limit(
         (8.0, 1e5),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.identify import Candidate, candidates, contradicted, vote
+from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
@@ -40,6 +41,7 @@ class TrackedFaces:
     end_is_corner: Shaped[Bool, " N"]  # the lower surface is seen and joins the root face
     labels: Shaped[AnyArray, "N M"]  # uint8
     range_sigma_mm: Shaped[Float, "N 4"]  # range noise of each face (order of LABELS) in the frame's pass
+    readings_apart: float = math.inf  # in score, by which another reading of the profiles fits worse, in the worst pass
 
 
 def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0) -> TrackedFaces:
@@ -57,13 +59,14 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
     side_of = np.full(n, np.nan)
     labels = np.zeros((n, columns), np.uint8)
     sigma = np.full((n, 4), np.nan)
-    rising = np.ones(n)
+    rising, apart = np.ones(n), math.inf
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     for frames in passes:
         named = labels[frames]  # a view, where the frames lie together
         found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, named)
         if found is not None:
-            side_of[frames], rising[frames], tracked = found
+            side_of[frames], rising[frames], tracked, told = found
+            apart = min(apart, told)
             sums[frames], end[frames], seen[frames], sigma[frames], lower[frames] = tracked
             if not isinstance(frames, slice):
                 labels[frames] = named
@@ -93,6 +96,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
         lower & seen,
         labels,
         sigma,
+        apart,
     )
 
 
@@ -111,8 +115,8 @@ def _find_pass(
     bevel_nominal: float,
     rim_mm: float,
     labels: AnyArray,
-) -> tuple[float, float, tuple[AnyArray, ...]] | None:
-    """Side and rise of a pass, and its faces followed, with the labels (n, M) filled in; None: no edge.
+) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
+    """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
 
     A few key frames are enough where all of them agree and no stretch between them is lost.
     """
@@ -122,7 +126,7 @@ def _find_pass(
         if found is not None:
             _refuse_contradicted(cloud, readings, found)
         choice = None if found is None else _agreed(keys, readings, found)
-        if choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
+        if found is None or choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
             continue
         at, states, side = choice
         tracked = _follow_pass(cloud, frames, at, states, side, rim_mm, labels)
@@ -132,6 +136,7 @@ def _find_pass(
                 side,
                 side * (1.0 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1.0),
                 tracked,
+                readings_apart(readings, found),
             )
     labels[:] = 0
     return None

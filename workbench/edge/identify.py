@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.geometry.chains import COUNT, LAST, OFFSET, SLOPE, X0, X1
+from workbench.geometry.medians import median
 from workbench.units import DEG, Bool, Float
 
 JOIN_MM = 0.6  # faces whose lines cross within this distance of both their ends meet in a corner
@@ -206,6 +207,23 @@ def vote(readings: list[list[Candidate]]) -> tuple[int, int] | None:
         for key, value in best.items():
             votes[key] = votes.get(key, 0.0) + value
     return max(votes, key=lambda k: votes[k]) if votes else None
+
+
+def readings_apart(readings: list[list[Candidate]], choice: tuple[int, int]) -> float:
+    """By how much the chosen (side, sense) scores better than any other, the median of the key frames that show it.
+
+    Where neither upper nor lower surface is in view, root face and bevel face can be read from both ends, and their
+    widths alone tell.
+    """
+    apart = []
+    for frame in readings:
+        scores: dict[bool, float] = {}
+        for c in frame:
+            mine = (c.side, c.sense) == choice
+            scores[mine] = min(scores.get(mine, WORST_SCORE), c.score)
+        if True in scores:
+            apart.append(scores.get(False, WORST_SCORE) - scores[True])
+    return median(np.array(apart))
 
 
 def contradicted(readings: list[list[Candidate]], choice: tuple[int, int]) -> float:

@@ -16,6 +16,7 @@ from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import (
     HIDDEN_RADIUS_MM,
+    Form,
     Rounding,
     form_of,
     hidden_end_u_mm,
@@ -104,11 +105,11 @@ def segment(
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, tracked)
-        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, close_stands_out_mm(checks))
+        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     unseen = () if shown.upper_seen or shown.lower_seen else (TOLD_BY_NOMINAL,)
-    return replace(edge, checks=(*edge.checks, *checks), not_included=(*edge.not_included, *unseen))
+    return replace(edge, not_included=(*edge.not_included, *unseen))
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
@@ -125,6 +126,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         lower,
         float(np.nanmedian(np.abs(root - bevel))) / DEG,
         bevel_nominal_deg,
+        tracked.readings_apart,
     )
 
 
@@ -137,9 +139,14 @@ def root_width_mm(face: FaceLines) -> float:
     return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
-def close_stands_out_mm(checks: Sequence[Check]) -> float:
-    """How far returns close to the corner of root face and bevel face stand out of them, as checks say."""
-    return next((check.value or 0.0 for check in checks if check.name == "close_stands_out_mm"), 0.0)
+def _value(checks: Sequence[Check], name: str) -> float:
+    """What one of the checks found; 0: nothing."""
+    return next((check.value or 0.0 for check in checks if check.name == name), 0.0)
+
+
+def either_piece_u(checks: Sequence[Check]) -> float:
+    """Standard uncertainty, rad, of the direction of a face in which checks found a corner: it has either piece's."""
+    return _value(checks, "face_bend_deg") * DEG / math.sqrt(3.0)
 
 
 def milled_edge(
@@ -149,11 +156,12 @@ def milled_edge(
     rounding: Rounding,
     robot_noise_mm: float,
     end_u_mm: float,
-    close_mm: float,
+    checks: Sequence[Check],
 ) -> MilledEdge:
-    """The edge at its stations, from the state that was measured; close_mm: what stands out close to its corner.
+    """The edge at its stations, from the state that was measured; checks: of its faces, which it holds as well.
 
-    A ledge that explains it is in the uncertainty, as a whole: a burr on the corner would take nothing off.
+    A ledge that explains what stands out close to their corner is in the uncertainty, as a whole: a burr on the corner
+    would take nothing off. So is what a corner within a face leaves open: its direction is that of either piece.
     """
     s_low = measured.s_low
     length = float(np.nanmax(s_low))
@@ -169,7 +177,11 @@ def milled_edge(
     )
     beta = corrected_angles(measured, at + measured.shift)[1]
     form = form_of(cloud, tracked, s_low, beta, at)
-    form = replace(form, corner_u_mm=np.hypot(form.corner_u_mm, ledge_takes_mm(close_mm, beta)))
+    ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), beta)
+    either = either_piece_u(checks)
+    form = Form(
+        np.hypot(form.root_turn_u, either), np.hypot(form.bevel_turn_u, either), np.hypot(form.corner_u_mm, ledge_mm)
+    )
     hidden_mm = hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE])
     root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
     position -= rounding.beyond_mm * across
@@ -191,7 +203,7 @@ def milled_edge(
         across=across,
         seen=seen,
         burr_stations=burr_stations(cloud, tracked, measured, at),
-        checks=cloud.checks,
+        checks=(*cloud.checks, *checks),
         root=root,
         bevel=bevel,
         warnings=told,

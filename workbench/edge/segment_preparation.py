@@ -44,7 +44,7 @@ from workbench.edge.prepared_frames import (
     read_plates,
     straight_corners,
 )
-from workbench.edge.segment import close_stands_out_mm, milled_edge, root_width_mm
+from workbench.edge.segment import either_piece_u, milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
@@ -128,9 +128,7 @@ def segment_preparation(
         rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
     try:
         measured = measure_edge(cloud, frames.tracked)
-        edge = milled_edge(
-            cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, close_stands_out_mm(checks)
-        )
+        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)
         chain = _Chain(cloud, frames, measured, edge)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
             chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
@@ -293,6 +291,7 @@ class _Chain:
         tracked = self.frames.tracked
         found = misfit_of(self.cloud, tracked.labels, tracked.faces[label], label, self.s, self.at, whole=True)
         turn, offset = (np.maximum(u, math.sqrt(float(np.mean(u**2)))) for u in (found.turn_u, found.offset_u_mm))
+        turn = np.hypot(turn, either_piece_u(self.edge.checks))
         return replace(found, turn_u=turn, offset_u_mm=offset)
 
     def _lines(self) -> list[_Lines]:

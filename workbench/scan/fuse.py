@@ -7,7 +7,6 @@ import math
 from typing import Annotated
 
 import numpy as np
-import scipy.special
 from pydantic import Field
 
 from workbench.artefacts import Cloud, HandEye, Recording
@@ -118,6 +117,8 @@ def _between(value: Float, way: Float, axes: int) -> float:
     a course that bends smoothly leaves the chord by an eighth of its second difference, sqrt(8 / 15) of it rms.
     """
 
+    from scipy.special import stdtrit  # a sixth of the processor time of a start, for poses that stand far apart alone
+
     def across(order: int) -> float:
         off = np.diff(value, order, axis=0)
         along = way[order // 2 : len(way) - order // 2]
@@ -127,7 +128,7 @@ def _between(value: Float, way: Float, axes: int) -> float:
     second = across(2)
     scatter = across(4) / math.sqrt(70.0) if len(value) > 4 else second / math.sqrt(6.0)
     freedom = axes * (len(value) - (4 if len(value) > 4 else 2))
-    few = float(scipy.special.stdtrit(freedom, TWO_SIGMA)) / 2.0  # so that 2 u cover as much, however few they are
+    few = float(stdtrit(freedom, TWO_SIGMA)) / 2.0  # so that 2 u cover as much, however few they are
     return few * math.hypot(scatter, second / 8.0 * math.sqrt(8.0 / 15.0))
 
 

@@ -237,9 +237,12 @@ def test_an_end_face_with_a_step_is_not_measured_as_one_of_its_levels(seed: int)
         assert (off <= 3.0 * edge.position_u_mm[edge.seen]).all()
 
 
-@pytest.mark.parametrize("seed", [2813, 2858])
+@pytest.mark.parametrize("seed", [2813, 2858, 3016, 3021])
 def test_an_undercut_beyond_the_end_face_is_told(seed: int) -> None:
-    """1 mm of the plate stands back below an end face of 7 mm: its lower edge was taken for the plate's (1 mm off)."""
+    """1 mm of the plate stands back below an end face of 7 mm, all but 0.2 to 0.4 mm of it in shadow.
+
+    The end face's lower edge was taken for the plate's (1 mm off).
+    """
     part = odd_plate("step of 0.15 to 0.9 mm", seed, is_raw=True)
     with pytest.raises(InputError, match=r"a step, an undercut.*end_face_step_share"):
         segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))

@@ -16,7 +16,7 @@ LEAST_FRAMES = 4
 # Returns that run parallel to the end face beyond one of its ends: how far beside its line, how many, over how much of
 # it, leaning by how much to it, and among how many columns.
 STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
-STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 4, 0.2, 0.2, 60
+STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
 
 
 def require_end_face(

@@ -12,7 +12,7 @@ import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.metrology.planning.part import rough_upper_side
-from bench.odd_plates import Chain, compound, j_shape, ledge, odd_plate
+from bench.odd_plates import DEBURRED, Chain, compound, j_shape, judged, ledge, odd_plate
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from tests.checks.conftest import good
@@ -324,3 +324,10 @@ def test_faces_that_only_their_widths_tell_apart_are_refused() -> None:
     """A bevel face as wide as the root face, neither upper nor lower surface in view: root 0.66 mm off at 8 u."""
     with pytest.raises(InputError, match=r"read the other way.*readings_apart"):
         judged_inspection(simulate(1504, False, None, Wide()))
+
+
+@pytest.mark.parametrize(("seed", "is_raw"), [(3, False), (12, False), (22, True), (5, True), (9, False), (14, True)])
+def test_a_chamfered_lower_edge_is_measured_to_its_virtual_edge_or_to_the_chamfer(seed: int, is_raw: bool) -> None:
+    """Seen and taken for a rounding, chamfers put every fifth raw edge, and every twelfth root face, 4 to 70 u off."""
+    refused, right, wrong = judged(DEBURRED, range(seed, seed + 1), is_raw)
+    assert (refused, right, wrong) == (0, 1, [])

@@ -19,12 +19,12 @@ from workbench.edge.form import (
     Misfit,
     _alike,
     _bow,
+    _broken_edge,
     _excess,
     _groups,
     _known_depths,
     _nothing_known,
     _odd_columns,
-    _quarter_circle,
     scattered,
 )
 from workbench.scan import fuse
@@ -110,7 +110,7 @@ def test_a_rounding_is_told_by_its_depths(inclination_deg: float) -> None:
     inclination = math.radians(inclination_deg)
     for radius in (0.2, 0.4):
         found = depths(radius, inclination, math.radians(84.0), 0.0, rng)
-        is_proven, told, beyond, u, fall = _quarter_circle(
+        is_proven, told, beyond, u, fall = _broken_edge(
             _known_depths(found, edges), edges, inclination, INCIDENCES, ANYWHERE
         )
         turn = math.radians(84.0) - inclination
@@ -126,7 +126,7 @@ def test_a_bow_is_no_rounding(bow_mm: float) -> None:
     """The last returns of a bowed face lie under its line too."""
     edges = np.arange(31.0) * 0.05 / math.cos(1.0)
     found = depths(1e-9, 1.0, math.radians(84.0), bow_mm, np.random.default_rng(9))
-    is_proven, *_ = _quarter_circle(_known_depths(found, edges), edges, 1.0, INCIDENCES, ANYWHERE)
+    is_proven, *_ = _broken_edge(_known_depths(found, edges), edges, 1.0, INCIDENCES, ANYWHERE)
     assert not is_proven
 
 
@@ -152,7 +152,7 @@ def test_a_rounding_between_two_columns_of_a_part_that_lies_still_is_in_u() -> N
     flat = np.random.default_rng(4).normal(0.0, 0.01, (400, 30))
     u = {}
     for name, phases in (("moving", ANYWHERE), ("still", SOMEWHERE)):
-        is_proven, _, missing, spread, _ = _quarter_circle(
+        is_proven, _, missing, spread, _ = _broken_edge(
             _known_depths(flat, edges), edges, inclination, INCIDENCES, phases
         )
         assert not is_proven
@@ -168,7 +168,7 @@ def test_last_columns_that_no_rounding_explains_may_be_no_part_of_the_face(colum
     held = np.random.default_rng(6).normal(0.0, 0.01, (400, 30))
     held[:, :columns] += by_mm
     known = _known_depths(held, edges)
-    fall = _quarter_circle(known, edges, 1.0, INCIDENCES, ANYWHERE)[-1]
+    fall = _broken_edge(known, edges, 1.0, INCIDENCES, ANYWHERE)[-1]
     assert columns <= _odd_columns(known, fall) <= columns + 1  # beside it a widest rounding would lie deep
 
 
@@ -182,7 +182,7 @@ def test_columns_that_are_pooled_lie_on_the_face(columns: float, count: int) -> 
 
 def test_a_face_of_few_columns_may_be_rounded() -> None:
     edges = np.arange(7.0) * 0.1
-    _, _, missing, spread, _ = _quarter_circle(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE)
+    _, _, missing, spread, _ = _broken_edge(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE)
     assert math.hypot(missing, spread) > 0.03
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +41,10 @@ PROOF, DEPTH_U_MM, LEAST_MEANS = 3.0, 0.0005, 8
 LEAST_RADIUS_MM, HIDDEN_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.5, 0.8, 30
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
+CHAMFERS = np.radians(np.arange(10.0, 80.0, 2.5))  # by which a chamfer turns from the face
+SEEN_MOST = 0.9  # of the frames, in which a face is seen no farther
 STEP_MM = 0.15  # between columns of one surface
-SHAPE = 0.15  # of a depth: the rounding need be no quarter of a circle
+SHAPE, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle; and a chamfer not flat
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which the last columns' are off anyway
 
 
@@ -57,9 +60,9 @@ class Form:
 
 @dataclass(frozen=True, slots=True)
 class Rounding:
-    """The rounded lower end of the root face; radius 0: none is seen."""
+    """The rounded or chamfered lower end of the root face; radius 0: none is seen."""
 
-    radius_mm: float = 0.0
+    radius_mm: float = 0.0  # or the height of a chamfer
     beyond_mm: float = 0.0  # of the virtual edge, from where the returns on the line end
     u_mm: float = 0.0
     rim_mm: float = 0.0  # of the root face before its last return on the line, that is rounded
@@ -237,13 +240,14 @@ class FaceRim:
     end_x_mm: Shaped[Float, " N"]  # x of the last return on the face's line
     step_mm: Shaped[Float, " N"]  # between columns, along the face
     sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
+    on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
 
 
 def root_rim(tracked: TrackedFaces) -> FaceRim:
     """The lower end of a milled edge's root face."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
     sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
-    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense)
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True)
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
@@ -269,8 +273,9 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     """The same of one pass, from how deep the face's last returns lie under its line.
 
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
-    angle of incidence that the sensor still returns (eq. (12)). Both are averaged over what the depths allow: before,
-    the edge is as likely sharp as rounded, and radii of all orders of size are alike likely. Where the rays graze the
+    angle of incidence that the sensor still returns (eq. (12)); a chamfer is seen to its end (eq. (12a)) or not at all.
+    All are averaged over what the depths allow: before, the edge is as likely sharp as rounded or chamfered, and sizes
+    of all orders are alike likely. Where the rays graze the
     face, a rounding leaves the view before it leaves the line, and only its u tells of it. So it is where the part lies
     still in the view, for all of a rounding may lie between two columns.
     """
@@ -287,9 +292,9 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     slopes = face.sxz[frames] / face.sxx[frames]
     of_line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
     of_line += [rim.step_mm[frames], rim.sense[frames]]
-    depth, beyond = np.full((frames.size, edges.size - 1), np.nan), np.zeros(frames.size, np.int64)
+    depth, last = np.full((frames.size, edges.size - 1), np.nan), np.full((frames.size, 2), np.nan)
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, beyond)
+    _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, last)
     depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
     depth = depth[np.isfinite(depth).all(axis=1)]
     told = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
@@ -298,27 +303,39 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
     phases: Float = ANYWHERE if moved > STILL else SOMEWHERE
     inclination = math.atan(slope)
-    is_proven, radius, missing, missing_u, fall = _quarter_circle(known, edges * step, inclination, INCIDENCES, phases)
+    is_proven, radius, missing, missing_u, fall = _broken_edge(known, edges * step, inclination, INCIDENCES, phases)
     odd = _odd_columns(known, fall) * step
     if odd > 0.0 or not is_proven:  # one that would not show is in u; so is an end that is neither sharp nor round
         shown = missing if is_proven else 0.0
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
-        _, _, missing, missing_u, _ = _quarter_circle(known, edges * step, inclination, seen, phases, most_mm)
+        _, _, missing, missing_u, _ = _broken_edge(known, edges * step, inclination, seen, phases, most_mm)
         return Rounding(u_mm=math.hypot(missing, missing_u, shown, odd))
-    further = float(beyond.mean()) * step  # returns beyond those on the line
-    on = fall > PROOF * np.sqrt(np.diag(known.noise))
+    further, further_u = _further(last[:, 0])  # returns beyond those on the line
+    if not rim.on_line:  # a return under the line lies that much farther along the face
+        further -= float(np.nanmean(last[:, 1])) * slope / step
+    on = fall[0] > PROOF * np.sqrt(np.diag(known.noise))
     rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
-    return Rounding(radius, further + missing, missing_u, rounded)
+    u_mm = math.hypot(math.hypot(missing_u, SHAPE * missing), further_u * step)
+    return Rounding(radius, further * step + missing, u_mm, rounded)
+
+
+def _further(beyond: Float) -> tuple[float, float]:
+    """How many columns a face is seen beyond its line, by the returns there in f frames (f,), and its u.
+
+    On average, where none is lost; with the last ones lost here and there, by a mixed pixel, nearly as many as most.
+    """
+    mean, most = float(beyond.mean()), float(np.quantile(beyond, SEEN_MOST))
+    return 0.5 * (mean + most), 0.5 * (most - mean)
 
 
 def _odd_columns(known: Depths, fall: Float) -> int:
-    """How many of the last columns may be no part of the face: 0, if a rounding that falls by `fall` (g,) explains all.
+    """How many of the last columns may be no part of the face: 0, if a rounding explains all; fall (2, g), and its u.
 
     Sharp or round, an end leaves no more than noise. What a sensor's filter makes of it may lie above the line, where
     no rounding lies, and yet be likelier by the widest of roundings than by none.
     """
-    left = known.mean - fall
-    covariance = known.noise + known.free + np.diag((SHAPE * fall) ** 2 + ODD_MM**2)
+    left = known.mean - fall[0]
+    covariance = known.noise + known.free + np.diag(fall[1] ** 2 + ODD_MM**2)
     lower = np.linalg.cholesky(covariance[::-1, ::-1])  # each group by what the face before it tells
     if np.abs(np.linalg.solve(lower, left[::-1])).max() < MISFIT:
         return 0
@@ -335,11 +352,11 @@ def _groups(columns: float) -> Float:
 
 
 @kernel
-def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, beyond: Int) -> None:
+def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, last: Float) -> None:
     """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
 
-    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. beyond (f,): how many
-    lie beyond those on the line.
+    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. last (f, 2): how many
+    lie beyond those on the line, and how deep the last of these lies under it.
     """
     columns = x.shape[1]
     along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
@@ -359,19 +376,21 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
                     k -= 1
                 order[k] = j
                 outside += 1
-        last, level, further = 0.0, 0.0, 0
+        reach, level, further = 0.0, 0.0, 0
         for k in range(outside):  # one surface: no gap of columns, no jump
             j = order[k]
-            if along[j] - last > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
+            if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
                 break
             further += 1
-            last, level = along[j], max(below[j], 0.0)
-        beyond[i] = further
+            reach, level = along[j], max(below[j], 0.0)
+        last[i, 0] = further
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
         for j in range(columns):
             on_line = along[j] <= 1e-6 and along[j] > -edges[-1] * step and abs(below[j]) < STEP_MM
-            if keep[i, j] and (on_line or 1e-6 < along[j] <= last):
-                place = (last - along[j]) / step + 0.5
+            if keep[i, j] and abs(along[j]) <= 1e-6:
+                last[i, 1] = below[j]
+            if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):
+                place = (reach - along[j]) / step + 0.5
                 group = -1
                 while group + 1 < edges.size and edges[group + 1] <= place:
                     group += 1
@@ -431,7 +450,65 @@ def _nothing_known(groups: int) -> Depths:
     return Depths(np.zeros(groups), np.eye(groups), np.zeros((groups, groups)))
 
 
-def _quarter_circle(
+@kernel
+def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, out: Float) -> None:
+    """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u."""
+    size = len(mean)
+    lower, white = np.empty((size, size)), np.empty(size)
+    for n in range(len(expected)):
+        out[n] = 0.0
+        for i in range(size):  # Cholesky, and the forward substitution with it
+            for j in range(i + 1):
+                rest = covariance[i, j]
+                for k in range(j):
+                    rest -= lower[i, k] * lower[j, k]
+                lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(rest + u[n, i] ** 2)
+            rest = mean[i] - expected[n, i]
+            for k in range(i):
+                rest -= lower[i, k] * white[k]
+            white[i] = rest / lower[i, i]
+            out[n] -= 0.5 * white[i] ** 2 + math.log(lower[i, i])
+
+
+class _Shapes(NamedTuple):
+    """Ends of a face that are alike likely before any return is looked at, s of them."""
+
+    size_mm: Shaped[Float, " s"]  # radius of a rounding, height of a chamfer
+    hidden_mm: Shaped[Float, " s"]  # from the last return's step to the virtual edge
+    fall_mm: Shaped[Float, "s g"]  # depth under the line, by groups of columns
+
+
+def _roundings(w_mm: Float, inclination: float, incidences: Float, most_mm: float) -> _Shapes:
+    """Quarter circles, seen up to an incidence (eq. (12)); w_mm (p, g, q): q ways before the last return, p phases."""
+    incidences = incidences[incidences > inclination]
+    number, turn, phase = _grid(RADII, incidences, len(w_mm))
+    radius = np.geomspace(LEAST_RADIUS_MM, most_mm, RADII)[number]
+    turn = np.minimum(turn - inclination, math.pi / 2.0)
+    end = radius * (np.sin(turn) - (1.0 - np.cos(turn)) * math.tan(inclination))  # as the columns count
+    on = np.maximum(end[:, None, None] - w_mm[phase], 0.0) / radius[:, None, None] * math.cos(inclination)
+    sine = np.minimum(on + math.sin(inclination), 1.0)
+    turned = np.sqrt(1.0 - sine**2) * math.cos(inclination) + sine * math.sin(inclination)  # cosine of the turn
+    return _Shapes(radius, radius - end, radius[:, None] * (1.0 - turned).mean(axis=2))
+
+
+def _chamfers(w_mm: Float, inclination: float, most_mm: float) -> _Shapes:
+    """Chamfers that the rays see to their end (eq. (12a)); w_mm: see `_roundings`. Of others no return tells."""
+    turns = CHAMFERS[CHAMFERS + inclination < INCIDENCES[-1]]
+    number, turn, phase = _grid(RADII, turns, len(w_mm))
+    height = np.geomspace(LEAST_RADIUS_MM, most_mm, RADII)[number]
+    hidden = height * np.tan(turn) * math.tan(inclination)
+    falls = np.tan(turn) / (1.0 - np.tan(turn) * math.tan(inclination))  # a column's step along the line
+    on = np.maximum((height - hidden)[:, None, None] - w_mm[phase], 0.0)
+    return _Shapes(height, hidden, falls[:, None] * on.mean(axis=2))
+
+
+def _grid(sizes: int, angles: Float, phases: int) -> tuple[Int, Float, Int]:
+    """Numbers of sizes, angles and numbers of phases, each with each (s,)."""
+    number, angle, phase = np.meshgrid(np.arange(sizes), angles, np.arange(phases))
+    return number.ravel(), angle.ravel(), phase.ravel()
+
+
+def _broken_edge(
     known: Depths,
     edges_mm: Float,
     inclination: float,
@@ -439,41 +516,33 @@ def _quarter_circle(
     phases: Float,
     most_mm: float = MOST_RADIUS_MM,
 ) -> tuple[bool, float, float, float, Float]:
-    """Whether a rounding is proven; its radius; how far the virtual edge lies beyond the last return's step, its u: mm.
+    """Whether a rounding or a chamfer is proven; its size; how far the virtual edge lies beyond the last step, its u.
 
-    And how deep the rounding lies under the line by each group of columns (g,). phases (p, q): p places of the end
-    within its column are alike likely, each of them the mean over q.
+    And how deep it lies under the line by each group of columns, and what its shape may change of that (2, g); mm.
+    phases (p, q): p places of the end within its column are alike likely, each of them the mean over q.
     """
-    incidences = incidences[incidences > inclination]
-    number, turn, phase = (one.ravel() for one in np.meshgrid(np.arange(RADII), incidences, np.arange(len(phases))))
-    radius = np.geomspace(LEAST_RADIUS_MM, most_mm, RADII)[number.astype(np.int64)]
-    turn = np.minimum(turn - inclination, math.pi / 2.0)
-    end = radius * (np.sin(turn) - (1.0 - np.cos(turn)) * math.tan(inclination))  # as the columns count
     width = np.diff(edges_mm)
     within = np.where((width > 1.5 * edges_mm[1])[:, None], 0.5 if len(phases) > 1 else phases, phases[:, None, :])
-    w = (edges_mm[:-1, None] + within * width[:, None])[phase.astype(np.int64)]
-    on = np.maximum(end[:, None, None] - w, 0.0) / radius[:, None, None] * math.cos(inclination)
-    sine = np.minimum(on + math.sin(inclination), 1.0)
-    turned = np.sqrt(1.0 - sine**2) * math.cos(inclination) + sine * math.sin(inclination)  # cosine of the turn
-    fall = radius[:, None] * (1.0 - turned).mean(axis=2)
-    fall = np.concatenate([np.zeros((1, width.size)), fall])  # sharp
-    radius, beyond = np.append(0.0, radius), np.append(0.0, radius - end)
-    covariance = (known.noise + known.free)[None] + (SHAPE * fall)[:, :, None] ** 2 * np.eye(width.size)
+    w_mm = edges_mm[:-1, None] + within * width[:, None]
+    families = [_roundings(w_mm, inclination, incidences, most_mm), _chamfers(w_mm, inclination, most_mm)]
+    size, beyond = (np.concatenate([[0.0], *(of[k] for of in families)]) for k in (0, 1))
+    fall = np.concatenate([np.zeros((1, width.size)), *(of.fall_mm for of in families)])  # the first is sharp
+    of_shape = [np.full(of.size_mm.size, share) for of, share in zip(families, (SHAPE, FLAT), strict=True)]
+    of_depth = np.concatenate([[0.0], *of_shape])
+    fall_u = of_depth[:, None] * fall
     # The part of the last column's pixel that the face fills lies before its middle, by f^2 / 16 columns on average.
     part = 0.5 * edges_mm[1] * math.sin(inclination) * math.cos(inclination) / 16.0
     fall[:, 0] -= part
-    covariance[:, 0, 0] += part**2
-    off = known.mean - fall
-    lower = np.linalg.cholesky(covariance)
-    white = np.linalg.solve(lower, off[:, :, None])[:, :, 0]
-    score = -0.5 * (white**2).sum(axis=1) - np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-    is_proven = bool(radius.size > 1 and score[1:].max() - score[0] > 0.5 * PROOF**2)
-    score[0] += math.log(max(radius.size - 1, 1))
+    fall_u[:, 0] = np.hypot(fall_u[:, 0], part)
+    score = np.empty(len(fall))
+    _log_likelihoods(known.mean, known.noise + known.free, as_input(fall), as_input(fall_u), score)
+    is_proven = bool(size.size > 1 and score[1:].max() - score[0] > 0.5 * PROOF**2)
+    score[1:] -= np.concatenate([np.full(of.size_mm.size, math.log(max(of.size_mm.size, 1))) for of in families])
     share = np.exp(score - score.max())
     share /= share.sum()
     missing = float(share @ beyond)
     u = math.sqrt(float(share @ (beyond - missing) ** 2))
-    return is_proven, float(share @ radius), missing, u, share @ fall
+    return is_proven, float(share @ size), missing, u, np.stack([share @ fall, share @ fall_u])
 
 
 def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:

@@ -588,9 +588,8 @@ def _rounding(cloud: Cloud, found: RawFaces, side: _Side, most_radius_mm: float)
     face, ends = found.faces[ROOT_FACE], side.ends
     lean = np.hypot(1.0, face.sxz / face.sxx)
     here = side.silhouette & ~ends.alone & ~ends.burred
-    rim = FaceRim(
-        face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, np.full(here.size, found.sense)
-    )
+    sense = np.full(here.size, found.sense)
+    rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, sense, on_line=False)
     return rounding_of(cloud, rim, here, most_radius_mm)
 
 

@@ -40,7 +40,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 STATION_MM = 1.0
 HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
 ROUNDED = (
-    "the lower edge is rounded, by a radius of about {:.2f} mm: sizes are those to the virtual sharp edge, "
+    "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
 )
 TOLD_BY_NOMINAL = (

@@ -29,7 +29,7 @@ from workbench.stage import stage
 from workbench.units import Bool, Float, Int
 
 ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
-ROUNDED = "the {} edge is rounded, by a radius of about {:.2f} mm: the path rests on its virtual sharp edge"
+ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
 
 
 @stage("edge.segment_raw")

@@ -120,6 +120,11 @@ def some_frozen(r: Recording) -> Recording:
     return spoilt(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
 
 
+def late(r: Recording) -> Recording:
+    which = np.maximum(np.arange(len(r.time_s)) - 6, 0)  # 1 % of the frames: repeated_share allows it
+    return spoilt(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
+
+
 def frozen(r: Recording) -> Recording:
     return spoilt(r, robot_position_mm=np.repeat(r.robot_position_mm[:1], len(r.robot_position_mm), axis=0))
 
@@ -161,6 +166,7 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "profiles in metres": (lambda r: spoilt(r, x_mm=r.x_mm / 1e3, z_mm=r.z_mm / 1e3), "view_width_mm", "metres"),
     "a frozen pose stream": (frozen, "way_mm", "frozen"),
     "frames repeated twenty times": (repeated, "repeated_share", "repeating scanner"),
+    "a first buffer that comes again": (late, "repeated_run", "7 times in a row"),
     "a driver that hangs": (some_frozen, "repeated_share", "frozen"),
     "x y z w": (lambda r: turned(r, [1, 2, 3, 0]), "obliquity_deg", "x y z w"),
     "an inverted hand-eye pose": (lambda r: hand_eye(r, inverse), "obliquity_deg", "hand-eye pose is inverted"),

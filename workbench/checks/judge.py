@@ -345,6 +345,16 @@ def _copy_checks(
         once = "" if calibration else ", and count once"
         told.append(f"{len(passes)} of {count} passes are copies of others{once}: {copies}")
     yield check("repeated_share", float(copied.mean()), "; ".join(told if copied.any() else told[1:]), given=given)
+    run = _longest_run(repeats.copies & ~again)
+    waits = f"one profile comes {run + 1} times in a row: a frozen or repeating scanner, a driver that waits? All that "
+    waits += "comes after may be as many frames late"
+    yield check("repeated_run", None if calibration else float(run), waits, given=given)
+
+
+def _longest_run(on: Bool) -> int:
+    """How many of (n,) are so in a row at the most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:

@@ -63,6 +63,12 @@ LIMITS: dict[str, Limit] = {
         "share of the frames that are an earlier frame of their pass again, bit for bit",
         "a few are dropped as copies; more is a sensor or driver that delivers old buffers",
     ),
+    "repeated_run": Limit(
+        4.0,
+        "how many frames in a row are the one before them again, bit for bit",
+        "good recordings have none, and a hiccup few; ten that come late at the start of a ring put its root face "
+        "0.04 mm off",
+    ),
     "swapped_share": Limit(
         0.5,
         "share of the profiles in which ranges are evenly spaced from column to column, and lateral places are not",

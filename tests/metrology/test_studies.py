@@ -48,9 +48,9 @@ def test_results_rest_on_the_source_that_they_name():
 
 
 def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
-    """One part whose lower edge may be rounded where the view does not show it: refused and told; status 1."""
-    chosen = ["--studies", "planning", "--conditions", "raw_two_pass", "--parts", "1", "--seed", "8300003"]
+    """One part of whose edge clamps hide most: refused and told; status 1."""
+    chosen = ["--studies", "planning", "--conditions", "raw_clamps", "--parts", "1", "--seed", "8300002"]
     assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "raw_two_pass, seed 8300003: refused: synthetic: the edge is known to" in printed
-    assert (tmp_path / "planning" / "raw_two_pass.jsonl").exists()
+    assert "raw_clamps, seed 8300002: refused: synthetic: seen on 36 % of its length only" in printed
+    assert (tmp_path / "planning" / "raw_clamps.jsonl").exists()

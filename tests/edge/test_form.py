@@ -169,7 +169,7 @@ def test_last_columns_that_no_rounding_explains_may_be_no_part_of_the_face(colum
     held[:, :columns] += by_mm
     known = _known_depths(held, edges)
     fall = _broken_edge(known, edges, 1.0, INCIDENCES, ANYWHERE)[-1]
-    assert columns <= _odd_columns(known, fall) <= columns + 1  # beside it a widest rounding would lie deep
+    assert columns <= _odd_columns(known, fall) <= columns + 3  # beside it a widest rounding would lie deep
 
 
 @pytest.mark.parametrize(("columns", "count"), [(7.4, 7), (10.0, 10), (34.0, 20)])

@@ -20,7 +20,11 @@ STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
 
 
 def require_end_face(
-    cloud: Cloud, labels: AnyArray, upper_side: Sequence[float], limits: Mapping[str, Bound] | None = None
+    cloud: Cloud,
+    labels: AnyArray,
+    upper_side: Sequence[float],
+    goes_on_share: float,
+    limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
     """Checks of what was found as the end face (labels (N, M), ROOT_FACE) of a raw plate.
 
@@ -31,6 +35,7 @@ def require_end_face(
         cloud: organised.
         labels: faces of its points.
         upper_side: from the lower to the upper side, in the base.
+        goes_on_share: of the frames, in which a further surface leads on from one of its ends.
         limits: limits to set by name.
 
     Raises:
@@ -49,6 +54,8 @@ def require_end_face(
     level = max((np.array([one[k] for one in steps], float) for k in (0, 1)), key=lambda one: np.isfinite(one).sum())
     stepped = float(np.isfinite(level).mean()) if len(rows) >= LEAST_FRAMES else None
     beside = float(np.nanmedian(np.abs(level))) if stepped else 0.0
+    further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
+    further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
     checks = (
         check(
@@ -76,9 +83,16 @@ def require_end_face(
             f"{beside:.2f} mm beside it, beyond one of its ends: a step, an undercut, a second plate, a backing strip?",
             given=limits,
         ),
+        check("end_face_goes_on_share", goes_on_share, further, given=limits),
     )
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     return checks
+
+
+def edge_break_check(size_mm: float, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that what ends a face is its rounded or chamfered edge, of this size, and no further face."""
+    told = f"beyond its end the face is rounded or chamfered by {size_mm:.2g} mm: a bevel below it, a face of its own?"
+    return check("edge_break_mm", size_mm, told, given=limits)
 
 
 def _steps_mm(cloud: Cloud, labels: AnyArray, i: int) -> tuple[float, float]:

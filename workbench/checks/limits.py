@@ -177,6 +177,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames with faces in which the root face ends by itself, not at the end of the view",
         "without its end a bevel face under the upper surface looks like a root face under a bevel face",
     ),
+    "edge_break_mm": Limit(
+        1.6,
+        "radius of the rounded, or height of the chamfered lower edge that the returns show; of a raw edge of both",
+        "up to 2 mm are fitted; what is larger is a bevel, or a face of its own",
+    ),
     "root_columns": Limit(
         (8.0, 1e5),
         "columns that the expected root face's width would hold",
@@ -276,6 +281,13 @@ LIMITS: dict[str, Limit] = {
         "beyond one of its ends",
         "raw plates of all simulators show them in up to 0.15; a step or an undercut, whose lower edge is another, in "
         "0.5 and more, unless all of it lies in shadow",
+    ),
+    "end_face_goes_on_share": Limit(
+        0.2,
+        "share of the frames in which a surface leads on from the lower or the upper end of the end face, away from it "
+        "by less than a right angle and for more than 2 mm",
+        "plates show none; the lower bevel of a double one is seen in 0.55 to all of the frames, and where some of its "
+        "returns are lost the face seems to end beyond its corner",
     ),
     "two_plates_share": Limit(
         0.4,

@@ -16,6 +16,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
+from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.faces import FaceLines
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
@@ -32,18 +33,18 @@ SCATTER_TURN, SCATTER_OFFSET = 2.1, 1.2
 GRAZING = 3.0  # times the noise of the other face: more is no noise of grazing rays
 # A rounded end: the last returns of the root face, each alone, then pooled, how sure their depth must be, and what is
 # taken for possible.
-LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, 0.9, 3.0, 5
+LAST, OUTSIDE_MM, DEEP_MM, LEAST_GROUPS = 10, BROKEN_MM, 3.0, 5
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 ANYWHERE: Float = (np.arange(20.0)[None] + 0.5) / 20.0  # (1, 20) places of the end within a column, all of them in turn
 SOMEWHERE: Float = (np.arange(6.0)[:, None] + 0.5) / 6.0  # (6, 1) one of them, unknown
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a rounding
 PROOF, DEPTH_U_MM, LEAST_MEANS = 3.0, 0.0005, 8
-LEAST_RADIUS_MM, HIDDEN_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.5, 0.8, 30
+LEAST_RADIUS_MM, HIDDEN_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.5, 2.0, 35
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 CHAMFERS = np.radians(np.arange(10.0, 80.0, 2.5))  # by which a chamfer turns from the face
 SEEN_MOST = 0.9  # of the frames, in which a face is seen no farther
-STEP_MM = 0.15  # between columns of one surface
+STEP_MM, END_MM = 0.15, 0.6  # between columns of one surface; under the line, of those that were taken for its end
 SHAPE, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle; and a chamfer not flat
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which the last columns' are off anyway
 
@@ -295,7 +296,8 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     depth, last = np.full((frames.size, edges.size - 1), np.nan), np.full((frames.size, 2), np.nan)
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, last)
-    depth = depth[:, np.isfinite(depth).mean(axis=0) > 0.5]
+    mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
+    depth = _between(depth[:, : int(mostly.argmin())])
     depth = depth[np.isfinite(depth).all(axis=1)]
     told = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
     edges = edges[: depth.shape[1] + 1] if told else edges[:LEAST_GROUPS]
@@ -317,6 +319,14 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
     u_mm = math.hypot(math.hypot(missing_u, SHAPE * missing), further_u * step)
     return Rounding(radius, further * step + missing, u_mm, rounded)
+
+
+def _between(depth: Float) -> Float:
+    """Depths (f, g) with what a frame does not show between two groups that it does: where a face falls away, columns
+    stand closer along its line than usual.
+    """
+    beside = 0.5 * (depth[:, :-2] + depth[:, 2:])
+    return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), beside, depth[:, 1:-1]), depth[:, -1:]], 1)
 
 
 def _further(beyond: Float) -> tuple[float, float]:
@@ -386,7 +396,8 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
         last[i, 0] = further
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
         for j in range(columns):
-            on_line = along[j] <= 1e-6 and along[j] > -edges[-1] * step and abs(below[j]) < STEP_MM
+            off = END_MM if along[j] > -LAST * step else STEP_MM
+            on_line = along[j] <= 1e-6 and along[j] > -edges[-1] * step and abs(below[j]) < off
             if keep[i, j] and abs(along[j]) <= 1e-6:
                 last[i, 1] = below[j]
             if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):

@@ -31,6 +31,7 @@ class FaceEnds:
     slope: Shaped[Float, " N"]  # dz/dx of the face next to its last return
     alone: Shaped[Bool, " N"]  # the next column saw both the face and what lies behind it
     burred: Shaped[Bool, " N"]  # points stand out beside the edge
+    goes_on: Shaped[Bool, " N"]  # a further surface begins where the face ends, and leads away from it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,12 +151,12 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
         x = (offset[:, surface] - offset[:, end_face.FACE]) / (slope[:, end_face.FACE] - slope[:, surface])
         crossing = np.stack([x, slope[:, end_face.FACE] * x + offset[:, end_face.FACE]], axis=1)
     point = np.where(corner[:, None], crossing, ends[:, [end_face.END_X, end_face.END_Z]])
-    point[kind == end_face.HIDDEN] = np.nan
+    goes_on = kind == end_face.GOES_ON
+    point[(kind == end_face.HIDDEN) | goes_on] = np.nan
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
     burred = seen & (ends[:, end_face.PROUD] >= BURR_POINTS)
-    return FaceEnds(
-        corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE], ends[:, end_face.ALONE] == 1.0, burred
-    )
+    alone = ends[:, end_face.ALONE] == 1.0
+    return FaceEnds(corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE], alone, burred, goes_on)
 
 
 # Frames in which something stands before the edge: a clamp's own front runs along the end face and hides it.

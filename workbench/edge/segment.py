@@ -11,7 +11,9 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
 from workbench.checks.corners import ledge_takes_mm
+from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import Shown, require_bevel, require_columns
+from workbench.checks.judge import refuse_failed
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import (
@@ -103,6 +105,8 @@ def segment(
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
+    checks = (*checks, edge_break_check(rounding.radius_mm, given))
+    refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked)
         edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)

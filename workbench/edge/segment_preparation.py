@@ -25,6 +25,7 @@ from workbench.artefacts import (
     Quantity,
 )
 from workbench.checks import checked_limits
+from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
@@ -126,6 +127,8 @@ def segment_preparation(
     if rounding.radius_mm > 0.0:
         frames = frames_of(cloud, plates, rim)
         rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
+    checks.append(edge_break_check(rounding.radius_mm, given))
+    refuse_failed(checks, *_refused(cloud, frames))
     try:
         measured = measure_edge(cloud, frames.tracked)
         edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)

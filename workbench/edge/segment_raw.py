@@ -11,7 +11,7 @@ from pydantic import Field
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
-from workbench.checks.end_face import require_end_face
+from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, hidden_end_u_mm, misfit_of
@@ -93,11 +93,15 @@ def segment_raw(
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     along, sense = face_directions(cloud, upper_side, z_away)
     found = find_end_face(cloud, along, sense)
-    checks = plates, *require_end_face(cloud, found.labels, upper_side, set_limits)
+    goes_on = max(float(end.goes_on[found.seen].mean()) for end in (found.lower, found.upper))
+    checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, set_limits)
     try:
         measured = measure_raw_edge(cloud, found, most_radius_mm)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
+    broken = max(measured.lower.rounding.radius_mm, measured.upper.rounding.radius_mm)
+    checks = *checks, edge_break_check(broken, set_limits)
+    refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, *checks))
 

@@ -19,7 +19,7 @@ FACE, UPPER, LOWER, WHOLE = range(4)  # WHOLE: the end face with its margins
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
 KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD = range(8)
-HIDDEN, SILHOUETTE, CORNER = range(3)  # kinds of ends
+HIDDEN, SILHOUETTE, CORNER, GOES_ON = range(4)  # kinds of ends
 
 LEVEL_MM = 0.25  # width of the levels of q that are compared
 LEVELS = 5  # that one face may spread over
@@ -40,6 +40,8 @@ LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
 JOINED_MM = 0.7  # along the face from its end: what lies no further joins it
 ASIDE_MM = 0.3  # in front of or behind the face's line
 PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
+BROKEN_MM = 2.0  # beyond the face, of a rounding or a chamfer
+LEFT_MM = 0.1  # under the face's line: it is left
 END_POINTS = 7  # at the face's end that say how it leans there
 
 
@@ -287,7 +289,10 @@ def _walked(p: Float, depth: Float, at: Int, n: int, end: int, way: int, climb: 
 
 @kernel
 def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, way: int) -> int:
-    """HIDDEN where the field of view, or a surface that is nearer or goes on, ends the face; else SILHOUETTE."""
+    """HIDDEN where the field of view or a nearer surface ends the face, GOES_ON where a surface does; else SILHOUETTE.
+
+    What goes on for less than BROKEN_MM is its rounded or chamfered edge.
+    """
     rim = at[end] if way < 0 else columns - 1 - at[end]
     if rim < 2:
         return HIDDEN
@@ -298,11 +303,15 @@ def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, 
     if nearer >= 2:
         return HIDDEN
     on, k = 0, end + way
-    while 0 <= k < n and abs(at[k] - at[k - way]) <= 3 and on < 4:
+    while 0 <= k < n and abs(at[k] - at[k - way]) <= 3:
         if abs(depth[k] - depth[k - way]) + abs(p[k] - p[k - way]) > 0.3 * abs(at[k] - at[k - way]):
             break
         on, k = on + 1, k + way
-    return HIDDEN if on >= 4 else SILHOUETTE
+    start = end  # where what goes on leaves the face
+    while 0 < start < n - 1 and depth[start] > LEFT_MM:
+        start -= way
+    far = math.hypot(p[k - way] - p[start], depth[k - way] - depth[start])
+    return GOES_ON if on >= 4 and far > BROKEN_MM else SILHOUETTE
 
 
 @kernel

@@ -30,6 +30,9 @@ FINAL_SIGMAS = 4.5
 MAX_GAP_COLUMNS, MAX_LOST_COLUMNS = 8, 24
 CLEAR, MIXED, CUT, BURR = range(4)  # how the root face's end was seen
 NEARER_MM = 0.3  # a return this much nearer than the face stands in front of it
+FLANK = (
+    0.5  # width across the rays over height, at most, of the flank of a nearer surface that is lost: 63 deg and more
+)
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
@@ -223,20 +226,24 @@ def _stands_alone(z: Float32, j: int, direction: int) -> bool:
 
 
 @kernel
-def _cut_short(z: Float32, j: int, direction: int, on_line: float, sense: float) -> bool:
-    """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?"""
-    nearer = 0
-    for d in range(1, MAX_GAP_COLUMNS + 1):
-        k = j + d * direction
-        if k < 0 or k >= z.size:
-            return d <= 2 or nearer > 1
+def _cut_short(z: Float32, j: int, direction: int, on_line: float, step: float, sense: float) -> bool:
+    """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?
+
+    A nearer surface casts its shadow on the face. Its flank towards the face may graze the rays (every column `step`
+    mm farther on), and be lost.
+    """
+    nearer, k = 0, j + direction
+    while 0 <= k < z.size:
+        rise = -sense * (z[k] - on_line)
         if np.isfinite(z[k]):
-            if sense * (z[k] - on_line) > -NEARER_MM:
+            beyond = abs(k - j)
+            if rise < NEARER_MM or (beyond > MAX_GAP_COLUMNS and beyond * step > FLANK * rise):
                 return False
             nearer += 1
             if nearer > 2:
                 return True
-    return nearer > 1
+        k += direction
+    return nearer > 1 or abs(k - j) <= 2
 
 
 @kernel
@@ -290,7 +297,7 @@ def root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums
     flag = CLEAR
     if _burred(x, z, keep, end, direction, state[ROOT], sense, gate):
         flag = BURR
-    elif _cut_short(z, end, direction, ze, sense):
+    elif _cut_short(z, end, direction, ze, dx, sense):
         flag = CUT
     elif _stands_alone(z, end + direction, direction):
         flag = MIXED

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,44 +20,109 @@ from workbench.units import DEG, Float
 Corners = tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Chain(Section):
-    """A plate whose root face goes on through `corners`, (u, v) from its upper end on, to the plate's surface."""
-
-    corners: Corners = ()
-
-    def segments(self, w: Float) -> Float:
-        pieces = Section.segments(self, w)
-        above = [(u, self.root_mm + v) for u, v in self.corners]
-        points = [(0.0, self.root_mm), *above, (above[-1][0] - FAR_MM, above[-1][1])]
-        faces = np.array([[*after, *before] for before, after in pairwise(points)])
-        return np.concatenate([np.broadcast_to(faces, (len(w), len(faces), 4)), pieces[:, 2:]], axis=1)
+Lines = tuple[Corners, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Deburred(Section):
-    """A plate whose lower edge is chamfered: the rays see all of the chamfer, some of it, or none."""
+class Drawn(Section):
+    """A section that is the same all along: chains of corners, (u, v)."""
 
-    chamfer_mm: float = 0.0  # height
-    turn: float = 0.0  # from the face, rad
+    lines: Lines = ()
+    chamfer_mm: float = 0.0  # height of a chamfer that takes the lower edge off
 
     def segments(self, w: Float) -> Float:
-        pieces = Section.segments(self, w)  # upper surface, bevel, root face, lower surface, table
-        back = -self.chamfer_mm * np.tan(self.turn)
-        pieces[:, 2, 3], pieces[:, 3, 0] = self.chamfer_mm, back
-        chamfer = np.broadcast_to(np.array([0.0, self.chamfer_mm, back, 0.0]), (len(w), 1, 4))
-        return np.concatenate([pieces[:, :3], chamfer, pieces[:, 3:]], axis=1)
+        table = () if self.table_mm is None else (((2 * FAR_MM, -self.table_mm), (-FAR_MM, -self.table_mm)),)
+        pieces = np.array([[*one, *two] for line in (*self.lines, *table) for one, two in pairwise(line)])
+        return np.broadcast_to(pieces, (len(w), len(pieces), 4))
+
+
+def plate(root_mm: float, above: Corners, below: Corners = ((0.0, 0.0), (-FAR_MM, 0.0))) -> Corners:
+    """A plate whose end goes up from (0, root_mm) through the corners `above`, from there on, and down `below`."""
+    up = [(u, root_mm + v) for u, v in above]
+    return ((up[-1][0] - FAR_MM, up[-1][1]), *reversed(up), (0.0, root_mm), *below)
+
+
+class Sizes(NamedTuple):
+    """Of a plain plate, bevelled or raw."""
+
+    root_mm: float
+    bevel: float  # rad
+    thick_mm: float
+    table_mm: float | None
+
+    def above(self) -> Corners:
+        height = self.thick_mm - self.root_mm
+        return ((-np.tan(self.bevel) * height, height),)
+
+    def drawn(self, lines: Lines, chamfer_mm: float = 0.0) -> Drawn:
+        return Drawn(self.root_mm, 0.0, self.bevel, self.thick_mm, 0.0, self.table_mm, lines, chamfer_mm)
+
+
+def plain(rng: np.random.Generator, is_raw: bool) -> Sizes:
+    """Sizes of a plate; a raw one's end face is as high as the plate."""
+    root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
+    table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
+    thick = rng.uniform(4.0, 12.0) if is_raw else root + height
+    return Sizes(thick - 1e-3, np.pi / 4.0, thick, table) if is_raw else Sizes(root, bevel * DEG, thick, table)
 
 
 def deburred_plate(seed: int, is_raw: bool) -> Part:
     """Part `seed` with a chamfer of 0.05 to 0.5 mm."""
     rng = np.random.default_rng([780, seed])
-    root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
-    table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    thick, turn = rng.uniform(4.0, 12.0) if is_raw else root + height, rng.uniform(25.0, 65.0) * DEG
-    chamfer = min(float(np.exp(rng.uniform(np.log(0.05), np.log(0.5)))), 0.4 * root)
-    sizes = (thick - 1e-3, 0.0, np.pi / 4.0) if is_raw else (root, 0.0, bevel * DEG)
-    return simulate(seed, is_raw, Deburred(*sizes, thick, 0.0, table, chamfer, turn))
+    sizes = plain(rng, is_raw)
+    turn = rng.uniform(25.0, 65.0) * DEG
+    chamfer = min(_even_in_log(rng, 0.05, 0.5), 0.4 * (sizes.thick_mm if is_raw else sizes.root_mm))
+    below = ((0.0, chamfer), (-chamfer * np.tan(turn), 0.0), (-FAR_MM, 0.0))
+    return simulate(seed, is_raw, sizes.drawn((plate(sizes.root_mm, sizes.above(), below),), chamfer))
+
+
+def _even_in_log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _double_bevel(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """A further bevel under the face, which shallow rays see."""
+    turn, height = rng.uniform(20.0, 60.0) * DEG, rng.uniform(1.5, 5.0)
+    below = ((0.0, 0.0), (-height * np.tan(turn), -height), (-FAR_MM, -height))
+    table = None if sizes.table_mm is None else sizes.table_mm + height
+    return sizes._replace(table_mm=table).drawn((plate(sizes.root_mm, sizes.above(), below),))
+
+
+def _second_plate(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """The plate to be welded to it, prepared alike, in front of it: a groove."""
+    gap, higher, root = rng.uniform(0.5, 4.0), rng.uniform(-0.5, 0.5), sizes.root_mm
+    mine = plate(root, sizes.above())
+    return sizes.drawn((mine, tuple((gap - u, higher + v) for u, v in mine)))
+
+
+def _rail(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """A rail of a fixture in front of it, whose shadow may end the face."""
+    gap, width = rng.uniform(0.3, 8.0), rng.uniform(3.0, 40.0)
+    height, lean = rng.uniform(-0.5, 1.0) * sizes.root_mm, rng.choice([0.0, rng.uniform(0.2, 2.5)])
+    near = gap + lean * (height + 2.0)
+    rail = ((gap, -FAR_MM), (gap, -2.0), (near, height), (near + width, height), (near + width, -FAR_MM))
+    return sizes.drawn((plate(sizes.root_mm, sizes.above()), rail))
+
+
+def _on_table(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """A plate on a table, or close above it."""
+    sizes = sizes._replace(table_mm=float(rng.choice([0.0, _even_in_log(rng, 0.05, 3.0)])))
+    return sizes.drawn((plate(sizes.root_mm, sizes.above()),))
+
+
+def _rounded(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """A rounding larger than any that the view may hide by default."""
+    radius = min(_even_in_log(rng, 0.15, 1.2), 0.45 * sizes.root_mm)
+    return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, sizes.table_mm)
+
+
+SURROUNDED: dict[str, Callable[[np.random.Generator, Sizes], Section]] = {
+    "a bevel below as well": _double_bevel,
+    "a second plate in front": _second_plate,
+    "a rail in front": _rail,
+    "on a table, or up to 3 mm above": _on_table,
+    "lower edge rounded by 0.15 to 1.2 mm": _rounded,
+}
 
 
 def compound(lower_deg: float, upper_deg: float, share: float, height_mm: float) -> Corners:
@@ -111,11 +177,14 @@ def odd_plate(shape: str, seed: int, is_raw: bool) -> Part:
     """Part `seed` of one of SHAPES; is_raw: scanned as raw edges are, which shows less of what lies above."""
     if shape == DEBURRED:
         return deburred_plate(seed, is_raw)
+    if shape in SURROUNDED:
+        rng = np.random.default_rng([781, seed, list(SURROUNDED).index(shape)])
+        return simulate(seed, is_raw, SURROUNDED[shape](rng, plain(rng, is_raw)))
     rng = np.random.default_rng([779, seed, list(SHAPES).index(shape)])
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    corners = SHAPES[shape](rng, bevel, height)
-    return simulate(seed, is_raw, Chain(root, 0.0, bevel * DEG, root + height, 0.0, table, corners))
+    sizes = Sizes(root, bevel * DEG, root + height, table)
+    return simulate(seed, is_raw, sizes.drawn((plate(root, SHAPES[shape](rng, bevel, height)),)))
 
 
 def judged(shape: str, seeds: range, is_raw: bool) -> tuple[int, int, list[str]]:
@@ -131,7 +200,7 @@ def judged(shape: str, seeds: range, is_raw: bool) -> tuple[int, int, list[str]]
         except WorkbenchError:
             refused += 1
             continue
-        if isinstance(part.section, Deburred):
+        if isinstance(part.section, Drawn) and part.section.chamfer_mm > 0.0:
             found = _to_either_end(found, part.section.chamfer_mm)
         off = [f"{q} {np.abs(e).max():.3f} at {(np.abs(e) / u).max():.1f} u" for q, (e, u) in found.items() if e.size]
         worst = max((float((np.abs(e) / u).max()) for e, u in found.values() if e.size), default=0.0)
@@ -162,7 +231,7 @@ def main() -> None:
     print(f"`python -m bench.odd_plates --parts {chosen.parts} --seed {chosen.seed}`\n")
     print("| shape | given as | refused | right | wrong |\n| --- | --- | --- | --- | --- |")
     told: list[str] = []
-    for shape in (*SHAPES, DEBURRED):
+    for shape in (*SHAPES, DEBURRED, *SURROUNDED):
         for is_raw in (False, True):
             refused, right, wrong = judged(shape, seeds, is_raw)
             name = "raw edge" if is_raw else "bevel"

@@ -21,7 +21,7 @@ def test_a_rough_direction_is_enough(scanned: Scans, off_deg: float) -> None:
     scan = scanned(part=RAW)
     truth = scan.truth
     told = np.cos(off_deg * DEG) * truth.across[0] + np.sin(off_deg * DEG) * truth.normal[0]
-    along, sense = face_directions(scan.cloud, tuple(told), None)
+    along, sense, _ = face_directions(scan.cloud, tuple(told), None)
     pose = scan.cloud.base_from_profiler
     line = along[:, :1] * pose[:, :3, 0] + along[:, 1:] * pose[:, :3, 2]
     assert sense == 1.0
@@ -33,11 +33,11 @@ def test_a_rough_direction_is_enough(scanned: Scans, off_deg: float) -> None:
 @pytest.mark.parametrize("x_rises", [True, False])
 def test_axes_of_the_sensor_are_found_out(scanned: Scans, z_away: bool, x_rises: bool) -> None:
     scan = scanned(part=RAW, scanner={"columns": 500, "z_away": z_away, "x_rises": x_rises})
-    along, sense = face_directions(scan.cloud, (0.0, 0.0, 1.0), None)
+    along, sense, _ = face_directions(scan.cloud, (0.0, 0.0, 1.0), None)
     assert sense == (1.0 if z_away else -1.0)
     assert np.isfinite(along).all()
 
 
 def test_a_table_before_the_face_does_not_turn_the_sense_round(scanned: Scans) -> None:
     scan = scanned(part=RAW | {"table_gap_mm": 1.0})
-    assert face_directions(scan.cloud, (0.0, 0.0, 1.0), None)[1] == 1.0
+    assert face_directions(scan.cloud, (0.0, 0.0, 1.0), None).sense == 1.0

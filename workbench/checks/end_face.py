@@ -17,6 +17,9 @@ LEAST_FRAMES = 4
 # it, leaning by how much to it, and among how many columns.
 STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
 STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
+# Single returns of many frames on one level: within how much, of each frame's next ones, times as many as right beside
+# it, how far from the face across it and along it.
+LEVEL_MM, NEXT, ALONE, LEVEL_FROM_MM, LEVEL_AWAY_MM = 0.1, 2, 2.0, 0.3, 0.15
 
 
 def require_end_face(
@@ -50,10 +53,7 @@ def require_end_face(
     turns = [turn for _, beside in seen for turn in beside]
     off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
     bow = bow_of(cloud, labels, rows, ROOT_FACE).share
-    steps = [_steps_mm(cloud, labels[i], int(i)) for i in rows]
-    level = max((np.array([one[k] for one in steps], float) for k in (0, 1)), key=lambda one: np.isfinite(one).sum())
-    stepped = float(np.isfinite(level).mean()) if len(rows) >= LEAST_FRAMES else None
-    beside = float(np.nanmedian(np.abs(level))) if stepped else 0.0
+    stepped, beside = _steps(cloud, labels, rows) if len(rows) >= LEAST_FRAMES else (None, 0.0)
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
     further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
@@ -95,12 +95,30 @@ def edge_break_check(size_mm: float, limits: Mapping[str, Bound] | None = None) 
     return check("edge_break_mm", size_mm, told, given=limits)
 
 
-def _steps_mm(cloud: Cloud, labels: AnyArray, i: int) -> tuple[float, float]:
-    """How far beside a frame's end face returns run parallel to it beyond its first and its last column; NaN: none."""
+def _steps(cloud: Cloud, labels: AnyArray, rows: Int) -> tuple[float, float]:
+    """Share of frames in which returns run parallel to the end face beyond one of its ends; how far beside it, mm.
+
+    By the runs of each frame; and by single returns that stand on one level, where a step shows no more of itself.
+    """
+    beyond = [_beyond(cloud, labels[i], int(i)) for i in rows]
+    found = (0.0, 0.0)
+    for k in (0, 1):
+        ends = [one[k] for one in beyond if one is not None]
+        runs = np.array([_parallel_mm(*end) for end in ends])
+        seen = float(np.isfinite(runs).sum()) / len(rows)
+        found = max(found, (seen, float(np.nanmedian(np.abs(runs))) if seen else 0.0), _one_level(ends, len(rows)))
+    return found
+
+
+Beyond = tuple[Float, Float]  # of returns beyond an end of a frame's face: distance from it along the face, and across
+
+
+def _beyond(cloud: Cloud, labels: AnyArray, i: int) -> tuple[Beyond, Beyond] | None:
+    """Returns beyond the first and the last column of a frame's end face, near it; None: there is none."""
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     on, kept = np.flatnonzero((labels == ROOT_FACE) & cloud.keep[i]), np.flatnonzero(cloud.keep[i])
     if len(on) < LEAST_POINTS:
-        return np.nan, np.nan
+        return None
     sign = rising(x[kept])
     at = direction(x[on], z[on], sign)
     along, across = (
@@ -108,20 +126,42 @@ def _steps_mm(cloud: Cloud, labels: AnyArray, i: int) -> tuple[float, float]:
     )  # rising with the column, and square to that
     across = across - np.median(across[on])
     before, after = kept[kept < on[0]][::-1], kept[kept > on[-1]]
-    return _parallel_mm(-along, across, before, int(on[0])), _parallel_mm(along, across, after, int(on[-1]))
+    before, after = before[on[0] - before <= STEP_COLUMNS], after[after - on[-1] <= STEP_COLUMNS]
+    return (along[on[0]] - along[before], across[before]), (along[after] - along[on[-1]], across[after])
 
 
-def _parallel_mm(outwards: Float, across: Float, beyond: Int, end: int) -> float:
-    """Distance from the face of the first run of returns parallel to it `beyond` its `end` (columns), mm; NaN: none."""
-    near = beyond[np.abs(beyond - end) <= STEP_COLUMNS]
-    for run in np.split(near, np.flatnonzero(np.abs(np.diff(across[near])) > STEP_FROM_MM) + 1):
-        if len(run) < STEP_POINTS or np.ptp(outwards[run]) < STEP_LONG_MM:
+def _parallel_mm(away: Float, across: Float) -> float:
+    """Distance from the face of the first run of returns parallel to it beyond its end, mm; NaN: none."""
+    for run in np.split(np.arange(len(away)), np.flatnonzero(np.abs(np.diff(across)) > STEP_FROM_MM) + 1):
+        if len(run) < STEP_POINTS or np.ptp(away[run]) < STEP_LONG_MM:
             continue
-        level, away = float(np.median(across[run])), outwards[run[0]] - outwards[end]
-        lean = abs(float(np.polyfit(outwards[run], across[run], 1)[0]))
-        if STEP_FROM_MM < abs(level) < STEP_TO_MM and lean < STEP_LEAN and away < STEP_TO_MM:
+        level, lean = float(np.median(across[run])), abs(float(np.polyfit(away[run], across[run], 1)[0]))
+        if STEP_FROM_MM < abs(level) < STEP_TO_MM and lean < STEP_LEAN and away[run[0]] < STEP_TO_MM:
             return level
     return np.nan
+
+
+def _one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
+    """Share of some frames whose next returns beyond one end stand on the level on which most of them do; that, mm.
+
+    What falls off from the face step by step is its rounded or chamfered edge; what begins at its end, a surface of the
+    plate; nearly as many right beside the level, or a level that leans, are those of some other surface.
+    """
+    frame = np.repeat(np.arange(len(ends)), [len(away[:NEXT]) for away, _ in ends])
+    away, across = (np.concatenate([end[k][:NEXT] for end in ends]) if ends else np.zeros(0) for k in (0, 1))
+    falls = np.unique(frame[np.abs(across) <= LEVEL_FROM_MM])
+    near = (away > LEVEL_AWAY_MM) & (away < STEP_TO_MM) & (np.abs(across) < STEP_TO_MM) & ~np.isin(frame, falls)
+    frame, away, across = frame[near], away[near], across[near]
+    best = (0.0, 0.0)
+    for low in np.unique(np.round(across / (0.5 * LEVEL_MM))) * 0.5 * LEVEL_MM:
+        on = (across >= low) & (across < low + LEVEL_MM)
+        beside = (across >= low - LEVEL_MM) & (across < low + 2.0 * LEVEL_MM) & ~on
+        share = len(np.unique(frame[on])) / frames
+        if share > best[0] and on.sum() > max(STEP_POINTS, ALONE * beside.sum()):
+            spread = float(np.ptp(away[on]))
+            lean = abs(float(np.polyfit(away[on], across[on], 1)[0])) if spread > 0.0 else 0.0
+            best = (share, abs(low + 0.5 * LEVEL_MM)) if lean < STEP_LEAN else best
+    return best
 
 
 def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:

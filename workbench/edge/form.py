@@ -333,9 +333,11 @@ def _further(beyond: Float) -> tuple[float, float]:
     """How many columns a face is seen beyond its line, by the returns there in f frames (f,), and its u.
 
     On average, where none is lost; with the last ones lost here and there, by a mixed pixel, nearly as many as most.
+    Which return is the last one on the line is a matter of noise, where it falls off slowly: the end of the line by all
+    frames may be that of a few.
     """
     mean, most = float(beyond.mean()), float(np.quantile(beyond, SEEN_MOST))
-    return 0.5 * (mean + most), 0.5 * (most - mean)
+    return 0.5 * (mean + most), math.hypot(0.5 * (most - mean), float(beyond.std()))
 
 
 def _odd_columns(known: Depths, fall: Float) -> int:

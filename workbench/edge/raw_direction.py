@@ -1,12 +1,14 @@
 """Which way the end face of a raw edge runs in each frame, and whether z counts away from the sensor.
 
-`upper_side` says so roughly. Key frames are searched for the straight run along it, some 30 deg about; what lies
-beside that run, the plate's surfaces or what stands behind, is farther from the sensor than the face.
+`upper_side` says so roughly. Key frames are searched for the straight run along it, some 30 deg about. Rays that fan
+out tell the sense of z by themselves; else what lies beside that run does, the plate's surfaces or what stands behind,
+which is farther from the sensor than the face.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from workbench.artefacts import Cloud
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, in_order
 from workbench.geometry.end_face import best_direction
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, Float, Int, Shaped
 
 WHERE = "edge.segment_raw.upper_side"
 KEY_FRAMES = 60  # a pass
@@ -22,12 +24,25 @@ TRAVEL_FRAMES = 400  # that say where the scan goes
 SEARCH = np.arange(-33.0, 34.0, 3.0) * DEG  # of the face's direction about `upper_side`
 LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
 NEIGHBOURS = 4  # key frames on each side whose median direction counts
-LEAST_BESIDE, LEAST_VOTES, LEAST_MAJORITY = 3, 3, 0.5
+LEAST_BESIDE, LEAST_VOTES, LEAST_SHARE, LEAST_MAJORITY = 3, 3, 0.25, 0.5
+FAN_FRAMES, FAN_LEAST, FAN = 120, 10, 0.9  # frames in all, and of a column; correlation by which rays fan out
+BY_LOWER_END = (
+    "that z counts {} the sensor is told only by what joins the lower end of the end face: it is the plate's lower "
+    "surface, unless the plate lies on a table and its upper surface gives no returns; if so, give z_away"
+)
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 
 
-def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | None) -> tuple[Float, float]:
-    """Direction (N, 2) of the end face in each frame's (x, z), unit, towards the upper side (NaN: none); sense of z.
+class Directions(NamedTuple):
+    """How the end face lies in N frames."""
+
+    along: Shaped[Float, "N 2"]  # its direction in (x, z), unit, towards the upper side; NaN: none
+    sense: float  # +1: z counts away from the sensor
+    warnings: tuple[str, ...]
+
+
+def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | None) -> Directions:
+    """How the end face lies in every frame.
 
     Raises InputError where `upper_side` is no direction across the edge, no raw edge is in view, or nothing tells
     whether z counts away from the sensor (+1) or towards it (-1).
@@ -36,14 +51,15 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     flat = np.stack([cloud.base_from_profiler[:, :3, k].astype(float) @ wished for k in (0, 2)], axis=1)
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     flat = np.where(size > np.sin(LEAST_ACROSS), flat / size, np.nan)
-    turn, votes = np.full(len(flat), np.nan), np.zeros(2)
+    turn, votes, read = np.full(len(flat), np.nan), np.zeros((2, 2)), 0
     for p in np.unique(cloud.pass_index):
         mine = np.flatnonzero((cloud.pass_index == p) & np.isfinite(flat[:, 0]))
         if mine.size:
             keys = mine[np.unique(np.linspace(0, mine.size - 1, KEY_FRAMES).round().astype(int))]
             readings = _read_keys(cloud, keys, flat[keys])
             found = readings[:, 1] > 0
-            votes += _votes(readings[found, 2:])
+            votes += [_votes(readings[found, 2:4]), _votes(readings[found, 4:6])]
+            read += int(found.sum())
             if found.any():
                 turn[mine] = np.interp(mine, keys[found], _running_median(readings[found, 0]))
     if not np.isfinite(turn).any():
@@ -54,7 +70,20 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
         )
     c, s = np.cos(turn), np.sin(turn)
     along = np.stack([flat[:, 0] * c - flat[:, 1] * s, flat[:, 1] * c + flat[:, 0] * s], axis=1)
-    return along, _sense(cloud, votes, z_away)
+    if z_away is not None:
+        return Directions(along, 1.0 if z_away else -1.0, ())
+    sense = fan_sense(cloud) or _majority(votes[0], LEAST_VOTES)
+    if sense:
+        return Directions(along, sense, ())
+    sense = _majority(votes[1], max(LEAST_VOTES, LEAST_SHARE * read))
+    if not sense:
+        raise InputError(
+            cloud.source,
+            "nothing beside the end face tells whether z counts away from the sensor: expected a surface of the plate "
+            "or something behind it in view, or the parameter z_away; or is this an edge that is prepared already "
+            "(edge.segment)?",
+        )
+    return Directions(along, sense, (BY_LOWER_END.format("away from" if sense > 0 else "towards"),))
 
 
 def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
@@ -104,9 +133,9 @@ def _travelled(cloud: Cloud) -> Float:
 
 
 def _read_keys(cloud: Cloud, keys: Int, flat: Float) -> Float:
-    """What `best_direction` finds in each key frame: (k, 4)."""
+    """What `best_direction` finds in each key frame: (k, 6)."""
     x, z, keep = (as_input(v[keys]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    out = np.zeros((keys.size, 4))
+    out = np.zeros((keys.size, 6))
 
     def read(i: int, _: int) -> None:
         best_direction(x[i], z[i], keep[i], flat[i, 0], flat[i, 1], SEARCH, out[i])
@@ -122,7 +151,7 @@ def _running_median(values: Float) -> Float:
 
 
 def _votes(beside: Float) -> Float:
-    """Key frames (2,) that show what lies beside the face at higher, and at lower z; beside (k, 2): points of each.
+    """Key frames (2,) that show what lies beside one end at higher, and at lower z; beside (k, 2): points of each.
 
     A frame counts if most of its points agree: a table that reaches out before the face lies nearer than it.
     """
@@ -131,19 +160,38 @@ def _votes(beside: Float) -> Float:
     return np.array([(clear & (more > 0)).sum(), (clear & (more < 0)).sum()], dtype=float)
 
 
-def _sense(cloud: Cloud, votes: Float, z_away: bool | None) -> float:
-    """+1 if z counts away from the sensor: what lies beside the face is farther off than the face."""
-    if z_away is not None:
-        return 1.0 if z_away else -1.0
+def _majority(votes: Float, least: float) -> float:
+    """+1 if the key frames agree that z counts away from the sensor, -1 if towards it; 0: they do not say.
+
+    votes (2,): see `_votes` of one end. What lies beside the face is farther off than it. At the lower end that may be
+    a table, which reaches out before the face as well.
+    """
     above, below = votes
-    if above + below < LEAST_VOTES or abs(above - below) < LEAST_MAJORITY * (above + below):
-        raise InputError(
-            cloud.source,
-            "nothing beside the end face tells whether z counts away from the sensor: expected a surface of the plate "
-            "or something behind it in view, or the parameter z_away; or is this an edge that is prepared already "
-            "(edge.segment)?",
-        )
+    if above + below < least or abs(above - below) < LEAST_MAJORITY * (above + below):
+        return 0.0
     return 1.0 if above > below else -1.0
+
+
+def fan_sense(cloud: Cloud) -> float:
+    """+1 if the rays fan out in the sense of z, -1 if against it; 0: the columns are parallel, or resampled.
+
+    A column's returns lie on its ray: x changes with z by the tangent of the ray's angle, which grows with x.
+    """
+    frames = np.unique(np.linspace(0, len(cloud.keep) - 1, FAN_FRAMES).round().astype(np.int64))
+    on = np.isfinite(cloud.x_mm[frames]) & np.isfinite(cloud.z_mm[frames])
+    column = np.flatnonzero(on.sum(axis=0) >= FAN_LEAST)
+    if column.size < FAN_LEAST:
+        return 0.0
+    on = on[:, column]
+    x, z = (np.where(on, of[np.ix_(frames, column)], 0.0).astype(np.float64) for of in (cloud.x_mm, cloud.z_mm))
+    count = on.sum(axis=0)
+    at = x.sum(axis=0) / count
+    off_x, off_z = np.where(on, x - at, 0.0), np.where(on, z - z.sum(axis=0) / count, 0.0)
+    tangent = (off_x * off_z).sum(axis=0) / np.maximum((off_z**2).sum(axis=0), 1e-12)
+    if not np.ptp(tangent) > 0.0:
+        return 0.0
+    together = float(np.corrcoef(at, tangent)[0, 1])
+    return float(np.sign(together)) if abs(together) > FAN else 0.0
 
 
 def _text(vector: Sequence[float]) -> str:

@@ -91,8 +91,8 @@ def segment_raw(
     set_limits = checked_limits(limits, "edge.segment_raw.limits")
     plates = plates_check(two_plates_share(cloud), set_limits)
     refuse_failed((plates,), f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
-    along, sense = face_directions(cloud, upper_side, z_away)
-    found = find_end_face(cloud, along, sense)
+    lies = face_directions(cloud, upper_side, z_away)
+    found = find_end_face(cloud, lies.along, lies.sense)
     goes_on = max(float(end.goes_on[found.seen].mean()) for end in (found.lower, found.upper))
     checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, set_limits)
     try:
@@ -103,7 +103,7 @@ def segment_raw(
     checks = *checks, edge_break_check(broken, set_limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
-    return replace(edge, checks=(*edge.checks, *checks))
+    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
 
 
 def _edge(

@@ -37,7 +37,6 @@ SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its 
 SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
-JOINED_MM = 0.7  # along the face from its end: what lies no further joins it
 ASIDE_MM = 0.3  # in front of or behind the face's line
 PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
 BROKEN_MM = 2.0  # beyond the face, of a rounding or a chamfer
@@ -165,8 +164,8 @@ def _without_streaks(p: Float, q: Float, first: int, last: int, a: float, b: flo
 def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, angles: Float, out: Float) -> None:
     """The end face's direction in a profile, among `angles` about (gx, gz), and what lies beside it.
 
-    Fills out (4,): the face's angle from (gx, gz) towards (-gz, gx), rad; its width, mm (0: no face); and how many
-    points next to its ends lie at higher and at lower z than its line: those of what joins it there, if any does.
+    Fills out (6,): the face's angle from (gx, gz) towards (-gz, gx), rad; its width, mm (0: no face); and how many of
+    the points next to its upper end, then next to its lower end, lie at higher and at lower z than its line.
     """
     at, p, q = np.empty(x.size, np.int64), np.empty(x.size), np.empty(x.size)
     out[:] = 0.0
@@ -190,16 +189,13 @@ def best_direction(x: Float32, z: Float32, keep: Bool, gx: float, gz: float, ang
             return
         best += math.atan(b)
     out[0], out[1] = best, abs(p[last] - p[first])
-    joined = np.zeros(2)
     for k in range(n):
         end = first if k < first else last
         r = (q[k] - a - b * p[k]) * np.sign(ux)
         if first <= k <= last or abs(at[k] - at[end]) > 2 * LOOK_COLUMNS or abs(r) < max(ASIDE_MM, gate):
             continue
-        out[2 if r > 0.0 else 3] += 1.0
-        joined[0 if r > 0.0 else 1] += abs(p[k] - p[end]) < JOINED_MM + SURFACE_LEAN * abs(r)
-    if joined.sum() >= LOOK_COLUMNS // 2:
-        out[2], out[3] = joined[0], joined[1]
+        is_lower = p[end] < 0.5 * (p[first] + p[last])
+        out[(4 if is_lower else 2) + (0 if r > 0.0 else 1)] += 1.0
 
 
 @kernel
@@ -248,24 +244,28 @@ def _spread_out(p: Float, chosen: Bool, n: int, weight: Float) -> None:
 
 
 @kernel
-def _surface(p: Float, depth: Float, first: int, last: int, end: float, chosen: Bool) -> tuple[float, float, float]:
+def _surface(
+    p: Float, depth: Float, first: int, last: int, end: float, way: int, chosen: Bool
+) -> tuple[float, float, float]:
     """The surface that runs into the plate from the face's end at p = `end`, over points first to last - 1.
 
     Marks its points in `chosen`; its line p = a + b depth and the gate (mm) about it, which is 0 where none is seen.
+    The farther from the face its columns (in the sense of `way`), the deeper it lies: what is seen through a gap under
+    the plate, a table, runs the other way.
     """
     a, b, gate = end, 0.0, SURFACE_SLACK
     lean = SURFACE_LEAN
     for limit in (0.4, 0.2, 0.0, 0.0):
         m, sd, sp, sdd, sdp, spp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        near, far = np.inf, -np.inf
+        near, far, mk, kd = np.inf, -np.inf, 0.0, 0.0
         for k in range(first, last):
             d = depth[k]
             r = p[k] - a - b * d
             chosen[k] = SURFACE_FROM_MM < d < SURFACE_TO_MM and abs(r) < gate + lean * d
             if chosen[k]:
                 m, sd, sp, sdd, sdp, spp = m + 1.0, sd + d, sp + r, sdd + d * d, sdp + d * r, spp + r * r
-                near, far = min(near, d), max(far, d)
-        if m < LEAST_POINTS or near > SURFACE_NEAR_MM or far - near < 1.0:
+                near, far, mk, kd = min(near, d), max(far, d), mk + k, kd + k * d
+        if m < LEAST_POINTS or near > SURFACE_NEAR_MM or far - near < 1.0 or way * (kd - mk * sd / m) < 0.0:
             return a, b, 0.0
         spread = sdd - sd * sd / m
         turn = (sdp - sd * sp / m) / max(spread, 1e-9)
@@ -376,7 +376,7 @@ def _read_frame(
         start, stop = (end, n) if way > 0 else (0, end + 1)
         for k in range(n):
             chosen[k] = False
-        sa, sb, around = _surface(p, depth, start, stop, p[end], chosen)
+        sa, sb, around = _surface(p, depth, start, stop, p[end], way, chosen)
         edge = sa if around > 0.0 else p[end]
         ends[upper, PROUD] = _proud(p, depth, n, climb, edge, sb, around, gate)
         if around > 0.0:

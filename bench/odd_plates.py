@@ -58,6 +58,11 @@ class Sizes(NamedTuple):
         return Drawn(self.root_mm, 0.0, self.bevel, self.thick_mm, 0.0, self.table_mm, lines, chamfer_mm)
 
 
+def drawn_above(root_mm: float, bevel: float, corners: Corners, table_mm: float | None = None) -> Drawn:
+    """A plate whose root face goes on through `corners` from its upper end on; bevel: what is said of it, rad."""
+    return Sizes(root_mm, bevel, root_mm + corners[-1][1], table_mm).drawn((plate(root_mm, corners),))
+
+
 def plain(rng: np.random.Generator, is_raw: bool) -> Sizes:
     """Sizes of a plate; a raw one's end face is as high as the plate."""
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
@@ -183,8 +188,7 @@ def odd_plate(shape: str, seed: int, is_raw: bool) -> Part:
     rng = np.random.default_rng([779, seed, list(SHAPES).index(shape)])
     root, bevel, height = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0), rng.uniform(3.0, 8.0)
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    sizes = Sizes(root, bevel * DEG, root + height, table)
-    return simulate(seed, is_raw, sizes.drawn((plate(root, SHAPES[shape](rng, bevel, height)),)))
+    return simulate(seed, is_raw, drawn_above(root, bevel * DEG, SHAPES[shape](rng, bevel, height), table))
 
 
 def judged(shape: str, seeds: range, is_raw: bool) -> tuple[int, int, list[str]]:

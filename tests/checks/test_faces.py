@@ -12,7 +12,7 @@ import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.metrology.planning.part import rough_upper_side
-from bench.odd_plates import DEBURRED, Chain, compound, j_shape, judged, ledge, odd_plate
+from bench.odd_plates import DEBURRED, compound, drawn_above, j_shape, judged, ledge, odd_plate
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from tests.checks.conftest import good
@@ -190,7 +190,7 @@ ODD = {
 
 def odd(name: str, seed: int, is_raw: bool) -> Part:
     corners = ODD[name]
-    of = Chain(1.5, 0.0, np.radians(35.0), 1.5 + corners[-1][1], 0.0, None, corners)
+    of = drawn_above(1.5, 35.0 * DEG, corners)
     return simulate(seed, is_raw, of)
 
 
@@ -229,7 +229,7 @@ def test_an_end_face_with_a_step_is_not_measured_as_one_of_its_levels(seed: int)
     rng = np.random.default_rng(seed)
     thick, share, step = rng.uniform(4.0, 12.0), rng.uniform(0.3, 0.7), rng.uniform(0.2, 0.8) * rng.choice([-1.0, 1.0])
     levels = ((-step, 0.0), (-step, (1.0 - share) * thick))
-    part = simulate(seed, True, Chain(share * thick, 0.0, 0.0, thick, 0.0, None, levels))
+    part = simulate(seed, True, drawn_above(share * thick, 0.0, levels))
     turn = part.base_from_section[:3, :3]
     with contextlib.suppress(InputError):  # refused is right, too
         edge = segment_raw(denoise(fuse(part.recording)), upper_side=tuple(turn[:, 1].tolist()))
@@ -261,7 +261,7 @@ def test_end_faces_of_raw_plates_pass(condition: str) -> None:
 
 def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
     """0.1 mm: it takes 0.14 mm off the root face; each frame has a few points on it, within their noise."""
-    of = Chain(1.5, 0.0, np.radians(35.0), 6.5, 0.0, None, ledge(0.1, 35.0, 5.0))
+    of = drawn_above(1.5, 35.0 * DEG, ledge(0.1, 35.0, 5.0))
     with pytest.raises(InputError, match=r"stands out of them.*corner_stands_out_mm"):
         segment(denoise(fuse(simulate(0, False, of).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)
 
@@ -271,7 +271,7 @@ def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
 )
 def test_a_ledge_narrower_than_a_column_is_in_the_uncertainty(seed: int, land_mm: float, bevel_deg: float) -> None:
     """The root face is short by what it takes off, 0.03 to 0.09 mm (at 5 to 10 u before); a plain bevel has none."""
-    of = Chain(1.5, 0.0, bevel_deg * DEG, 7.5, 0.0, None, ledge(land_mm, bevel_deg, 6.0))
+    of = drawn_above(1.5, bevel_deg * DEG, ledge(land_mm, bevel_deg, 6.0))
     plain = Section(1.5, 0.0, bevel_deg * DEG, 7.5, 0.0, None)
     found, without = (judged_inspection(simulate(seed, False, section)) for section in (of, plain))
     error, u = found["root, mm"]
@@ -287,7 +287,7 @@ def test_a_corner_stands_out_by_what_a_ledge_does() -> None:
     close = {}
     for land_mm in (0.0, 0.03, 0.06):
         corners = ledge(land_mm, 40.0, 6.0) if land_mm else ((-6.0 * np.tan(40.0 * DEG), 6.0),)
-        of = Chain(1.5, 0.0, 40.0 * DEG, 7.5, 0.0, None, corners)
+        of = drawn_above(1.5, 40.0 * DEG, corners)
         cloud = denoise(fuse(simulate(3002, False, of).recording))
         (check,) = [one for one in segment(cloud, bevel_nominal_deg=40.0).checks if one.name == "close_stands_out_mm"]
         close[land_mm] = float(ledge_takes_mm(check.value, np.array([40.0 * DEG]))[0])
@@ -305,7 +305,7 @@ def test_a_compound_bevel_whose_angles_hardly_differ_is_refused(seed: int) -> No
         5064: (4.0, 0.15, 35.4, 38.3),
         5084: (5.0, 0.16, 43.3, 45.6),
     }[seed]
-    of = Chain(1.5, 0.0, low * DEG, 1.5 + height, 0.0, None, compound(low, high, share, height))
+    of = drawn_above(1.5, low * DEG, compound(low, high, share, height))
     with pytest.raises(InputError, match=r"the bevel face has a corner of [23]\.\d deg at \d+ % .*face_bend_deg"):
         judged_inspection(simulate(seed, False, of))
 
@@ -314,7 +314,7 @@ def test_a_compound_bevel_whose_angles_hardly_differ_is_refused(seed: int) -> No
 def test_a_smaller_corner_within_the_bevel_face_is_in_its_uncertainty(differ_deg: float) -> None:
     corners = {share: compound(40.0, 40.0 + differ_deg, share, 6.0) for share in (0.2, 0.4)}
     for share, shape in corners.items():
-        found = judged_inspection(simulate(5027, False, Chain(1.5, 0.0, 40.0 * DEG, 7.5, 0.0, None, shape)))
+        found = judged_inspection(simulate(5027, False, drawn_above(1.5, 40.0 * DEG, shape)))
         error, u = found["bevel, deg"]
         assert np.median(error) == pytest.approx(differ_deg * (1.0 - share), abs=0.25)
         assert (np.abs(error) / u).max() < 2.5

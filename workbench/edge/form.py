@@ -296,8 +296,9 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     depth, last = np.full((frames.size, edges.size - 1), np.nan), np.full((frames.size, 2), np.nan)
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _last_returns(x, z, keep, as_input(np.stack(of_line, axis=1)), as_input(edges), depth, last)
+    depth = _between(depth)
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
-    depth = _between(depth[:, : int(mostly.argmin())])
+    depth = depth[:, : int(mostly.argmin())]
     depth = depth[np.isfinite(depth).all(axis=1)]
     told = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
     edges = edges[: depth.shape[1] + 1] if told else edges[:LEAST_GROUPS]
@@ -322,8 +323,8 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
 
 
 def _between(depth: Float) -> Float:
-    """Depths (f, g) with what a frame does not show between two groups that it does: where a face falls away, columns
-    stand closer along its line than usual.
+    """Depths (f, g) with what a frame does not show between two groups that it does: its returns may lie at the limits
+    of the groups, one by one on this side or that.
     """
     beside = 0.5 * (depth[:, :-2] + depth[:, 2:])
     return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), beside, depth[:, 1:-1]), depth[:, -1:]], 1)

@@ -167,16 +167,16 @@ def _read(
     score = _off(angle, bevel_nominal)
     upper_row = lower_row = None
     root_end = r[X1] if side > 0 else r[X0]
-    if lower is not None:
-        if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
-            lower_row, score = chain[lower], score - CONTEXT
-            root_end = crossing(r, chain[lower])
-        elif convex(r, chain[lower]) > 0:
-            score += CONTEXT
     if upper is not None:
         if _off(convex(chain[upper], b), math.pi / 2 - angle) < 4.5:
             upper_row, score = chain[upper], score - CONTEXT
         elif convex(chain[upper], b) > 0:
+            score += CONTEXT
+    if lower is not None:
+        if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
+            lower_row, score = chain[lower], score - CONTEXT
+            root_end = crossing(r, chain[lower])
+        elif convex(r, chain[lower]) > 0 and upper_row is None:  # else a bevel below, too
             score += CONTEXT
     width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
     score += 0.5 * (math.log(max(width, 1e-3) / root_nominal_mm) / WIDTH_SIGMA) ** 2

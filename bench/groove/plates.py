@@ -14,8 +14,7 @@ from collections import defaultdict
 import numpy as np
 
 from bench.groove.table import FAR, print_table
-from bench.odd_plates import Chain as OutsidePlate
-from bench.odd_plates import Corners, compound, j_shape, ledge
+from bench.odd_plates import Corners, compound, drawn_above, j_shape, ledge
 from bench.outside import simulate
 from workbench.artefacts import PreparationInspection, Recording, u_name
 from workbench.artefacts.grooves import PREPARATION_TERMS
@@ -179,8 +178,7 @@ def outside_plate(kind: str, seed: int) -> tuple[Recording, Truth]:
         exact |= {"land_mm": land, "bevel_deg": bevel, "root_radius_mm": radius}
     exact["width_mm"] = -corners[-1][0]
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    section = OutsidePlate(root, 0.0, bevel * DEG, root + height, 0.0, table, corners)
-    part = simulate(seed, False, section)
+    part = simulate(seed, False, drawn_above(root, bevel * DEG, corners, table))
     return part.recording, {name: np.array([value]) for name, value in exact.items()}
 
 

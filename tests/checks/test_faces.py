@@ -12,9 +12,20 @@ import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.metrology.planning.part import rough_upper_side
-from bench.odd_plates import DEBURRED, compound, drawn_above, j_shape, judged, ledge, odd_plate
+from bench.odd_plates import (
+    DEBURRED,
+    SURROUNDED,
+    compound,
+    drawn_above,
+    j_shape,
+    judged,
+    ledge,
+    odd_plate,
+    plain,
+)
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
+from bench.outside import planned as judged_plan
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.corners import ledge_takes_mm
@@ -331,3 +342,40 @@ def test_a_chamfered_lower_edge_is_measured_to_its_virtual_edge_or_to_the_chamfe
     """Seen and taken for a rounding, chamfers put every fifth raw edge, and every twelfth root face, 4 to 70 u off."""
     refused, right, wrong = judged(DEBURRED, range(seed, seed + 1), is_raw)
     assert (refused, right, wrong) == (0, 1, [])
+
+
+BELOW, ROUNDED, FRONT = "a bevel below as well", "lower edge rounded by 0.15 to 1.2 mm", "a second plate in front"
+
+
+@pytest.mark.parametrize("seed", [3304, 3307, 3337])
+def test_a_root_face_above_a_further_bevel_is_no_bevel_face(seed: int) -> None:
+    """Upper bevel, root face and lower bevel were read as upper surface, bevel face and root face (27 u)."""
+    assert not judged(BELOW, range(seed, seed + 1), is_raw=False)[2]
+
+
+@pytest.mark.parametrize("seed", [13, 17])
+def test_an_end_face_above_a_bevel_is_refused(seed: int) -> None:
+    """Where returns of the bevel are lost here and there, the face seemed to end beyond its corner (10 u)."""
+    with pytest.raises(InputError, match=r"lower edge not in view|end_face_goes_on_share"):
+        judged_plan(odd_plate(BELOW, seed, is_raw=True))
+
+
+@pytest.mark.parametrize("seed", [26, 3301, 3307, 3322])
+def test_large_roundings_are_measured(seed: int) -> None:
+    """0.6 to 1.2 mm: 0.3 to 0.8 mm off at up to 10 u where only frames were taken that hardly showed them."""
+    assert judged(ROUNDED, range(seed, seed + 1), is_raw=True) == (0, 1, [])
+
+
+@pytest.mark.parametrize("seed", [4, 33])
+def test_the_shadow_of_a_second_plate_is_no_end_of_the_root_face(seed: int) -> None:
+    """The flank between them grazes the rays and is lost (0.6 mm off at 12 u, 0.2 mm at 30 u)."""
+    rng = np.random.default_rng([781, seed, 2])
+    part = simulate(seed, False, SURROUNDED[FRONT](rng, plain(rng, is_raw=False)))
+    with pytest.raises(InputError, match="root_seen_share"):
+        judged_inspection(part)
+
+
+def test_an_undercut_that_shows_two_returns_a_frame_is_told() -> None:
+    """0.08 mm of it stand out of the shadow: the end face's lower edge was taken for the plate's (1.3 mm off)."""
+    with pytest.raises(InputError, match="end_face_step_share"):
+        judged_plan(odd_plate("step of 0.15 to 0.9 mm", 3216, is_raw=True))

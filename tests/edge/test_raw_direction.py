@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.edge.raw_direction import face_directions
+from workbench.edge.raw_direction import face_directions, fan_sense
 from workbench.units import DEG
 
 Scans = Callable[..., Any]
@@ -36,6 +36,16 @@ def test_axes_of_the_sensor_are_found_out(scanned: Scans, z_away: bool, x_rises:
     along, sense, _ = face_directions(scan.cloud, (0.0, 0.0, 1.0), None)
     assert sense == (1.0 if z_away else -1.0)
     assert np.isfinite(along).all()
+
+
+@pytest.mark.parametrize("z_away", [True, False])
+@pytest.mark.parametrize("x_rises", [True, False])
+@pytest.mark.parametrize("sampling", ["angular", "lateral"])
+def test_rays_that_fan_out_tell_the_sense_of_z(scanned: Scans, z_away: bool, x_rises: bool, sampling: str) -> None:
+    """Not where the sensor resamples its columns: x is the same in every frame then."""
+    scanner = {"columns": 500, "z_away": z_away, "x_rises": x_rises, "sampling": sampling}
+    scan = scanned(part={"kind": "raw", "length_mm": 40.0}, scanner=scanner)
+    assert fan_sense(scan.cloud) == ((1.0 if z_away else -1.0) if sampling == "angular" else 0.0)
 
 
 def test_a_table_before_the_face_does_not_turn_the_sense_round(scanned: Scans) -> None:

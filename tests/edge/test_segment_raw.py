@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.outside import Part, Section, Usual, planned, simulate
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Edge, RawEdge
 from workbench.edge import segment_raw
 from workbench.errors import InputError
@@ -234,3 +236,46 @@ def test_too_few_frames_and_an_empty_view_are_refused(scanned: Scans) -> None:
         segment_raw(few, upper_side=UP)
     with pytest.raises(InputError):
         segment_raw(replace(cloud, keep=np.zeros_like(cloud.keep)), upper_side=UP)
+
+
+class Shallow(Usual):
+    """Rays that graze the plate's upper surface."""
+
+    def __init__(self, incline_deg: float) -> None:
+        self.rays_deg = incline_deg
+
+    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+        Usual.incline_deg(self, rng, is_raw)
+        return self.rays_deg
+
+
+def above_table(seed: int, thick_mm: float, gap_mm: float, incline_deg: float) -> Part:
+    section = Section(thick_mm - 1e-3, 0.0, np.pi / 4.0, thick_mm, 0.0, gap_mm)
+    return simulate(seed, True, section, Shallow(incline_deg))
+
+
+@pytest.mark.parametrize(("seed", "thick_mm", "incline_deg"), [(51, 8.2, 24.9), (61, 9.4, 18.3)])
+def test_a_table_seen_through_a_gap_is_no_lower_surface(seed: int, thick_mm: float, incline_deg: float) -> None:
+    """1 mm under the plate (1 mm off at 50 and 100 u)."""
+    for error, u in planned(above_table(seed, thick_mm, 1.0, incline_deg)).values():
+        assert (np.abs(error) <= 3.0 * u).all()
+
+
+@pytest.mark.parametrize(("seed", "gap_mm", "incline_deg"), [(25, 0.33, 16.85), (48, 0.48, 17.73), (11, 0.06, 8.43)])
+def test_a_table_close_under_the_plate_does_not_turn_the_normal_round(
+    seed: int, gap_mm: float, incline_deg: float
+) -> None:
+    """Of the upper surface no return is seen, and what lies before the face is nearer than it."""
+    with contextlib.suppress(InputError):  # refused is right, too
+        error, _ = planned(above_table(seed, 8.0, gap_mm, incline_deg))["axis, deg"]
+        assert np.abs(error).max() < 5.0
+
+
+@pytest.mark.parametrize("sampling", ["lateral", "angular"])
+def test_what_only_the_lower_end_tells_is_said(scanned: Scans, sampling: str) -> None:
+    """Seen from below, by columns that are parallel: a table in front would look alike."""
+    passes = [{"from_mm": 5.0, "to_mm": 55.0, "elevation_deg": -25.0}]
+    scan = scanned(part=RAW, passes=passes, scanner={"sampling": sampling})
+    edge = segment_raw(scan.cloud, upper_side=UP)
+    told = [words for words in edge.warnings if "told only by what joins the lower end" in words]
+    assert len(told) == (sampling == "lateral")

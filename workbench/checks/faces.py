@@ -69,7 +69,8 @@ def require_bevel(
     """
     share, over = shown.root_seen_share, shown.root_over_nominal
     told = f"the root face's lower end is in view in {100 * share:.0f} % of the frames with faces only: does "
-    told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face?"
+    told += "the view end on the part, so that upper surface and bevel face look like bevel face and root face, or "
+    told += "does something stand in front of it?"
     seen = check("root_seen_share", share, told, given=limits)
     told = f"what would be the root face is {over:.2g} times as wide as its nominal size: another face, or "
     told += "another nominal size?"
@@ -143,8 +144,9 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
     hollow = share_of([any(turn < -HOLLOW for turn in one.beside.values()) for one in seen])
-    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, "
-    groove += "or a bevel above a land or a fillet (inspect_preparation.json)?"
+    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a bevel "
+    groove += "above a land or a fillet (inspect_preparation.json), or a plate that lies on something (let its lower "
+    groove += "edge stand free by 2 mm)?"
     on, off, name = max(_goes_on(seen, face) for face in NAMES)
     goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
     goes_on += (

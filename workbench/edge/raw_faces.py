@@ -81,8 +81,8 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
             raise InputError(
                 cloud.source,
                 f"{name} edge not in view: the end face runs out of the field of view, behind something, or into "
-                "another face in every frame; or are axes mirrored, or is this an edge that is prepared already "
-                "(edge.segment)?",
+                "another face or what the plate lies on, in every frame; or are axes mirrored, or is this an edge that "
+                "is prepared already (edge.segment)?",
             )
     return found
 

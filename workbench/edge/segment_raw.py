@@ -44,7 +44,8 @@ def segment_raw(
         ),
     ],
     z_away: Annotated[
-        bool | None, Field(description="does z count away from the sensor; null: from what lies beside the end face")
+        bool | None,
+        Field(description="does z count away from the sensor; null: from the rays, or what lies beside the end face"),
     ] = None,
     robot_noise_mm: RobotNoise = 0.07,
     end_u_mm: EndU = 0.0,

@@ -19,6 +19,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 MOST_CONTRADICTED = 0.2  # of the key frames: sound recordings have 0.04 at most, a view that ends on the part 0.58
 FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not; the faces are followed between them
+NEIGHBOURS = 8  # frames to each side
 KEY_SPACING = 5  # frames between key frames at the least
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
 MAX_LINES = 64  # straight lines kept of one profile
@@ -91,13 +92,29 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
         end[:, :3],
         outward,
         end[:, 4] == tracking.MIXED,
-        (end[:, 4] == tracking.CUT) & ~lower,
-        end[:, 4] == tracking.BURR,
+        _among_such((end[:, 4] == tracking.CUT) & ~lower, seen, cloud.pass_index),
+        _among_such(end[:, 4] == tracking.BURR, seen, cloud.pass_index),
         lower & seen,
         labels,
         sigma,
         apart,
     )
+
+
+def _among_such(flagged: Bool, seen: Bool, pass_index: Int) -> Bool:
+    """Frames (N,) that are flagged, or of whose neighbours most are.
+
+    Where something covers the root face's end, a frame that does not show it as such (a mixed pixel, a stray or a lost
+    return) shows a false end all the same.
+    """
+    out = flagged.copy()
+    for p in np.unique(pass_index) if flagged.any() else ():
+        mine = np.flatnonzero((pass_index == p) & seen)
+        near = np.ones(min(2 * NEIGHBOURS + 1, mine.size))
+        if mine.size:
+            share = np.convolve(flagged[mine], near, "same") / np.convolve(np.ones(mine.size), near, "same")
+            out[mine] |= share > 0.5
+    return out
 
 
 def _frames(pass_index: Int, number: int) -> slice | Int:

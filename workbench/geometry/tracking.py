@@ -29,7 +29,8 @@ FINAL_SIGMAS = 4.5
 # A root face's returns have ended after so many columns that see something else, or so many that see nothing.
 MAX_GAP_COLUMNS, MAX_LOST_COLUMNS = 8, 24
 CLEAR, MIXED, CUT, BURR = range(4)  # how the root face's end was seen
-NEARER_MM = 0.3  # a return this much nearer than the face stands in front of it
+NEARER_MM = 0.3  # a return this much nearer than the face's line is no burr on it, but stands in front
+IN_FRONT_MM = 0.1  # than its end, beyond the noise: it stands in front of what follows
 FLANK = (
     0.5  # width across the rays over height, at most, of the flank of a nearer surface that is lost: 63 deg and more
 )
@@ -226,7 +227,7 @@ def _stands_alone(z: Float32, j: int, direction: int) -> bool:
 
 
 @kernel
-def _cut_short(z: Float32, j: int, direction: int, on_line: float, step: float, sense: float) -> bool:
+def _cut_short(z: Float32, j: int, direction: int, on_line: float, step: float, sense: float, gate: float) -> bool:
     """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?
 
     A nearer surface casts its shadow on the face. Its flank towards the face may graze the rays (every column `step`
@@ -237,7 +238,7 @@ def _cut_short(z: Float32, j: int, direction: int, on_line: float, step: float, 
         rise = -sense * (z[k] - on_line)
         if np.isfinite(z[k]):
             beyond = abs(k - j)
-            if rise < NEARER_MM or (beyond > MAX_GAP_COLUMNS and beyond * step > FLANK * rise):
+            if rise < max(gate, IN_FRONT_MM) or (beyond > MAX_GAP_COLUMNS and beyond * step > FLANK * rise):
                 return False
             nearer += 1
             if nearer > 2:
@@ -258,7 +259,7 @@ def _burred(x: Float32, z: Float32, keep: Bool, j: int, direction: int, line: Fl
             continue
         out = -sense * (z[k] - line[SLOPE] * np.float64(x[k]) - line[OFFSET])
         if out < 0.5 * gate or (rising == 0 and out > NEARER_MM):
-            return False
+            break
         rising += 1
     return rising >= 2
 
@@ -297,7 +298,7 @@ def root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums
     flag = CLEAR
     if _burred(x, z, keep, end, direction, state[ROOT], sense, gate):
         flag = BURR
-    elif _cut_short(z, end, direction, ze, dx, sense):
+    elif _cut_short(z, end, direction, ze, dx, sense, gate):
         flag = CUT
     elif _stands_alone(z, end + direction, direction):
         flag = MIXED

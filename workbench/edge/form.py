@@ -44,7 +44,7 @@ INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of inciden
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 CHAMFERS = np.radians(np.arange(10.0, 80.0, 2.5))  # by which a chamfer turns from the face
 SEEN_MOST = 0.9  # of the frames, in which a face is seen no farther
-STEP_MM, END_MM = 0.15, 0.6  # between columns of one surface; under the line, of those that were taken for its end
+STEP_MM = 0.15  # between columns of one surface
 SHAPE, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle; and a chamfer not flat
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which the last columns' are off anyway
 
@@ -382,6 +382,8 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
             xj, zj = np.float64(x[i, j]), np.float64(z[i, j])
             along[j] = side * (xj - end) * lean
             below[j] = (zj - middle_z - slope * (xj - middle_x)) / lean * sense
+            if keep[i, j] and abs(along[j]) <= 1e-6:
+                last[i, 1] = below[j]
             if keep[i, j] and 1e-6 < along[j] < OUTSIDE_MM:
                 k = outside
                 while k > 0 and along[order[k - 1]] > along[j]:
@@ -398,11 +400,12 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
             reach, level = along[j], max(below[j], 0.0)
         last[i, 0] = further
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
+        deep = STEP_MM + (
+            last[i, 1] if last[i, 1] > 0.0 else 0.0
+        )  # where the end is taken from a rounding, what falls to it lies deep
         for j in range(columns):
-            off = END_MM if along[j] > -LAST * step else STEP_MM
-            on_line = along[j] <= 1e-6 and along[j] > -edges[-1] * step and abs(below[j]) < off
-            if keep[i, j] and abs(along[j]) <= 1e-6:
-                last[i, 1] = below[j]
+            on_line = -edges[-1] * step < along[j] <= 1e-6
+            on_line &= -STEP_MM < below[j] < (deep if along[j] > -LAST * step else STEP_MM)
             if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):
                 place = (reach - along[j]) / step + 0.5
                 group = -1

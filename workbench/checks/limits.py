@@ -344,6 +344,12 @@ LIMITS: dict[str, Limit] = {
         "step of the columns along a bevel of a groove over that along its plate",
         "the view stands at less than 7 deg to it: where returns end is then where the view grazes the face",
     ),
+    "root_face_lean_deg": Limit(
+        5.0,
+        "angle between what is taken for the root face of a groove and the square to its plate; median of the profiles",
+        "root faces of both simulators lean by up to 0.9; the lower face of a compound bevel by 10 and more, and the "
+        "gap was up to 6 mm off",
+    ),
     "fillet_radius_mm": Limit(
         (1.5, 60.0),
         "root radius of a U or J groove",

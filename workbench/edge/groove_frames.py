@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.grids import columns_to_next
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SAMPLE = 24  # profiles that show which way is up
 FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
@@ -25,6 +25,9 @@ LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had se
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
+WALK_PLACES = 9  # stretches of a plate's columns
+ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
+LEAN_RETURNS, LEAN_MM = 4, 0.3  # on a root face, that tell how it stands
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
@@ -74,7 +77,25 @@ class Lines:
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
+    root_lean: Shaped[Float, " n"]  # rad, of its returns' line off the square to the plate; NaN: too few of them
     pattern: float  # share of the noise's variance that every profile repeats in the same column
+    walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
+    plate_mm: float  # width of the upper surface that is measured
+    face_mm: float  # width of the face; NaN: there is none
+
+    @property
+    def lean_deg(self) -> float:
+        """By how much what is taken for the root face leans from the square to its plate; 0: none is seen.
+
+        By its returns' line; and from the bevel's last return to the lowest one, less a column.
+        """
+        shown = np.isfinite(self.root_a)
+        if not shown.mean() > ROOT_SHOWS:
+            return 0.0
+        told = float(np.nanmedian(self.root_lean)) if np.isfinite(self.root_lean).any() else 0.0
+        inwards, down = np.nanmedian(np.abs(self.lowest - self.last)[shown], axis=0)
+        beyond = max(float(inwards - np.nanmedian(self.step)), 0.0)
+        return max(told, math.atan2(beyond, float(down))) / DEG
 
 
 def read_frames(cloud: Cloud) -> ReadFrames:
@@ -330,6 +351,9 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "lever",
         "plate_way",
         "face_way",
+        "width_p",
+        "width_f",
+        "root_lean",
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
@@ -355,6 +379,8 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
             lowest[k] = below[np.argmin(below[:, 1])]
             value["root_a"][k] = float(np.median(below[:, 0]))
             value["spacing"][k] = float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
+            value["root_lean"][k] = _lean(below)
+        value["width_p"][k] = math.dist(upper[0], upper[-1])
         place, value["rms_p"][k], level, *_ = _line(upper, ray)
         off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
         on = np.abs(off) < STRAY_SIGMAS * value["rms_p"][k]
@@ -363,6 +389,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         squares += float((off[on] ** 2).sum())
         count += np.bincount(column, minlength=added.size)
         if face.size:
+            value["width_f"][k] = math.dist(face[0], face[-1])
             _, value["rms_f"][k], *_, value["share"][k] = _line(face, ray)
     noise_p, noise_f = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
@@ -406,6 +433,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"][k], value["face_v"][k] = way, way_v
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
+    width_p = float(np.nanmedian(value["width_p"]))
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
     return Lines(
         kind,
@@ -432,7 +460,11 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         lowest,
         value["root_a"],
         value["spacing"],
+        value["root_lean"],
         _pattern(added, count, squares),
+        _walk(added, count, width_p),
+        width_p,
+        float(np.nanmedian(value["width_f"])) if np.isfinite(value["width_f"]).any() else math.nan,
     )
 
 
@@ -459,6 +491,29 @@ def _pattern(added: Float, count: Float, squares: float) -> float:
     variance = squares / count.sum()
     mean = added[many] / count[many]
     return float(np.clip(np.mean(mean**2 - variance / count[many]) / max(variance, 1e-12), 0.0, 1.0))
+
+
+def _lean(below: Float) -> float:
+    """Angle (rad) of the line through returns (m, 2) below a bevel to the vertical; NaN: too few, or too close."""
+    if len(below) < LEAN_RETURNS or max(np.ptp(below, axis=0)) < LEAN_MM:
+        return math.nan
+    off = below - np.median(below, axis=0)
+    axis = np.linalg.svd(off, full_matrices=False)[2][0]
+    return math.atan2(abs(float(axis[0])), abs(float(axis[1])))
+
+
+def _walk(added: Float, count: Float, width_mm: float) -> float:
+    """By how much (mm^2 a mm) an error that every profile repeats grows across, by what a plate's line leaves of it.
+
+    Of sums `added` (M,) of `count` (M,) returns by columns: the means of WALK_PLACES stretches of columns beyond what
+    their own columns' scatter makes of them. A line leaves a fifteenth of what a random walk gathers over its width.
+    """
+    column = np.flatnonzero(count >= 8)
+    if column.size < 4 * WALK_PLACES:
+        return 0.0
+    means = [added[part] / count[part] for part in np.array_split(column, WALK_PLACES)]
+    square = float(np.mean([one.mean() ** 2 - one.var(ddof=1) / one.size for one in means]))
+    return 15.0 * max(square, 0.0) * WALK_PLACES / (WALK_PLACES - 2.0) / width_mm
 
 
 def _downwards(way: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import Corner, Quantity
+from workbench.edge.form import OFFSET, TURN
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.sizes import end_loose_mm
@@ -100,12 +101,15 @@ class GrooveSizes:
         wide = [one.corner_variance[:, 0] for one in self.lines]
         width = self._course(-right.corner[:, 0] - left.corner[:, 0], wide[0] + wide[1])
         shared = self._shared(*wide)
-        self._mm("width_mm", width.value + hidden, width.u, edge_u, shared)
+        walked = math.hypot(shared, *(self._corner_walk(one) for one in self.lines))
+        self._mm("width_mm", width.value + hidden, width.u, edge_u, walked)
         step = self._course(
             right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1]
         )
         lever = np.abs(width.value) * self.tilt_u
-        high = self._shared(*(one.corner_variance[:, 1] for one in self.lines))
+        plates = [self._walked(one.plate_mm) for one in self.lines]
+        between = math.sqrt(self.walk * max(typical(np.abs(width.value)), 0.0))
+        high = math.hypot(self._shared(*(one.corner_variance[:, 1] for one in self.lines)), *plates, between)
         self._mm("misalignment_mm", step.value, np.hypot(step.u, lever), 0.0, high)
         self.misalignment = step.value
         falls = [self._fall(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
@@ -120,7 +124,10 @@ class GrooveSizes:
                 "included_deg",
                 value.value,
                 value.u,
-                self._shared(left.face_variance, right.face_variance),
+                math.hypot(
+                    self._shared(left.face_variance, right.face_variance),
+                    *(self._turned_by_walk(one.face_mm) for one in self.lines),
+                ),
                 ("left", "right"),
             )
         elif both and "hidden" not in (left.kind, right.kind) and not (doubtful and self.hides_bevels):
@@ -232,6 +239,26 @@ class GrooveSizes:
         pattern = max(one.pattern for one in self.lines)
         return math.sqrt(pattern * sum(typical(v) for v in variances))
 
+    @property
+    def walk(self) -> float:
+        """mm^2 a mm across, by which an error that every profile repeats grows; as the worse plate shows it."""
+        return max(one.walk for one in self.lines)
+
+    def _walked(self, width_mm: float) -> float:
+        """How far a line of this width lies off at its ends by such an error, mm: as (11) has it."""
+        return OFFSET * math.sqrt(self.walk * width_mm / 15.0)
+
+    def _turned_by_walk(self, width_mm: float) -> float:
+        """How far it is turned, rad."""
+        return TURN * math.sqrt(self.walk / (15.0 * width_mm))
+
+    def _corner_walk(self, one: Lines) -> float:
+        """How far an upper corner lies off across the groove by such an error, mm."""
+        if not math.isfinite(one.face_mm):
+            return 0.0
+        fall = abs(math.sin(typical(one.plate - one.face)))
+        return math.hypot(self._walked(one.plate_mm), self._walked(one.face_mm)) / max(fall, 0.3)
+
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
         self.sizes[name] = Quantity(
             value,
@@ -258,7 +285,8 @@ class GrooveSizes:
         if one.kind not in ("bevel", "round"):
             return None
         fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
-        self._bevel_shared = self._shared(one.plate_variance, one.face_variance)
+        turns = [self._turned_by_walk(width) for width in (one.plate_mm, one.face_mm)]
+        self._bevel_shared = math.hypot(self._shared(one.plate_variance, one.face_variance), *turns)
         self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared, (name,))
         return fall.value, fall.u
 

@@ -125,6 +125,9 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
     steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
     steep += "that nothing tells where it ends; scan it more squarely"
+    lean = max((one.lean_deg for one in measured.lines), default=math.nan)
+    leans = f"what would be a root face leans by {lean:.0f} deg from the square to its plate: the lower face of a "
+    leans += "compound bevel, or the bevel below a dressed upper edge; or what lies under the root, a backing strip?"
     short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
     told = float(np.isfinite(measured.sizes["width_mm"].value).mean())
     seldom = f"the groove's width is told along {100 * told:.0f} % of its length: no groove, or one that is covered?"
@@ -139,6 +142,7 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
         ),
         check("groove_gap_mm", _known(wide), far, given=given),
         check("bevel_grazing", _known(grazing), steep, given=given),
+        check("root_face_lean_deg", _known(lean), leans, given=given),
         check("fillet_radius_mm", _known(small), short, given=given),
         *_straight(cloud, read, given),
     ]

@@ -1,0 +1,75 @@
+"""Grooves that are not what they look like, by the third simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.odd_plates import Corners, Drawn, Lines
+from bench.outside import FAR_MM, Part, Usual, simulate
+from workbench.artefacts import Groove
+from workbench.cloud import denoise
+from workbench.edge import segment_groove
+from workbench.errors import InputError
+from workbench.scan import fuse
+from workbench.units import DEG
+
+THICK, ROOT, GAP = 8.0, 1.5, 2.0
+
+
+class FromAbove(Usual):
+    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+        Usual.incline_deg(self, rng, is_raw)
+        return 90.0
+
+    def window(self, rng: np.random.Generator, thick_mm: float, is_raw: bool) -> tuple[int, float]:
+        return Usual.window(self, rng, thick_mm, is_raw)[0], 36.0
+
+
+def side(*bevels: tuple[float, float]) -> Corners:
+    """One plate, to the left of its root face; bevels: up to which level, at how many degrees."""
+    u, v, out = -0.5 * GAP, ROOT, [(-FAR_MM, 0.0), (-0.5 * GAP, 0.0), (-0.5 * GAP, ROOT)]
+    for level, angle in bevels:
+        u, v = u - (level - v) * float(np.tan(angle * DEG)), level
+        out.append((u, v))
+    return (*out, (-FAR_MM, THICK))
+
+
+def mirrored(one: Corners) -> Corners:
+    return tuple((-u, v) for u, v in one)
+
+
+def groove(seed: int, lines: Lines) -> Part:
+    return simulate(seed, False, Drawn(ROOT, 0.0, 0.01, THICK, 0.0, None, lines), FromAbove())
+
+
+def measured(part: Part) -> Groove:
+    return segment_groove(denoise(fuse(part.recording)))
+
+
+PLAIN = mirrored(side((THICK, 30.0)))
+ODD = {
+    "compound": (side((5.0, 25.0), (THICK, 45.0)), PLAIN),
+    "dressed upper edge": (side((7.4, 25.0), (THICK, 60.0)), PLAIN),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
+    """It was measured as one: gaps up to 6 mm off at 460 u."""
+    try:
+        gap = measured(groove(seed, ODD[name])).sizes["gap_mm"]
+    except InputError:
+        return
+    assert np.nanmax(np.abs(gap.value - GAP) / gap.u) < 3.0
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5])
+def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -> None:
+    """Of a plain groove that every profile shows with the same error: 0.01 mm and 0.05 deg at up to 10 u."""
+    part = groove(seed, (side((THICK, 30.0)), PLAIN))
+    assert part.about["walk"] > 0.0
+    sizes = measured(part).sizes
+    for name, true in (("misalignment_mm", 0.0), ("bevel_left_deg", 30.0), ("bevel_right_deg", 30.0)):
+        assert np.nanmax(np.abs(sizes[name].value - true) / sizes[name].u) < 3.0, name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,17 @@ def test_rays_that_fan_out_tell_the_sense_of_z(scanned: Scans, z_away: bool, x_r
     scanner = {"columns": 500, "z_away": z_away, "x_rises": x_rises, "sampling": sampling}
     scan = scanned(part={"kind": "raw", "length_mm": 40.0}, scanner=scanner)
     assert fan_sense(scan.cloud) == ((1.0 if z_away else -1.0) if sampling == "angular" else 0.0)
+
+
+def test_returns_put_into_a_grid_tell_no_sense_of_z(scanned: Scans) -> None:
+    """In a column of a grid lies what fell into it: x changes with z there by the surface's slope, not by a ray's."""
+    cloud = scanned(part={"kind": "raw", "length_mm": 40.0}, scanner={"columns": 500}).cloud
+    rng = np.random.default_rng(4)
+    frames, columns, pitch_mm = *cloud.x_mm.shape, 0.05
+    x_mm = pitch_mm * (np.arange(columns) - columns / 2 + rng.uniform(-0.5, 0.5, (frames, columns)))
+    hollow_mm = x_mm**2 / 25.0 + rng.normal(0.0, 0.02, (frames, 1))
+    gridded = replace(cloud, x_mm=x_mm.astype(np.float32), z_mm=(200.0 + hollow_mm).astype(np.float32))
+    assert fan_sense(gridded) == 0.0
 
 
 def test_a_table_before_the_face_does_not_turn_the_sense_round(scanned: Scans) -> None:

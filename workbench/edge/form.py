@@ -391,7 +391,10 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
                     k -= 1
                 order[k] = j
                 outside += 1
-        reach, level, further = 0.0, 0.0, 0
+        # Where the end is told on a rounding, what falls to it and what follows it lie deep.
+        fallen = last[i, 1] if last[i, 1] > 0.0 else 0.0
+        deep = STEP_MM + fallen
+        reach, level, further = 0.0, fallen, 0
         for k in range(outside):  # one surface: no gap of columns, no jump
             j = order[k]
             if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
@@ -400,9 +403,6 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
             reach, level = along[j], max(below[j], 0.0)
         last[i, 0] = further
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
-        deep = STEP_MM + (
-            last[i, 1] if last[i, 1] > 0.0 else 0.0
-        )  # where the end is taken from a rounding, what falls to it lies deep
         for j in range(columns):
             on_line = -edges[-1] * step < along[j] <= 1e-6
             on_line &= -STEP_MM < below[j] < (deep if along[j] > -LAST * step else STEP_MM)

@@ -27,7 +27,6 @@ LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have
 LEAST_SIGMA_MM = 1e-3
 WALK_PLACES = 9  # stretches of a plate's columns
 ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
-LEAN_RETURNS, LEAN_MM = 4, 0.3  # on a root face, that tell how it stands
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
@@ -77,7 +76,6 @@ class Lines:
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
-    root_lean: Shaped[Float, " n"]  # rad, of its returns' line off the square to the plate; NaN: too few of them
     pattern: float  # share of the noise's variance that every profile repeats in the same column
     walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
     plate_mm: float  # width of the upper surface that is measured
@@ -87,15 +85,14 @@ class Lines:
     def lean_deg(self) -> float:
         """By how much what is taken for the root face leans from the square to its plate; 0: none is seen.
 
-        By its returns' line; and from the bevel's last return to the lowest one, less a column.
+        By the bevel's last return and the lowest one, less a column.
         """
         shown = np.isfinite(self.root_a)
         if not shown.mean() > ROOT_SHOWS:
             return 0.0
-        told = float(np.nanmedian(self.root_lean)) if np.isfinite(self.root_lean).any() else 0.0
         inwards, down = np.nanmedian(np.abs(self.lowest - self.last)[shown], axis=0)
         beyond = max(float(inwards - np.nanmedian(self.step)), 0.0)
-        return max(told, math.atan2(beyond, float(down))) / DEG
+        return math.atan2(beyond, float(down)) / DEG
 
 
 def read_frames(cloud: Cloud) -> ReadFrames:
@@ -353,7 +350,6 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "face_way",
         "width_p",
         "width_f",
-        "root_lean",
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
@@ -379,7 +375,6 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
             lowest[k] = below[np.argmin(below[:, 1])]
             value["root_a"][k] = float(np.median(below[:, 0]))
             value["spacing"][k] = float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
-            value["root_lean"][k] = _lean(below)
         value["width_p"][k] = math.dist(upper[0], upper[-1])
         place, value["rms_p"][k], level, *_ = _line(upper, ray)
         off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
@@ -433,7 +428,10 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"][k], value["face_v"][k] = way, way_v
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
-    width_p = float(np.nanmedian(value["width_p"]))
+    width_p, width_f = (
+        float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else math.nan
+        for name in ("width_p", "width_f")
+    )
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
     return Lines(
         kind,
@@ -460,11 +458,10 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         lowest,
         value["root_a"],
         value["spacing"],
-        value["root_lean"],
         _pattern(added, count, squares),
         _walk(added, count, width_p),
         width_p,
-        float(np.nanmedian(value["width_f"])) if np.isfinite(value["width_f"]).any() else math.nan,
+        width_f,
     )
 
 
@@ -491,15 +488,6 @@ def _pattern(added: Float, count: Float, squares: float) -> float:
     variance = squares / count.sum()
     mean = added[many] / count[many]
     return float(np.clip(np.mean(mean**2 - variance / count[many]) / max(variance, 1e-12), 0.0, 1.0))
-
-
-def _lean(below: Float) -> float:
-    """Angle (rad) of the line through returns (m, 2) below a bevel to the vertical; NaN: too few, or too close."""
-    if len(below) < LEAN_RETURNS or max(np.ptp(below, axis=0)) < LEAN_MM:
-        return math.nan
-    off = below - np.median(below, axis=0)
-    axis = np.linalg.svd(off, full_matrices=False)[2][0]
-    return math.atan2(abs(float(axis[0])), abs(float(axis[1])))
 
 
 def _walk(added: Float, count: Float, width_mm: float) -> float:

@@ -26,6 +26,9 @@ LEAST_ACROSS = 30.0 * DEG  # between `upper_side` and the edge
 NEIGHBOURS = 4  # key frames on each side whose median direction counts
 LEAST_BESIDE, LEAST_VOTES, LEAST_SHARE, LEAST_MAJORITY = 3, 3, 0.25, 0.5
 FAN_FRAMES, FAN_LEAST, FAN = 120, 10, 0.9  # frames in all, and of a column; correlation by which rays fan out
+# Returns' scatter about their column's ray over the columns' pitch, at most: a sensor's own lie on it, while those of a
+# cloud that was put into a grid scatter by 1/sqrt(12) about its columns.
+OFF_RAY = 0.5 / np.sqrt(12.0)
 BY_LOWER_END = (
     "that z counts {} the sensor is told only by what joins the lower end of the end face: it is the plate's lower "
     "surface, unless the plate lies on a table and its upper surface gives no returns; if so, give z_away"
@@ -188,7 +191,9 @@ def fan_sense(cloud: Cloud) -> float:
     at = x.sum(axis=0) / count
     off_x, off_z = np.where(on, x - at, 0.0), np.where(on, z - z.sum(axis=0) / count, 0.0)
     tangent = (off_x * off_z).sum(axis=0) / np.maximum((off_z**2).sum(axis=0), 1e-12)
-    if not np.ptp(tangent) > 0.0:
+    scatter = np.sqrt((np.where(on, off_x - tangent * off_z, 0.0) ** 2).sum(axis=0) / count)
+    pitch = float(np.median(np.abs(np.diff(at))))
+    if not np.ptp(tangent) > 0.0 or np.median(scatter) > OFF_RAY * pitch:
         return 0.0
     together = float(np.corrcoef(at, tangent)[0, 1])
     return float(np.sign(together)) if abs(together) > FAN else 0.0

@@ -31,9 +31,7 @@ MAX_GAP_COLUMNS, MAX_LOST_COLUMNS = 8, 24
 CLEAR, MIXED, CUT, BURR = range(4)  # how the root face's end was seen
 NEARER_MM = 0.3  # a return this much nearer than the face's line is no burr on it, but stands in front
 IN_FRONT_MM = 0.1  # than its end, beyond the noise: it stands in front of what follows
-FLANK = (
-    0.5  # width across the rays over height, at most, of the flank of a nearer surface that is lost: 63 deg and more
-)
+FLANK = 0.5  # width across the rays over height of a nearer surface's flank that is lost, at most: 63 deg and more
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.odd_grooves import judged, odd_groove
 from bench.odd_plates import Corners, Drawn, Lines
 from bench.outside import FAR_MM, Part, Usual, simulate
 from workbench.artefacts import Groove
@@ -73,3 +74,30 @@ def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -
     sizes = measured(part).sizes
     for name, true in (("misalignment_mm", 0.0), ("bevel_left_deg", 30.0), ("bevel_right_deg", 30.0)):
         assert np.nanmax(np.abs(sizes[name].value - true) / sizes[name].u) < 3.0, name
+
+
+@pytest.mark.parametrize(
+    ("shape", "seed"),
+    [
+        ("root run", 2),  # the gap between the ends of the weld's surface, 0.9 mm off at 50 u
+        ("backing strip", 2),  # taken for the fillet of a J: depth 20 u off
+        ("backing strip", 9),  # taken for a part of the root face: 1.1 mm too high, 36 u
+        ("upper edges ground", 2),  # the view hides the bevel below: 39 deg off at 430 u
+        ("two bevel angles a side", 2),  # likewise
+        ("two bevel angles a side", 4),  # hides the face above: an HV, 22 deg off
+    ],
+)
+def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:
+    assert judged(shape, range(seed, seed + 1))[2] == []
+
+
+def test_below_a_root_run_the_gap_is_not_told_and_the_bevels_are() -> None:
+    part = odd_groove("root run", 2)
+    found = measured(part)
+    assert any("a weld or a backing strip" in one for one in found.warnings)
+    assert not np.isfinite(found.sizes["gap_mm"].value).any()
+    assert not np.isfinite(found.sizes["depth_mm"].value).any()
+    bevel = found.sizes["bevel_left_deg"]
+    assert np.nanmax(np.abs(bevel.value - 35.444) / bevel.u) < 3.0
+    plain = measured(groove(0, (side((THICK, 30.0)), PLAIN)))
+    assert not any("a weld or a backing strip" in one for one in plain.warnings)

@@ -350,6 +350,17 @@ LIMITS: dict[str, Limit] = {
         "root faces of both simulators lean by up to 0.9; the lower face of a compound bevel by 10 and more, and the "
         "gap was up to 6 mm off",
     ),
+    "fillet_misfit": Limit(
+        6.0,
+        "nine tenths of a fillet's returns lie within how many times their noise of its circle; median of the profiles",
+        "fillets of both simulators come to 4.5; a bevel on a backing strip, taken for a J, to 35",
+    ),
+    "root_levels": Limit(
+        0.5,
+        "difference between the levels at which the two roots begin, over the greater depth of the preparation",
+        "plates that are prepared alike differ by up to 0.1; of a bevel of two angles, whose lower face the view "
+        "hides, the upper face alone is seen, and the gap was 2 mm off",
+    ),
     "fillet_radius_mm": Limit(
         (1.5, 60.0),
         "root radius of a U or J groove",

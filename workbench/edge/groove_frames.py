@@ -27,8 +27,10 @@ LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have
 LEAST_SIGMA_MM = 1e-3
 WALK_PLACES = 9  # stretches of a plate's columns
 ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
+COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
+NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
 
 
@@ -62,7 +64,7 @@ class Lines:
     face_way: Float
     corner: Shaped[Float, "n 2"]  # where both meet
     corner_variance: Shaped[Float, "n 2"]
-    last: Shaped[Float, "n 2"]  # innermost return of the plate
+    last: Shaped[Float, "n 2"]  # innermost return of the plate; NaN where something covers its end
     step: Shaped[Float, " n"]  # from there to the next column
     edge_step: Shaped[Float, " n"]  # from the upper surface's last return to the next column
     grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
@@ -73,9 +75,11 @@ class Lines:
     radius_lever: Shaped[Float, " n"]  # of the fillet's radius, a mm of its form: large where a short arc is seen
     bottom: Shaped[Float, " n"]  # level of the fillet's lowest place
     bottom_variance: Float
-    lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN
+    lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN: none, or something covers its end
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
+    is_covered: bool  # whether most profiles show something that joins the plate's last return: a weld, a strip
+    misfit: float  # of the fillet's returns, times their noise; NaN: there is none
     pattern: float  # share of the noise's variance that every profile repeats in the same column
     walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
     plate_mm: float  # width of the upper surface that is measured
@@ -87,7 +91,7 @@ class Lines:
 
         By the bevel's last return and the lowest one, less a column.
         """
-        shown = np.isfinite(self.root_a)
+        shown = np.isfinite(self.root_a) & np.isfinite(self.lowest[:, 0])
         if not shown.mean() > ROOT_SHOWS:
             return 0.0
         inwards, down = np.nanmedian(np.abs(self.lowest - self.last)[shown], axis=0)
@@ -350,6 +354,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "face_way",
         "width_p",
         "width_f",
+        "misfit",
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
@@ -372,9 +377,11 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
-            lowest[k] = below[np.argmin(below[:, 1])]
+            lowest[k] = np.nan if side.covered else below[np.argmin(below[:, 1])]
             value["root_a"][k] = float(np.median(below[:, 0]))
             value["spacing"][k] = float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
+        elif side.covered:
+            last[k] = np.nan
         value["width_p"][k] = math.dist(upper[0], upper[-1])
         place, value["rms_p"][k], level, *_ = _line(upper, ray)
         off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
@@ -402,7 +409,8 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
             corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
             circle = _circle(arc, ray, noise_p)
             if circle is not None:
-                value["radius"][k], value["radius_v"][k], value["bottom"][k], value["bottom_v"][k] = circle
+                for name, found_ in zip(("radius", "radius_v", "bottom", "bottom_v", "misfit"), circle, strict=True):
+                    value[name][k] = found_
                 chord = float(np.linalg.norm(arc[-1] - arc[0]))
                 half = math.asin(min(1.0, 0.5 * chord / circle[0]))
                 value["lever"][k] = 1.0 / (1.0 - math.cos(half))
@@ -424,14 +432,18 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
                 value["radius_v"][k],
                 value["bottom"][k],
                 value["bottom_v"][k],
+                value["misfit"][k],
             ) = found  # type: ignore[assignment]
         value["face"][k], value["face_v"][k] = way, way_v
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
-    width_p, width_f = (
+    width_p, width_f, misfit = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else math.nan
-        for name in ("width_p", "width_f")
+        for name in ("width_p", "width_f", "misfit")
     )
+    is_covered = bool(np.mean([side.covered for side in read.sides[which]]) > COVERED)
+    if is_covered:
+        last[:], lowest[:] = np.nan, np.nan
     across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
     return Lines(
         kind,
@@ -458,6 +470,8 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         lowest,
         value["root_a"],
         value["spacing"],
+        is_covered,
+        misfit,
         _pattern(added, count, squares),
         _walk(added, count, width_p),
         width_p,
@@ -508,8 +522,10 @@ def _downwards(way: float) -> float:
     return way if math.sin(way) < 0 else way + (math.pi if way < 0 else -math.pi)
 
 
-def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, float, float] | None:
-    """Circle through a fillet's returns: radius, its variance, lowest level, its variance; None: not fixed by them."""
+def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, float, float, float] | None:
+    """Circle through a fillet's returns: radius, its variance, lowest level, its variance, and the returns' distances
+    from it over their noise; None: not fixed by them.
+    """
     ends = np.minimum(*(np.hypot(*(points - points[k]).T) for k in (0, -1)))
     points = points[ends > TRIM_MM]  # beside a shadow and a corner
     if len(points) < MIN_ARC:
@@ -529,12 +545,14 @@ def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, floa
     if not 0.3 < found.x[2] < 40.0:
         return None
     rms = 1.4826 * float(np.median(np.abs(found.fun))) + 1e-4
+    misfit = float(np.quantile(np.abs(found.fun), 0.9)) / (NINE_TENTHS * sigma)
     try:
         covariance = np.linalg.inv(found.jac.T @ found.jac) * max(rms, sigma) ** 2
     except np.linalg.LinAlgError:
         return None
     lowest = covariance[1, 1] + covariance[2, 2] - 2.0 * covariance[1, 2]
-    return (float(found.x[2]), float(covariance[2, 2]), float(middle[1] + found.x[1] - found.x[2]), float(lowest))
+    bottom = float(middle[1] + found.x[1] - found.x[2])
+    return float(found.x[2]), float(covariance[2, 2]), bottom, float(lowest), misfit
 
 
 Line = tuple[Float, float, float, float]  # a place on it, its direction, variances of direction and of place across
@@ -564,7 +582,8 @@ def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float
     """Flank and fillet at once: a line that goes over into a circle which it touches; both 4 unknowns together.
 
     Returns direction of the flank and its variance, a place on it and the variance across, radius and its variance,
-    lowest level of the circle and its variance; None where the points do not fix them.
+    lowest level of the circle and its variance, and the returns' distances over their noise; None where the points do
+    not fix them.
     """
 
     def away(unknown: Float) -> Float:
@@ -593,6 +612,9 @@ def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float
     if best is None or not 0.3 < best.x[2] < 40.0:
         return None
     rms = 1.4826 * float(np.median(np.abs(best.fun))) + 1e-4
+    on_arc = reach > best.x[3]
+    off = float(np.quantile(np.abs(best.fun[on_arc]), 0.9)) if on_arc.sum() >= MIN_ARC else 0.0
+    misfit = off / (NINE_TENTHS * sigma)
     try:
         covariance = np.linalg.inv(best.jac.T @ best.jac) * max(rms, sigma) ** 2
     except np.linalg.LinAlgError:
@@ -612,4 +634,5 @@ def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float
         float(covariance[2, 2]),
         bottom,
         float(gradient @ covariance @ gradient),
+        misfit,
     )

@@ -8,7 +8,7 @@ the upper surface is there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -44,6 +44,9 @@ LINKED_MM = 0.6  # lines and returns so near are one surface
 STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two surfaces further
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
+LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
+FARTHER = 4.0  # times as far from the one before as usual: a return of another surface, under a root face
+FLOOR_STEPS, FLOOR_MM, FLOOR_RISE = 3.0, 0.15, 60.0 * DEG  # what so nearly joins a face's last return covers its end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +64,7 @@ class Side:
     step_mm: float  # from there to the next column, along the face
     rounded_mm: float  # how far a rounded edge is seen beyond the upper surface, along it; below which nothing is seen
     below: Int  # returns of the root face
+    covered: bool = False  # whether what lies between the plates joins the last return: a weld, a backing strip
 
 
 def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
@@ -101,7 +105,28 @@ def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tu
     right = _mirrored(right, n)
     if left.last > right.last + SHARED or x[left.upper[-1]] >= x[right.upper[0]]:
         return None
-    return left, right
+    ends = [int(side.below[at]) if side.below.size else side.last for side, at in ((left, -1), (right, 0))]
+    between = slice(ends[0], max(ends[1], ends[0]) + 1)
+    return (
+        replace(left, covered=_is_covered(x[between], y[between], left, math.atan(long[0][SLOPE]))),
+        replace(right, covered=_is_covered(-x[between][::-1], y[between][::-1], right, -math.atan(long[-1][SLOPE]))),
+    )
+
+
+def _is_covered(x: Float, y: Float, side: Side, level: float) -> bool:
+    """Whether returns from a plate's last one to the other plate's join it at once and do not fall as a face would."""
+    near = STEEP_STEP_MM if side.below.size else max(FLOOR_STEPS * side.step_mm, FLOOR_MM)
+    if side.kind not in ("bevel", "round"):
+        return False
+    for k in (1, 2):  # the first return beyond the last one may still be the face's
+        to = k + DROP_POINTS
+        if x.size <= to + SHARED:
+            return False
+        way = np.hypot(np.diff(x[: to + 1]), np.diff(y[: to + 1]))
+        fall = level - math.atan2(y[to] - y[k], x[to] - x[k])
+        if (way[:k] < near).all() and (way[k:] < LINKED_MM).all() and -FLOOR_RISE < fall < LEAST_FALL:
+            return True
+    return False
 
 
 def _unbridged(x: Float, y: Float, lines: Float) -> Float:
@@ -207,7 +232,11 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         return Side(
             "hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), beyond, nothing
         )
-    kind = "unread" if _goes_down(x, y, above, level, end) else "edge"
+    beneath = any(
+        line[FIRST] > end and line[LAST] - line[FIRST] >= SEEN_BELOW and LEAST_FALL < fall < SQUARE
+        for line, fall in zip(lines, falls, strict=True)
+    )  # a face, of which the upper part is not seen
+    kind = "unread" if beneath or _goes_down(x, y, above, level, end) else "edge"
     return Side(kind, math.nan, corner, upper, nothing, nothing, end, end, step, beyond, nothing)
 
 
@@ -344,18 +373,38 @@ def _step(x: Float, y: Float, on: Int) -> float:
 
 
 def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
-    """Returns straight below the root: next to it in the profile, each lower than the one before."""
+    """Returns straight below the root: next to it in the profile, each lower than the one before.
+
+    Returns on a level are what lies under the face, and so is one much lower than those before.
+    """
     across, up = np.array([math.cos(level), math.sin(level)]), np.array([-math.sin(level), math.cos(level)])
-    found, low = [], 0.0
+    found: list[int] = []
+    fallen: list[float] = []
+    low = 0.0
     for k in range(last + 1, min(x.size, last + 60)):
         off = np.array([x[k] - x[last], y[k] - y[last]])
         a, b = float(off @ across), float(off @ up)
         if abs(a) > ASIDE_MM or b > low + 0.05 or b < low - STEEP_STEP_MM:
             break
+        if len(fallen) >= DROP_POINTS and low - b > max(FARTHER * float(np.median(fallen)), DROP_MM):
+            break
+        if b < -BELOW_MM and _is_level(x[k:] - x[last], y[k:] - y[last], across, up):
+            break
         if b < -BELOW_MM:
             found.append(k)
+            fallen.append(low - b)
         low = min(low, b)
     return np.array(found, np.int64)
+
+
+def _is_level(x: Float, y: Float, across: Float, up: Float) -> bool:
+    """Whether the surface of returns from the first one on, LEVEL_MM of it, falls by less than it goes aside."""
+    away = np.hypot(x[: 1 + LEVEL_RETURNS] - x[0], y[: 1 + LEVEL_RETURNS] - y[0])
+    to = int(np.argmax(away > LEVEL_MM))
+    if to < DROP_POINTS or (np.diff(away[: to + 1]) > LINKED_MM).any():
+        return False
+    off = np.array([x[to] - x[0], y[to] - y[0]])
+    return bool(-(off @ up) < abs(off @ across))
 
 
 def common_kind(sides: list[Side]) -> tuple[Kind, float]:

@@ -71,6 +71,7 @@ class GrooveSizes:
         self.root_face_seen = self.root_face_excluded = False
         self.shadowed = False  # whether one root lies in the other plate's shadow
         self.high = 0.0  # mm by which one root's upper edge lies above the other
+        self.uneven = math.nan  # that, over the greater depth; NaN: one plate is not prepared, or a root not seen
 
     @property
     def hidden_deg(self) -> float:
@@ -337,6 +338,8 @@ class GrooveSizes:
         left, right = roots
         high = step_mm + typical(left.depth) - typical(right.depth)
         self.high = abs(high)
+        if all(one.kind in PREPARED for one in self.lines):
+            self.uneven = self.high / max(typical(left.depth), typical(right.depth), 1e-3)
         apart = width_mm - typical(left.run) - typical(right.run)
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.lines)
         if abs(high) > SHADOW_MM and abs(apart - self.lean * high) < columns + SHADOW_FAN * abs(high):
@@ -452,9 +455,10 @@ class GrooveSizes:
                 continue
             towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
             column = typical(one.step) * abs(math.cos(typical(one.face)))
-            shown = np.isfinite(one.lowest).all(axis=1) & np.isfinite(self.s)
+            shown = np.isfinite(one.root_a) & np.isfinite(self.s)
             if (
                 one.kind == "bevel"
+                and not one.is_covered
                 and towards > SURE_LEAN
                 and SURE_FACE_MM * towards > SURE_STEPS * column
                 and shown.mean() < 0.05
@@ -466,6 +470,8 @@ class GrooveSizes:
             if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < self.high + 2.0 * BELOW_MM:
                 continue  # without a gap, what is seen below the upper root is the other plate
             self.root_face_seen = True
+            if one.is_covered:
+                continue
             good = shown & (
                 np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing)
             )

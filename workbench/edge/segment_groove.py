@@ -27,6 +27,7 @@ from workbench.units import Float, Int
 
 STATION_MM = 1.0
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
+COVERED = "what lies between the plates joins their faces, a weld or a backing strip: where these end is not told"
 Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 
 
@@ -109,7 +110,11 @@ def segment_groove(
         pass_index=cloud.pass_index,
         part=cloud.part,
         checks=(*cloud.checks, *checks),
-        warnings=(*_alike(type_, alternatives, declared), *((SHADOW,) if measured.shadowed else ())),
+        warnings=(
+            *_alike(type_, alternatives, declared),
+            *((SHADOW,) if measured.shadowed else ()),
+            *((COVERED,) if any(one.is_covered for one in measured.lines) else ()),
+        ),
     )
 
 
@@ -128,6 +133,11 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     lean = max((one.lean_deg for one in measured.lines), default=math.nan)
     leans = f"what would be a root face leans by {lean:.0f} deg from the square to its plate: the lower face of a "
     leans += "compound bevel, or the bevel below a dressed upper edge; or what lies under the root, a backing strip?"
+    misfit = max((one.misfit for one in measured.lines if math.isfinite(one.misfit)), default=math.nan)
+    bent = f"what would be a fillet lies {misfit:.0f} times its noise off any circle: two faces that meet, a weld or a "
+    bent += "backing strip at the root?"
+    uneven = f"one root begins {100 * measured.uneven:.0f} % of the preparation's depth above the other: a bevel of "
+    uneven += "which the view hides the lower part?"
     short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
     told = float(np.isfinite(measured.sizes["width_mm"].value).mean())
     seldom = f"the groove's width is told along {100 * told:.0f} % of its length: no groove, or one that is covered?"
@@ -143,6 +153,8 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
         check("groove_gap_mm", _known(wide), far, given=given),
         check("bevel_grazing", _known(grazing), steep, given=given),
         check("root_face_lean_deg", _known(lean), leans, given=given),
+        check("fillet_misfit", _known(misfit), bent, given=given),
+        check("root_levels", _known(measured.uneven), uneven, given=given),
         check("fillet_radius_mm", _known(small), short, given=given),
         *_straight(cloud, read, given),
     ]

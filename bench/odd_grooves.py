@@ -1,0 +1,342 @@
+"""`python -m bench.odd_grooves --parts 40 --seed 0`: grooves as they lie on the shop floor, by outside.py.
+
+Each is given to `edge.segment_groove`, which is to find out the type. What is not refused must be right.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from bench.odd_plates import Corners
+from bench.outside import BEYOND, FAR_MM, Errors, Part, Section, Usual, simulate
+from workbench.artefacts import SIZES, u_name
+from workbench.cloud import denoise
+from workbench.edge import segment_groove
+from workbench.errors import WorkbenchError
+from workbench.inspect import groove as inspect_groove
+from workbench.scan import fuse
+from workbench.units import DEG, Float
+
+AWAY_MM = 1e6  # where what is not at this place of the groove is put
+Chain = Callable[[Float], Float]  # corners (n, k, 2) at places w (n,)
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """One plate of a groove, as a left one; its root face stands at 0, its lower surface lies at 0."""
+
+    root_mm: float
+    bevel_deg: float
+    height_mm: float  # of the bevel
+    above: Corners | None = None  # of another shape than a bevel: from the root face's upper end to the upper surface
+
+    def corners(self) -> Corners:
+        """From the lower surface to the upper one."""
+        plain = ((-np.tan(self.bevel_deg * DEG) * self.height_mm, self.height_mm),)
+        up = tuple((u, self.root_mm + v) for u, v in (self.above if self.above is not None else plain))
+        return ((-FAR_MM, 0.0), (0.0, 0.0), (0.0, self.root_mm), *up, (up[-1][0] - FAR_MM, up[-1][1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Groove(Section):
+    """Two plates and what lies between, under and on them; sizes: what is true."""
+
+    left: Plate
+    right: Plate
+    gap_mm: float
+    raised_mm: float  # the right plate's lower surface over the left one's
+    fixed: tuple[Corners, ...] = ()  # that is the same all along
+    varied: tuple[Chain, ...] = ()
+
+    def segments(self, w: Float) -> Float:
+        left = tuple((u - self.gap_mm / 2, v) for u, v in self.left.corners())
+        right = tuple((self.gap_mm / 2 - u, self.raised_mm + v) for u, v in self.right.corners())
+        table = () if self.table_mm is None else (((2 * FAR_MM, -self.table_mm), (-2 * FAR_MM, -self.table_mm)),)
+        still = np.array([[*a, *b] for line in (left, right, *self.fixed, *table) for a, b in pairwise(line)])
+        moving = [chain(w) for chain in self.varied]
+        return np.concatenate(
+            [np.broadcast_to(still, (len(w), len(still), 4))]
+            + [np.concatenate([line[:, :-1], line[:, 1:]], axis=-1) for line in moving],
+            axis=1,
+        )
+
+    def sizes(self) -> dict[str, float]:
+        """What is true, by the names of groove.json."""
+        upper = [plate.root_mm + plate.height_mm for plate in (self.left, self.right)]
+        bevelled = [plate.height_mm for plate in (self.left, self.right) if plate.bevel_deg > 0.0]
+        wide = sum(plate.height_mm * np.tan(plate.bevel_deg * DEG) for plate in (self.left, self.right))
+        out = {
+            "gap_mm": self.gap_mm,
+            "root_face_left_mm": self.left.root_mm,
+            "root_face_right_mm": self.right.root_mm,
+            "bevel_left_deg": self.left.bevel_deg,
+            "bevel_right_deg": self.right.bevel_deg,
+            "included_deg": self.left.bevel_deg + self.right.bevel_deg,
+            "misalignment_mm": self.raised_mm + upper[1] - upper[0],
+            "depth_mm": float(np.mean(bevelled)),
+        }
+        is_plain = self.left.above is None and self.right.above is None
+        return out | ({"width_mm": self.gap_mm + wide} if is_plain else {})
+
+
+class Overhead(Usual):
+    """A sensor above the groove that shows some of both upper surfaces."""
+
+    def __init__(self, width_mm: float) -> None:
+        self.width_mm = width_mm
+
+    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+        return float(rng.uniform(78.0, 102.0))
+
+    def window(self, rng: np.random.Generator, thick_mm: float, is_raw: bool) -> tuple[int, float]:
+        return int(rng.choice([640, 1024, 1280])), self.width_mm + rng.uniform(12.0, 25.0)
+
+
+def plain(rng: np.random.Generator) -> Groove:
+    """A V or Y, alike on both sides or not."""
+    root, height = rng.choice([0.0, rng.uniform(0.8, 3.0)], p=[0.2, 0.8]), rng.uniform(4.0, 10.0)
+    bevels = np.full(2, rng.uniform(20.0, 45.0)) + rng.choice([0.0, 1.0]) * rng.uniform(-5.0, 5.0, 2)
+    roots = np.full(2, root) if rng.random() < 0.5 else root * rng.uniform(0.8, 1.2, 2)
+    left, right = (Plate(float(r), float(b), float(root + height - r)) for r, b in zip(roots, bevels, strict=True))
+    raised = rng.choice([0.0, rng.uniform(-1.0, 1.0)])
+    table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
+    return _groove(left, right, rng.choice([0.0, rng.uniform(0.5, 4.0)], p=[0.2, 0.8]), raised, table)
+
+
+def _groove(
+    left: Plate,
+    right: Plate,
+    gap_mm: float,
+    raised_mm: float,
+    table_mm: float | None,
+    fixed: tuple[Corners, ...] = (),
+    varied: tuple[Chain, ...] = (),
+) -> Groove:
+    thick = left.root_mm + left.height_mm
+    return Groove(thick, 1e-9, 0.0, thick, 0.0, table_mm, left, right, gap_mm, raised_mm, fixed, varied)
+
+
+def _with(of: Groove, fixed: tuple[Corners, ...] = (), varied: tuple[Chain, ...] = ()) -> Groove:
+    return _groove(of.left, of.right, of.gap_mm, of.raised_mm, of.table_mm, fixed, varied)
+
+
+def _backing(rng: np.random.Generator) -> Groove:
+    """A backing strip under the root, close or some tenths off, wider than the gap."""
+    of, under, reach = plain(rng), rng.choice([0.0, rng.uniform(0.05, 1.0)]), rng.uniform(5.0, 20.0)
+    return _with(of, (((-reach, -under), (reach, -under)),))
+
+
+def _bead(of: Groove, level_mm: float, crown_mm: float) -> Corners:
+    """A weld in the root from flank to flank, crowned or hollow."""
+    share = np.linspace(0.0, 1.0, 15)
+    reach = [
+        of.gap_mm / 2 + np.tan(p.bevel_deg * DEG) * max(level_mm - p.root_mm, 0.0) + 1.0 for p in (of.left, of.right)
+    ]
+    u = -reach[0] + share * sum(reach)
+    return tuple(zip(u.tolist(), (level_mm + crown_mm * 4.0 * share * (1.0 - share)).tolist(), strict=True))
+
+
+def _drawn_bead(rng: np.random.Generator, of: Groove) -> Corners:
+    level = max(of.left.root_mm, of.right.root_mm) + rng.uniform(-0.5, 0.45) * of.left.height_mm
+    return _bead(of, max(level, 0.1), rng.uniform(-1.0, 1.0) * rng.choice([0.3, 1.5]))
+
+
+def _tacks(rng: np.random.Generator) -> Groove:
+    """Tack welds of 3 to 20 mm."""
+    of = plain(rng)
+    bead = np.array(_drawn_bead(rng, of))
+    pitch, length, first = rng.uniform(20.0, 60.0), rng.uniform(3.0, 20.0), rng.uniform(0.0, 30.0)
+
+    def chain(w: Float) -> Float:
+        off = np.where(np.mod(w - first, pitch) < length, 0.0, -AWAY_MM)
+        return np.stack([np.broadcast_to(bead[:, 0], (w.size, len(bead))), bead[:, 1] + off[:, None]], axis=-1)
+
+    return _with(of, varied=(chain,))
+
+
+def _root_run(rng: np.random.Generator) -> Groove:
+    """A root run all along."""
+    of = plain(rng)
+    return _with(of, (_drawn_bead(rng, of),))
+
+
+def _spatter(rng: np.random.Generator) -> Groove:
+    """Drops of 0.3 to 2 mm on upper surfaces and bevels."""
+    of = plain(rng)
+    drops = []
+    for _ in range(int(rng.integers(5, 40))):
+        at, radius, place = rng.uniform(0.0, 150.0), rng.uniform(0.15, 1.0), rng.uniform(-1.0, 1.0)
+        plate, side = (of.left, -1.0) if place < 0 else (of.right, 1.0)
+        raised = 0.0 if side < 0 else of.raised_mm
+        along = abs(place) * (plate.height_mm * np.tan(plate.bevel_deg * DEG) + 6.0)
+        up = min(along / max(np.tan(plate.bevel_deg * DEG), 1e-3), plate.height_mm)
+        centre = (side * (of.gap_mm / 2 + along), raised + plate.root_mm + up)
+
+        def chain(w: Float, at: float = at, radius: float = radius, centre: tuple[float, float] = centre) -> Float:
+            r = np.sqrt(np.maximum(radius**2 - (w - at) ** 2, 0.0))[:, None]
+            turn = np.linspace(0.0, 2.0 * np.pi, 11)
+            off = np.where(r > 0.0, 0.0, -AWAY_MM)
+            return np.stack([centre[0] + r * np.cos(turn), centre[1] + off + r * np.sin(turn)], axis=-1)
+
+        drops.append(chain)
+    return _with(of, varied=tuple(drops))
+
+
+def _dressed(rng: np.random.Generator) -> Groove:
+    """Upper edges ground off at 20 to 70 deg, by 0.2 to 2 mm, of one plate or both."""
+    of = plain(rng)
+
+    def ground(plate: Plate) -> Plate:
+        size, turn = rng.uniform(0.2, 2.0), rng.uniform(0.2, 0.8)
+        slope = np.tan(plate.bevel_deg * DEG)
+        cut = plate.height_mm - size
+        lean = slope + turn * (3.0 - slope)
+        above = ((-slope * cut, cut), (-slope * cut - lean * size, plate.height_mm))
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above)
+
+    left, right = ground(of.left), of.right if rng.random() < 0.5 else ground(of.right)
+    return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
+
+
+def _compound(rng: np.random.Generator) -> Groove:
+    """A bevel of two angles, 3 to 30 deg apart, on one plate or both."""
+    of = plain(rng)
+
+    def bent(plate: Plate) -> Plate:
+        other = float(np.clip(plate.bevel_deg + rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 30.0), 2.0, 65.0))
+        low, high = np.tan(np.array([plate.bevel_deg, other]) * DEG)
+        part = rng.uniform(0.15, 0.85) * plate.height_mm
+        above = ((-low * part, part), (-low * part - high * (plate.height_mm - part), plate.height_mm))
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above)
+
+    left, right = bent(of.left), of.right if rng.random() < 0.5 else bent(of.right)
+    return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
+
+
+def _rounded(rng: np.random.Generator) -> Groove:
+    """Upper edges rounded by 0.2 to 2 mm."""
+    of, radius = plain(rng), rng.uniform(0.2, 2.0)
+
+    def round_(plate: Plate) -> Plate:
+        bevel, top = plate.bevel_deg * DEG, plate.height_mm
+        centre = (-np.tan(bevel) * top - radius * np.tan(0.5 * (np.pi / 2 - bevel)), top - radius)
+        turn = np.linspace(bevel, np.pi / 2, 13)  # of the outward normal over the horizontal
+        arc = tuple((centre[0] + radius * np.cos(t), centre[1] + radius * np.sin(t)) for t in turn)
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, arc)
+
+    return _groove(round_(of.left), round_(of.right), of.gap_mm, of.raised_mm, of.table_mm)
+
+
+def _two_thicknesses(rng: np.random.Generator) -> Groove:
+    """Plates of different thickness, level below."""
+    of = plain(rng)
+    right = Plate(of.right.root_mm, of.right.bevel_deg, of.right.height_mm + rng.uniform(-3.0, 3.0))
+    return _groove(of.left, right, of.gap_mm, 0.0, of.table_mm)
+
+
+def _single(rng: np.random.Generator) -> Groove:
+    """One plate square, the other bevelled: HV or HY."""
+    of = plain(rng)
+    right = Plate(of.left.root_mm + of.left.height_mm - 1e-6, 0.0, 1e-6)
+    return _groove(of.left, right, max(of.gap_mm, 0.5), of.raised_mm, of.table_mm)
+
+
+def _on_surface(rng: np.random.Generator) -> Groove:
+    """Tape, a scribed line or an old bead along an upper surface, 1 to 6 mm from the edge."""
+    of = plain(rng)
+    upper, height, wide = of.left.root_mm + of.left.height_mm, rng.choice([-0.3, 0.1, 0.3, 1.0]), rng.uniform(0.5, 6.0)
+    edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(1.0, 6.0)
+    strip = ((edge, upper - 1.0), (edge, upper + height), (edge - wide, upper + height), (edge - wide, upper - 1.0))
+    return _with(of, (strip,))
+
+
+SHAPES: dict[str, Callable[[np.random.Generator], Groove]] = {
+    "plain": plain,
+    "one plate square": _single,
+    "backing strip": _backing,
+    "tack welds": _tacks,
+    "root run": _root_run,
+    "spatter": _spatter,
+    "upper edges ground": _dressed,
+    "upper edges rounded": _rounded,
+    "two bevel angles a side": _compound,
+    "plates of two thicknesses": _two_thicknesses,
+    "tape or bead on a plate": _on_surface,
+}
+
+
+def odd_groove(shape: str, seed: int) -> Part:
+    """Part `seed` of one of SHAPES; its `section` is a Groove."""
+    rng = np.random.default_rng([784, seed, list(SHAPES).index(shape)])
+    groove = SHAPES[shape](rng)
+    wide = groove.gap_mm + 2.0 * max(abs(plate.corners()[-2][0]) for plate in (groove.left, groove.right))
+    return simulate(seed, True, groove, Overhead(wide))
+
+
+def errors(part: Part) -> tuple[str, Errors]:
+    """Type that is found, and errors and standard uncertainties of every size that is told and true of the part."""
+    found = inspect_groove(segment_groove(denoise(fuse(part.recording))))
+    assert isinstance(part.section, Groove)
+    sizes, turn = part.section.sizes(), part.base_from_section[:3, :3]
+    out: dict[str, list[tuple[float, float]]] = {}
+    for section in found.sections:
+        swapped = float(turn[:, 0] @ section.normal) < 0
+        for name in SIZES:
+            value, u = section.values.get(name), section.values.get(u_name(name))
+            true = _true(sizes, name, swapped)
+            if value is not None and u is not None and true is not None:
+                out.setdefault(name, []).append((value - true, u))
+    return found.type, {name: (np.array(v).T[0], np.array(v).T[1]) for name, v in out.items()}
+
+
+def _true(sizes: dict[str, float], name: str, swapped: bool) -> float | None:
+    if not swapped:
+        return sizes.get(name)
+    other = {"left": "right", "right": "left"}
+    true = sizes.get("_".join(other.get(word, word) for word in name.split("_")))
+    return -true if true is not None and name == "misalignment_mm" else true
+
+
+def judged(shape: str, seeds: range) -> tuple[int, int, list[str]]:
+    """How many parts were refused and how many right within BEYOND u; the wrong ones, told."""
+    refused, right, wrong = 0, 0, []
+    for seed in seeds:
+        part = odd_groove(shape, seed)
+        try:
+            kind, found = errors(part)
+        except WorkbenchError:
+            refused += 1
+            continue
+        far = {n: float((np.abs(e) / u).max()) for n, (e, u) in found.items()}
+        if max(far.values(), default=0.0) <= BEYOND:
+            right += 1
+        else:
+            off = [f"{n} {np.abs(found[n][0]).max():.3f} at {z:.1f} u" for n, z in far.items() if z > BEYOND]
+            wrong.append(f"{shape} {seed} as {kind}: {', '.join(off)}")
+    return refused, right, wrong
+
+
+def main() -> None:
+    """Simulate, measure, and print a table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.odd_grooves", description=__doc__.split("\n")[0])
+    parser.add_argument("--parts", type=int, default=40, help="of each shape")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--shapes", default=",".join(SHAPES))
+    chosen = parser.parse_args()
+    print(f"`python -m bench.odd_grooves --parts {chosen.parts} --seed {chosen.seed}`\n")
+    print("| groove | refused | right | wrong |\n| --- | --- | --- | --- |")
+    told: list[str] = []
+    for shape in chosen.shapes.split(","):
+        refused, right, wrong = judged(shape, range(chosen.seed, chosen.seed + chosen.parts))
+        print(f"| {shape} | {refused} | {right} | {len(wrong)} |", flush=True)
+        told += wrong
+    print("", *[f"- {line}" for line in told], sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -16,7 +16,7 @@ help:
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
 	@echo "make mutation   errors put into the code at random, and whether the tests tell them (long)"
-	@echo "make docs       the pages of the stages anew, and the site: out/docs/index.html; runs what the pages tell to run"
+	@echo "make docs       the pages of the stages and their pictures anew, and the site: out/docs/index.html; runs what the pages tell to run"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
 	@echo "make clean      remove what was made, .venv too"
@@ -57,6 +57,7 @@ mutation: setup-dev
 	@$(BIN)/python -m bench.mutation
 
 docs: setup-dev
+	@$(BIN)/python -m scripts.pictures
 	@$(BIN)/python -m workbench.pipeline.docs
 	@$(BIN)/python -m scripts.site
 

@@ -63,8 +63,8 @@ def test_schema_refuses_what_the_checks_refuse(schema: Any, stage: dict[str, Any
 
 def test_pages_are_up_to_date() -> None:
     """If this fails: python -m workbench.pipeline.docs"""
-    written = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "stages").glob("*.md")}
-    assert written == pages()
+    folder = ROOT / "docs" / "stages"
+    assert {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} == pages(folder)
 
 
 def test_pages_of_stages_that_are_gone_are_removed(tmp_path: Path) -> None:

@@ -42,10 +42,11 @@ def corners(groove: Groove) -> Document:
         InputError: a plate shows no root, or no station shows all corners.
 
     Example:
-        >>> from workbench.export.corners import read_corners
-        >>> row = "0,0,0,-.02,0,-.01,-.021,0,-.01,-.022,0,-.01,-.023,0,-.01,-.024,0,-.01,-.044,0,0"
-        >>> read_corners(row, "row.csv").corners_mm[0, 6].tolist()
-        [-44.0, 0.0, 0.0]
+        >>> from workbench import edge, export, scan
+        >>> points = scan.fuse(scan.read(recording="data/synthetic/groove.h5"))
+        >>> file = export.corners(edge.segment_groove(points))
+        >>> file.name, file.content.splitlines()[0].count(b",")
+        ('corners.csv', 20)
     """
     missing = [name for name in NAMED if name not in groove.corners]
     if missing:

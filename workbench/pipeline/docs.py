@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import sys
@@ -13,19 +14,20 @@ from workbench.pipeline.describe import ParameterText, makes, parameter_texts, p
 from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 
-DIRECTORY = Path("docs/stages")
+DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- Written by `python -m workbench.pipeline.docs` from the stage's signature: change it there. -->"
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
+TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
 
-def pages() -> dict[str, str]:
-    """File name -> Markdown: one page for every stage of the project, and their index."""
+def pages(directory: Path = DIRECTORY) -> dict[str, str]:
+    """File name -> Markdown: one page for every stage of the project, with the picture in `directory`; their index."""
     found, broken = every_stage()
     for family in BUILT_IN:
         if family in broken:
             raise SystemExit(broken[family])
     own = {name: stage for name, stage in found.items() if stage.function.__module__.startswith("workbench.")}
-    return {"README.md": index(own), **{f"{name}.md": page(stage) for name, stage in own.items()}}
+    return {"README.md": index(own), **{f"{name}.md": page(stage, directory) for name, stage in own.items()}}
 
 
 def index(stages: Mapping[str, Stage]) -> str:
@@ -34,8 +36,8 @@ def index(stages: Mapping[str, Stage]) -> str:
     return "\n".join([NOTE, "# Stages", "", "| stage | makes | what it does |", "|---|---|---|", *rows, ""])
 
 
-def page(stage: Stage) -> str:
-    """One stage: what it does, takes and makes, and its parameters."""
+def page(stage: Stage, directory: Path = DIRECTORY) -> str:
+    """One stage: what it does, takes and makes, its parameters, its example and what that makes."""
     takes = [f"- `{source.name}`: {source_text(source)}" for source in stage.sources]
     parts = [
         NOTE,
@@ -57,7 +59,20 @@ def page(stage: Stage) -> str:
     parts += ["## In a pipeline", f"```json\n{json.dumps(example)}\n```"]
     if shown := EXAMPLE.search(stage.doc):
         parts += ["## In Python", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
+        parts += picture(stage.name, directory)
     return "\n\n".join(parts) + "\n"
+
+
+def picture(name: str, directory: Path) -> list[str]:
+    """What the example makes, as `python -m scripts.pictures` drew it; or the head of the text that it writes."""
+    drawn, written = (directory / PICTURES / f"{name}{suffix}" for suffix in (".svg", ".txt"))
+    if drawn.exists() and (title := TITLE.search(drawn.read_text(encoding="utf-8"))):
+        words = html.unescape(title[1])
+        return [f"![{words}]({PICTURES}/{drawn.name})", f"*{words}.*"]
+    if written.exists():
+        file, _, head = written.read_text(encoding="utf-8").partition("\n")
+        return [f"No picture: the example writes `{file}`, which begins:", f"```text\n{head.rstrip()}\n```"]
+    return []
 
 
 def _markdown(text: str) -> str:
@@ -78,7 +93,7 @@ def _cell(text: str) -> str:
 
 def main(directory: Path) -> None:
     """Write the pages, and remove those of stages that are gone."""
-    written = pages()
+    written = pages(directory)
     directory.mkdir(parents=True, exist_ok=True)
     for old in directory.glob("*.md"):
         if old.name not in written:

@@ -26,7 +26,7 @@ from workbench.report.plot import FONT
 MOST_BYTES = 60_000  # of a picture
 HEAD_LINES, HEAD_WIDTH = 8, 96  # of a text
 CHART = re.compile(r'<img[^>]*? src="data:image/svg\+xml;base64,([^"]+)" alt="([^"]*)"')
-DIGITS = re.compile(r"(\.\d{3})\d+")  # beyond a thousandth of a point
+TAG, DIGITS = re.compile(r"<[^>]*>"), re.compile(r"(\.\d{3})\d+")  # of places, beyond a thousandth of a point
 FOLDER = re.compile(r"[^\s\"']*/tmp\w+/")  # of an example's own files: another one each time
 
 
@@ -104,7 +104,8 @@ def flat(value) -> list[object]:
 def chart(chapter: Chapter) -> bytes | None:
     """The first of the chapter's charts that is small enough, on white, with its words as title."""
     for data, words in CHART.findall(chapter.html):
-        svg = DIGITS.sub(r"\1", base64.b64decode(data).decode()).replace("'DejaVu Sans'", FONT)
+        svg = TAG.sub(lambda tag: DIGITS.sub(r"\1", tag[0]), base64.b64decode(data).decode())
+        svg = svg.replace("'DejaVu Sans'", FONT)
         made = titled(svg, unescape(words))
         if len(made) < MOST_BYTES:
             return made

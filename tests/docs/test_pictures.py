@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from scripts.pictures.__main__ import MOST_BYTES, picture, text
+from scripts.pictures.__main__ import MOST_BYTES, chart, picture, text
 from scripts.pictures.panels import Curve, Panel, Picture, drawn
-from workbench.artefacts import Document
+from workbench.artefacts import Chapter, Document
+from workbench.pieces import figure_html
 from workbench.pipeline.registry import every_stage
 from workbench.stage import Stage
 
@@ -80,6 +81,18 @@ def test_an_example_that_does_not_call_its_stage_is_told() -> None:
     crop.__module__ = "workbench.cloud.crop"
     with pytest.raises(SystemExit, match=r"test\.crop: its example does not call it as workbench\.cloud\.crop"):
         picture(Stage("test.crop", crop))
+
+
+def test_a_chapters_chart_keeps_its_numbers_and_is_passed_over_where_it_is_large() -> None:
+    small = b"<svg xmlns='http://www.w3.org/2000/svg'><path d='M1.23456 2'/><text>U = 0.00235 mm</text></svg>"
+    large = small.replace(b"M1", b"M1 1" * MOST_BYTES)
+    html = figure_html(large, "Large") + figure_html(small, "Root face < 2 mm")
+    made = chart(Chapter("A chapter", html))
+    assert made is not None
+    root = ElementTree.fromstring(made)
+    assert [one.text for one in root if one.text] == ["Root face < 2 mm", "U = 0.00235 mm"]
+    assert b"M1.234 2" in made
+    assert chart(Chapter("A chapter", figure_html(large, "Large"))) is None
 
 
 def test_one_scale_both_ways_is_one() -> None:

@@ -289,6 +289,9 @@ def errors(part: Part) -> tuple[str, Errors]:
         for name in SIZES:
             value, u = section.values.get(name), section.values.get(u_name(name))
             true = _true(sizes, name, swapped)
+            if name == "depth_mm" and value is not None and found.type in ("HV", "HY", "J", "K"):  # of the plate seen
+                heights = (part.section.left.height_mm, part.section.right.height_mm)
+                true = min(heights, key=lambda height: abs(height - value))
             if value is not None and u is not None and true is not None:
                 out.setdefault(name, []).append((value - true, u))
     return found.type, {name: (np.array(v).T[0], np.array(v).T[1]) for name, v in out.items()}

@@ -67,6 +67,7 @@ class Lines:
     last: Shaped[Float, "n 2"]  # innermost return of the plate; NaN where something covers its end
     step: Shaped[Float, " n"]  # from there to the next column
     edge_step: Shaped[Float, " n"]  # from the upper surface's last return to the next column
+    missing: float  # mm of the upper surface whose columns return nothing beyond its end, before what lies deeper does
     grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
     rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
@@ -348,6 +349,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "rms_f",
         "share",
         "edge_step",
+        "missing",
         "grazing",
         "lever",
         "plate_way",
@@ -375,6 +377,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2]))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
+        value["missing"][k] = spacing * (_to_next_return(read.columns[k], side.end, which) - 1)
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
             lowest[k] = np.nan if side.covered else below[np.argmin(below[:, 1])]
@@ -459,6 +462,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         last,
         value["step"],
         value["edge_step"],
+        float(np.nanmedian(value["missing"])) if np.isfinite(value["missing"]).any() else 0.0,
         value["grazing"],
         float(np.median([side.rounded_mm for side in read.sides[which]])),
         max(noise_f * across, LEAST_SIGMA_MM),
@@ -486,6 +490,12 @@ def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
         rises = columns[-1] >= columns[0]
         outwards[k] = columns[getattr(side, name)] * (1 if rises == (which == 0) else -1)
     return columns_to_next(cloud.z_mm, outwards)
+
+
+def _to_next_return(columns: Int, end: int, which: int) -> int:
+    """Columns from return `end` of a profile towards the groove to the next return."""
+    beyond = end + (1, -1)[which]
+    return abs(int(columns[beyond]) - int(columns[end])) if 0 <= beyond < columns.size else 1
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

@@ -39,7 +39,7 @@ SHOWS = 0.5  # share of the profiles that show a root face, for it to be measure
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
 SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
-GRAZING_DEG = 6.0  # between face and ray: less returns nothing
+GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return nothing
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V); small ones that are not seen beside a plate
 USUAL_DEG = 18.0  # whose bevel is seen would be unusual
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
@@ -75,9 +75,21 @@ class GrooveSizes:
 
     @property
     def hidden_deg(self) -> float:
-        """The greatest angle at which a face may fall inwards, below an upper surface's end, without returns."""
+        """The greatest angle at which a face may fall inwards, below an upper surface's end, without returns.
+
+        One that leans away from the rays; or one that they graze, as far as columns beyond the end return nothing.
+        """
         leans = zip((-self.lean, self.lean), self.lines, strict=True)
-        return max((math.atan(lean) / DEG + GRAZING_DEG for lean, one in leans if one.kind == "edge"), default=0.0)
+        shown = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind not in UNSEEN]
+        depth = max((one for one in shown if one > 0.0), default=LEAST_DEPTH_MM)
+        return max(
+            (
+                math.atan(lean) / DEG + min(math.atan(one.missing / depth) / DEG, GRAZING_DEG)
+                for lean, one in leans
+                if one.kind == "edge"
+            ),
+            default=0.0,
+        )
 
     @property
     def hides_bevels(self) -> bool:

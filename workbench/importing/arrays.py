@@ -33,6 +33,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "base_from_flange": ("base_from_flange", "poses", "pose"),
     "pose_time": ("pose_time", "pose_time_s", "robot_time"),
 }
+ORDER = ("z", "x", "intensity", "travel", "base_from_flange", "position", "quaternion_wxyz", "time", "pose_time")
 MOST_BYTES = 2**32
 BYTES_A_SECOND = 10_000_000  # a compressed file is read several times as fast
 DEEPEST = 4  # structures within structures
@@ -59,8 +60,8 @@ def read(path: Path, mapping: Mapping) -> Imported:
     )
     named = _numbers(path)
     part = part or ArraysPart()
-    found = {role: _named(named, role, getattr(part, role), str(path)) for role in ALIASES}
-    values = {role: np.squeeze(named[name]) for role, name in found.items() if name is not None}
+    found = _roles(named, {role: name for role in ALIASES if (name := getattr(part, role)) is not None}, str(path))
+    values = {role: np.squeeze(named[name]) for role, name in found.items()}
     if not {"z", "position", "base_from_flange"} & set(values):
         shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
         raise InputError(
@@ -69,27 +70,33 @@ def read(path: Path, mapping: Mapping) -> Imported:
             "workbench import --draft tells what it can)",
         )
     unit, second = LENGTH_MM[part.length_unit], TIME_S[part.time_unit]
-    used = ", ".join(f"{role} = {name}" for role, name in found.items() if name)
-    note = f"{NAME}: {used}; lengths in {part.length_unit}"
+    used = ", ".join(f"{role} = {name}" for role, name in found.items())
+    alike = [name for role in ALIASES if role not in found for name in _alike(named, role)]
+    odd = ", ".join(f"{name} {named[name].shape}" for name in dict.fromkeys(alike) if name not in found.values())
+    notes = (f"{NAME}: {used}; lengths in {part.length_unit}", *([f"left out, by shape: {odd}"] if odd else []))
     return Imported(
         profiles=_profiles(values, part.missing, unit, second, str(path)) if "z" in values else None,
         poses=_poses(values, unit, second, str(path)) if {"position", "base_from_flange"} & set(values) else None,
-        notes=(note,),
+        notes=notes,
     )
 
 
 def drafted(path: Path) -> tuple[dict[str, str], dict[str, AnyArray], list[str]]:
     """Names of the arrays of profiles and poses, as `arrays` of a mapping has them, their values, and what is doubtful.
 
-    What no name tells is told by shape and values: x and z of one shape, x rising along the columns; times that rise;
-    rows of four numbers and length one; rigid motions; rows of three.
+    A name counts where the shape fits. What no name tells is told by shape and values: x and z of one shape, x rising
+    along the columns; times that rise; rows of four numbers and length one; rigid motions; rows of three.
 
     Raises:
         InputError: not such a file.
     """
     named = _numbers(path)
-    found = {role: name for role in ALIASES if (name := _named(named, role, None, str(path))) is not None}
+    found = _roles(named, {}, str(path))
     kinds = {name: _kind(value) for name, value in named.items() if name not in found.values()}
+    grids = [name for name, kind in kinds.items() if kind == "grid"]
+    if "z" not in found and len(grids) == 1:
+        found = _roles(named, {"z": grids[0]}, str(path))  # what fits beside it
+        kinds = {name: _kind(value) for name, value in named.items() if name not in found.values()} | {grids[0]: "grid"}
     for role, name in _told_by_values(named, kinds, found):
         found[role] = name
     told = [name for name in kinds if name in found.values()]
@@ -109,11 +116,9 @@ def drafted(path: Path) -> tuple[dict[str, str], dict[str, AnyArray], list[str]]
 def _told_by_values(named: dict[str, Any], kinds: dict[str, str], found: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Roles that no name has told, and the array that each is."""
     grids = [name for name, kind in kinds.items() if kind in ("x", "grid")]
-    flat = [name for name, kind in kinds.items() if kind == "grid"]
-    z = found.get("z") or (flat[0] if len(flat) == 1 else None)
+    z = found.get("z")
     if z is not None:
         shape = np.squeeze(named[z]).shape
-        yield "z", z
         across = [name for name in grids if kinds[name] == "x" and np.squeeze(named[name]).shape == shape]
         rising = [name for name, kind in kinds.items() if kind == "rising"]
         across = across or [name for name in rising if shape[1:] == np.squeeze(named[name]).shape != shape[:1]]
@@ -155,9 +160,9 @@ def _kind(value: AnyArray) -> str:
 
 
 def _numbers(path: Path) -> dict[str, Any]:
-    """The arrays of numbers by name; a single one without name is what its shape tells."""
+    """The arrays of numbers by name; one without name is what its shape tells. MATLAB's 4 x 4 x K is turned."""
     named = {
-        name: value
+        name: np.moveaxis(value, 2, 0) if value.ndim == 3 and value.shape[:2] == (4, 4) != value.shape[1:] else value
         for name, value in _load(path).items()
         if isinstance(value, np.ndarray) and value.dtype.kind in "iuf"
     }
@@ -230,21 +235,53 @@ def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
     raise InputError(where, f"expected (N, M, 2) or (n, 2) with x and z, or (K, 4, 4) poses; found shape {value.shape}")
 
 
-def _named(named: dict[str, Any], role: str, asked: str | None, where: str) -> str | None:
-    if asked is not None:
-        if asked not in named:
-            raise InputError(f"{where}: {asked!r}", f"no such array{nearest(asked, named)}")
-        return asked
-    for low in ({name.lower(): name for name in named}, _alone_of_its_name(named)):
-        if found := next((low[alias] for alias in ALIASES[role] if alias in low), None):
-            return found
-    return None
+def _roles(named: dict[str, Any], asked: dict[str, str], where: str) -> dict[str, str]:
+    """The array of each role: what is asked for, else the first of a known name whose shape fits beside the others."""
+    for name in asked.values():
+        if name not in named:
+            raise InputError(f"{where}: {name!r}", f"no such array{nearest(name, named)}")
+    found = dict(asked)
+    for role in ORDER:
+        shapes = {other: np.squeeze(named[name]).shape for other, name in found.items()}
+        free = [name for name in _alike(named, role) if name not in found.values()]
+        fitting = [name for name in free if _fits(role, np.squeeze(named[name]).shape, shapes)]
+        if role not in found and fitting:
+            found[role] = fitting[0]
+    return {role: found[role] for role in ALIASES if role in found}
 
 
-def _alone_of_its_name(named: dict[str, Any]) -> dict[str, str]:
-    """Names of arrays in structures by their last part, where no other has it."""
+def _alike(named: dict[str, Any], role: str) -> list[str]:
+    """Arrays with one of a role's names, the same letters first; in structures by the last part, if it stands once."""
     last = [name.lower().rpartition(".")[2] for name in named]
-    return {short: name for short, name in zip(last, named, strict=True) if last.count(short) == 1}
+    short = {name for name, part in zip(named, last, strict=True) if last.count(part) == 1}
+    alike = [
+        name
+        for alias in ALIASES[role]
+        for name in sorted(named, key=lambda name: (name != alias, name.lower() != alias))
+        if name.lower() == alias or (name in short and name.lower().rpartition(".")[2] == alias)
+    ]
+    return list(dict.fromkeys(alike))
+
+
+def _fits(role: str, shape: tuple[int, ...], told: dict[str, tuple[int, ...]]) -> bool:
+    """Whether an array of this shape may have the role beside those whose shapes are told."""
+    z, counts = told.get("z"), _pose_counts(told)
+    if role in ("x", "intensity", "z"):
+        return len(shape) in (1, 2) if z is None else shape == z or (role == "x" and len(z) == 2 and shape == z[1:])
+    if role in ("time", "travel", "pose_time"):
+        frames = None if z is None else z[:-1] or (1,)
+        if role == "pose_time" or (role == "time" and frames is None):
+            return len(shape) == 1 and (not counts or shape[0] in counts)
+        return len(shape) == 1 if frames is None else (shape or (1,)) == frames
+    if role == "base_from_flange":
+        return shape[-2:] == (4, 4) and len(shape) in (2, 3)
+    return shape[-1:] == ((3,) if role == "position" else (4,)) and len(shape) <= 2
+
+
+def _pose_counts(told: dict[str, tuple[int, ...]]) -> set[int]:
+    """How many poses the arrays of poses hold."""
+    own = {"position": 1, "base_from_flange": 2}  # axes of a single pose
+    return {shape[0] if len(shape) > own[role] else 1 for role, shape in told.items() if role in own}
 
 
 def _profiles(
@@ -259,7 +296,7 @@ def _profiles(
     light = values.get("intensity")
     if light is not None and (np.atleast_2d(light).shape != z.shape or light.dtype.kind not in "u"):
         light = None
-    series = {role: values.get(role) for role in ("time", "travel")}
+    series = {role: None if (one := values.get(role)) is None else np.atleast_1d(one) for role in ("time", "travel")}
     for role, one in series.items():
         if one is not None and one.shape != z.shape[:1]:
             raise InputError(where, f"expected {role} of {len(z)} frames, found shape {one.shape}")

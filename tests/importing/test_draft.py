@@ -16,6 +16,7 @@ from workbench.artefacts import Recording
 from workbench.checks.judge import judge_recording, refuse_failed
 from workbench.cli import main
 from workbench.errors import InputError
+from workbench.importing.joint_states import JointModel
 from workbench.scan.read import read
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
@@ -162,9 +163,78 @@ def test_real_poses_of_a_ur5(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_real_tables_of_other_things_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("gocator_gage_rr_minitab_ready.csv", "rabkkk_3smr_joints.csv", "akig_ur5_joints.txt"):
-        assert main(["import", "--draft", str(real(name)), "--out", str(tmp_path / "m.json")]) == 2
-        assert "expected columns x and z of points" in capsys.readouterr().err
+    source = real("gocator_gage_rr_minitab_ready.csv")
+    assert main(["import", "--draft", str(source), "--out", str(tmp_path / "m.json")]) == 2
+    assert "expected columns x and z of points" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "columns"), [("akig_ur5_joints.txt", "rad", 1), ("rabkkk_3smr_joints.csv", "deg", 15)]
+)
+def test_real_joints_without_names(
+    name: str, unit: str, columns: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree, told = drafted(tmp_path, capsys, real(name))
+    assert (tree["joints"]["angle_unit"], tree["joints"]["columns"]) == (unit, [*range(columns, columns + 6)])
+    assert "lacking: joints.urdf" in told
+    assert main(["look", str(real(name))]) == 0
+    assert "joint angles of a robot" in capsys.readouterr().out
+
+
+JOINTS_RAD = np.radians(
+    [[0, 10, 20, -30, 45, 0], [5, 15, 18, 30, 50, 100.0], [9, 21, 17, 3, 52, 110], [1, 2, 3, 4, 5, 6]]
+)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "sure"),
+    [
+        ("time_s,j1,j2,j3,j4,j5,j6", "deg", False),
+        ("time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg", "deg", True),
+        ("t,axis1,axis2,axis3,axis4,axis5,axis6", "rad", False),
+        ("time,A1 [deg],A2 [deg],A3 [deg],A4 [deg],A5 [deg],A6 [deg]", "deg", True),
+        ("timestamp,actual_q_0,actual_q_1,actual_q_2,actual_q_3,actual_q_4,actual_q_5", "rad", False),
+        (
+            "time,elbow_joint,shoulder_lift_joint,shoulder_pan_joint,wrist_1_joint,wrist_2_joint,wrist_3_joint",
+            "rad",
+            False,
+        ),
+        ("time,S,L,U,R,B,T", "deg", False),
+    ],
+)
+def test_joints_are_drafted_without_their_robot(
+    header: str, unit: str, sure: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The draft names what is lacking; with the robot's URDF in it the poses follow."""
+    names = header.split(",")
+    order = [2, 1, 0, 3, 4, 5] if "elbow" in header else [*range(6)]  # the robot's order, not the file's
+    table = JOINTS_RAD[:, order] * (1.0 if unit == "rad" else 180 / np.pi)
+    rows = [header, *(",".join(f"{v:.9g}" for v in [0.1 * k, *row]) for k, row in enumerate(table))]
+    source = tmp_path / "q.csv"
+    source.write_text("\n".join(rows) + "\n")
+    tree, told = drafted(tmp_path, capsys, source)
+    part = tree["joints"]
+    assert (part["angle_unit"], part["time"], part["time_unit"]) == (unit, names[0], "s")
+    assert part["columns"] == [names[1 + k] for k in order]
+    assert any("joints.angle_unit" in text for text in tree.get("uncertain", [])) != sure
+    assert "lacking: joints.urdf" in told
+    assert main(["look", str(source)]) == 0
+    shown = capsys.readouterr().out
+    assert "joint angles of a robot" in shown
+    assert "postures: 4" in shown
+    assert (" 0 to 9 deg" if unit == "deg" else " 0 to 0.15708 rad") in shown
+    z = np.tile(np.linspace(80.0, 90.0, 40), (4, 1))
+    np.savez(tmp_path / "scan.npz", x=np.tile(np.linspace(-20.0, 20.0, 40), (4, 1)), z=z, time=0.09 * np.arange(4))
+    arguments = [str(tmp_path / "scan.npz"), str(source), "--out", str(tmp_path / "a.h5"), "--mapping"]
+    assert main(["import", *arguments, str(tmp_path / "map.json")]) == 2
+    assert "expected urdf, base_frame and flange_frame" in capsys.readouterr().err
+    urdf = Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf"
+    part |= {"urdf": str(urdf), "base_frame": "base_link", "flange_frame": "tool0"}
+    tree["accept"] = ["length_unit", "direction", "time_unit"]
+    (tmp_path / "map.json").write_text(json.dumps(tree))
+    assert main(["import", *arguments, str(tmp_path / "map.json")]) == 0
+    expected = JointModel.read(urdf, "base_link", "tool0").base_from_flange(JOINTS_RAD)
+    np.testing.assert_allclose(read(tmp_path / "a.h5").robot_position_mm, expected[:, :3, 3], atol=1e-3)
 
 
 def test_arrays_of_names_that_tell_nothing_are_told_by_their_values(tmp_path: Path, capsys: Any) -> None:

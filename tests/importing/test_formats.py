@@ -183,6 +183,26 @@ def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, impo
         imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
 
 
+def test_a_linear_joint_is_counted_in_its_own_unit(tmp_path: Path, milled: Recording, imported: Imported) -> None:
+    limit = '<axis xyz="0 0 1"/><limit lower="-1" upper="2" effort="1" velocity="1"/>'
+    links = "".join(f'<link name="{name}"/>' for name in ("base", "cart", "flange"))
+    rail = f'<joint name="rail" type="prismatic"><parent link="base"/><child link="cart"/>{limit}</joint>'
+    turn = f'<joint name="turn" type="revolute"><parent link="cart"/><child link="flange"/>{limit}</joint>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{links}{rail}{turn}</robot>')
+    joints = np.stack([np.linspace(1200, 1300, len(milled.time_s)), np.full(len(milled.time_s), 30.0)], axis=1)
+    np.savetxt(tmp_path / "q.csv", joints, delimiter=",", header="e1,j1", comments="")
+    np.savez(tmp_path / "scan.npz", x=milled.x_mm, z=milled.z_mm, time=milled.time_s)
+    part = {"columns": ["e1", "j1"], "angle_unit": "deg", "length_unit": "mm", "urdf": "r.urdf"}
+    part |= {"base_frame": "base", "flange_frame": "flange"}
+    sources = [tmp_path / "scan.npz", tmp_path / "q.csv"]
+    parts = {"joints": part, "times": {"source": "pose_each"}, "accept": ["direction"]}
+    got = imported(*sources, mapping=mapping(tmp_path, **parts))
+    np.testing.assert_allclose(got.robot_position_mm[:, 2], joints[:, 0])
+    parts["joints"] = {**part, "length_unit": "m"}
+    with pytest.raises(InputError, match="line 2: joint 'rail': expected -1 to 2 m, found 1200"):
+        imported(*sources, mapping=mapping(tmp_path, **parts))
+
+
 @pytest.mark.parametrize("unit", ["mm", "m"])
 def test_an_organised_pcd_keeps_its_grid(unit: str, tmp_path: Path, imported: Imported) -> None:
     scale = 1.0 if unit == "mm" else 1e-3

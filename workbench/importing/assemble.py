@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
 from workbench.errors import InputError
+from workbench.importing.joints import NO_ROBOT
 from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.passes import chosen_poses, joined, poses_by_pass
@@ -31,6 +32,9 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     frames = joined(profiles, each_a_pass=mapping.sphere_diameter_mm is not None)
     check_profiles(frames, mapping)
     streams = [source.poses for source in sources if source.poses is not None]
+    for source in sources:
+        if source.joints is not None and source.poses is None:
+            raise InputError(source.joints.source, NO_ROBOT)
     passes = _passes(frames, streams, mapping)
     kept = [within(one, mapping, frames.source) for one in passes.values()]
     lost = sum(int((~inside).sum()) for inside in kept)

@@ -19,7 +19,7 @@ from workbench.importing.mapping import Mapping, no_mapping
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
 from workbench.importing.neutral import Imported
 from workbench.importing.passes import joined
-from workbench.importing.roles import LENGTHS, TIMES, Columns, columns_of
+from workbench.importing.roles import ANGLES, LENGTHS, TIMES, TURN_DEG, TURN_RAD, Columns, Named, columns_of
 from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
@@ -58,7 +58,7 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     tree: Tree = {"format": "import-mapping", "version": 1}
     doubts: list[str] = []
     lines: list[str] = []
-    by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": []}
+    by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": [], "joints": []}
     for source in sources:
         try:
             known = read_source(source, no_mapping())
@@ -74,13 +74,13 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
                 doubts += more
                 continue
             form, columns = _table(source, error)
-            by_part["poses" if columns.kind == "poses" else "profiles"].append((source, form, columns))
+            by_part[columns.kind if columns.kind in by_part else "profiles"].append((source, form, columns))
             continue
         lines += [f"{source}: {note}" for note in known.notes]
     for name, tables in by_part.items():
         if tables:
             others = [source.name for source in sources if source not in [table[0] for table in tables]]
-            part, more = (_poses if name == "poses" else _profiles)(*tables[0][1:])
+            part, more = {"profiles": _profiles, "poses": _poses, "joints": _joints}[name](*tables[0][1:])
             tree[name] = {"files": _pattern([table[0].name for table in tables], others), **part}
             doubts += [*tables[0][2].doubts, *more]
             if name == "poses" and tables[0][2].robot:
@@ -131,7 +131,8 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
         if form.rows.shape[1] == 3 or {"x", "y", "z"} <= set(map(str.lower, form.header)):
             raise InputError(str(source), f"three coordinates a point, in no rows of profiles. {organised.AS_A_CLOUD}")
         raise InputError(
-            str(source), f"expected columns x and z of points, or x, y, z and an orientation; found {names}{known}"
+            str(source),
+            f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}",
         )
     return form, columns
 
@@ -215,6 +216,41 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     return part, doubts
 
 
+def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
+    """The part `joints`, without the robot."""
+    roles = columns.roles
+    axes = [one for role, one in roles.items() if role.startswith("joint")]
+    part: Tree = form.as_part()
+    unit, doubts = _angle(form, axes)
+    linear = [one for one in axes if one.unit in LENGTHS]
+    part["length_unit"] = linear[0].unit if linear else "mm"
+    part["angle_unit"] = unit
+    if "time" in roles:
+        time = _values(form, roles["time"].column)
+        part["time_unit"], more = _time("joints", roles["time"].unit, np.diff(np.unique(time)), POSE_S)
+        part["time"] = roles["time"].column
+        doubts += more
+    if "number" in roles:
+        part["number"] = roles["number"].column
+    part["columns"] = [one.column for one in axes]
+    return part, doubts
+
+
+def _angle(form: Form, axes: Sequence[Named]) -> tuple[str, list[str]]:
+    """The joints' unit by name, else by size; what is beyond two turns in deg goes along its axis."""
+    told = next((one.unit for one in axes if one.unit in ANGLES), "")
+    largest = {
+        repr(one.column): float(np.nanmax(np.abs(_values(form, one.column)))) for one in axes if one.unit not in LENGTHS
+    }
+    far = [name for name, value in largest.items() if value > TURN_DEG]
+    doubts = [f"joints.length_unit: mm for {', '.join(far)}, by the size of the numbers: a linear axis?"] if far else []
+    if told:
+        return told, doubts
+    turning = [value for name, value in largest.items() if name not in far]
+    unit = "rad" if max(turning, default=0.0) <= TURN_RAD else "deg"
+    return unit, [*doubts, f"joints.angle_unit: {unit}, by the size of the numbers ({max(turning, default=0.0):.4g})"]
+
+
 def _values(form: Form, column: str | int) -> Float:
     return np.asarray(form.rows[:, column if isinstance(column, int) else form.header.index(column)])
 
@@ -290,14 +326,19 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     if unread:
         return [], [f"with this mapping: {text}" for text in unread]
     doubts = _times(tree, found)
-    has = [any(getattr(one, what) is not None for one in found) for what in ("profiles", "poses")]
+    has = [any(one.profiles is not None for one in found), any(_times_of_poses(one) is not None for one in found)]
     if has == [True, False] and sum(len(one.profiles.z_mm) for one in found if one.profiles is not None) == 1:
         return doubts, ["a single profile: `workbench look` shows and measures it; a recording needs frames and poses"]
     lacking = []
     if has == [True, True] and not any(one.flange_from_profiler is not None for one in found):
         lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
+    unmoved = [one for one in found if one.joints is not None and one.poses is None]
+    if unmoved:
+        lacking.append("joints.urdf, joints.base_frame, joints.flange_frame: the robot's description and its links")
     if not has[0]:
         return doubts, [*lacking, "profiles: none among the sources"]
+    if unmoved:
+        return doubts, lacking
     try:
         assemble(found, Mapping.model_validate_json(json.dumps(tree)))
     except InputError as error:
@@ -307,7 +348,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
 
 def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
     """The part `times`, where profiles and poses do not have times on one clock."""
-    streams = [one.poses for one in found if one.poses is not None]
+    streams = [times for one in found if (times := _times_of_poses(one)) is not None]
     profiles = [one.profiles for one in found if one.profiles is not None]
     if not profiles:
         return []
@@ -319,22 +360,29 @@ def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:
             tree["times"] = {"source": "travel", "start_mm": 0.0, "pitch_mm": 1.0}
             return ["times.pitch_mm: the files tell no way along the scan; 1 mm a frame stands for the axis's"]
         return []
-    poses = streams[0]
-    if frames.time_s is not None and poses.time_s is not None:
-        if frames.time_s[0] >= poses.time_s[0] and frames.time_s[-1] <= poses.time_s[-1]:
+    poses, pose_s = streams[0]
+    if frames.time_s is not None and pose_s is not None:
+        if frames.time_s[0] >= pose_s[0] and frames.time_s[-1] <= pose_s[-1]:
             return []
-        offset = round(float(frames.time_s[0] - poses.time_s[0]), 9)
+        offset = round(float(frames.time_s[0] - pose_s[0]), 9)
         tree["times"] = {"source": "file", "clock_offset_s": offset}
         return [f"times.clock_offset_s: the clocks differ; {offset:g} s puts the first frame on the first pose"]
-    if len(poses.position_mm) == count and len(streams) == 1:
+    if poses == count and len(streams) == 1:
         tree["times"] = {"source": "pose_each"}
         return ["times.source: as many poses as frames: one pose a frame"]
     if frames.travel_mm is not None:
         tree["times"] = {"source": "travel", "start_mm": float(frames.travel_mm[0])}
         return ["times.start_mm: the travel at the first frame is taken as that at the first pose"]
-    if poses.time_s is None or count < 2:
+    if pose_s is None or count < 2:
         return []
-    duration = float(poses.time_s[-1] - poses.time_s[0])
+    duration = float(pose_s[-1] - pose_s[0])
     rate = round((count - 1) / duration * (1 + 1e-9), 9) if duration > 0 else 1.0
     tree["times"] = {"source": "rate", "rate_hz": rate, "start_s": "first_pose"}
     return [f"times.rate_hz: no times in the profiles; {rate:.6g} spreads the frames evenly over the poses"]
+
+
+def _times_of_poses(one: Imported) -> tuple[int, Float | None] | None:
+    """How many poses, or postures that poses will follow from, and their times; None of a source that has none."""
+    if one.poses is not None:
+        return len(one.poses.position_mm), one.poses.time_s
+    return None if one.joints is None else (len(one.joints.position), one.joints.time_s)

@@ -89,6 +89,10 @@ class JointModel:
             return -1e3, 1e3
         return float(self.model.lowerPositionLimit[joint.idx_q]), float(self.model.upperPositionLimit[joint.idx_q])
 
+    def linear(self, name: str) -> bool:
+        """Whether a joint goes along its axis, and does not turn."""
+        return "JointModelP" in str(self.model.joints[self.model.getJointId(name)].shortname())
+
     def base_from_flange(self, joints: Float) -> Float:
         """Poses (K, 4, 4), mm, at joint positions (K, n)."""
         import pinocchio as pin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 from pydantic import Field, model_validator
 
@@ -47,8 +47,22 @@ class ArraysPart(Part):
     missing: list[float] = Field(default=[], description="values of z that mean no return, besides NaN")
 
 
+class Robot(Protocol):
+    """A part that names the robot whose joints it tells."""
+
+    urdf: str | None
+    base_frame: str | None
+    flange_frame: str | None
+
+
+def check_robot(part: Robot) -> None:
+    """Refuse (ValueError) a robot that is told in part only."""
+    if len({name is None for name in (part.urdf, part.base_frame, part.flange_frame)}) > 1:
+        raise ValueError("expected urdf, base_frame and flange_frame together")
+
+
 class JointsPart(TextPart):
-    """A table of joint positions: the flange's poses follow from the robot's URDF."""
+    """A table of joint positions: the flange's poses follow from the robot's URDF, where a recording needs them."""
 
     length_unit: LengthUnit = Field(default="mm", description="of linear joints")
     columns: Annotated[list[Column], Field(min_length=1, max_length=12)] = Field(
@@ -56,14 +70,16 @@ class JointsPart(TextPart):
     )
     angle_unit: Literal["deg", "rad"] = Field(description="of the joints")
     time: Column | None = Field(default=None, description="on the robot's clock")
-    urdf: str = Field(description="the robot's URDF, relative to the mapping file")
-    base_frame: str = Field(description="link of the URDF that is the base")
-    flange_frame: str = Field(description="link of the URDF that is the flange")
+    number: Column | None = Field(default=None, description="number of the posture")
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
 
     @model_validator(mode="after")
     def _timed(self) -> JointsPart:
         if (self.time is None) != (self.time_unit is None):
             raise ValueError("expected time_unit with time and only there")
+        check_robot(self)
         return self
 
 

@@ -40,6 +40,18 @@ class PoseStream:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class JointStream:
+    """Postures out of one source: K of n joints, in the robot's own order."""
+
+    source: str
+    position: Shaped[Float, "K n"]  # rad; of linear joints, as far as a URDF tells them, m
+    names: tuple[str, ...]  # as the file calls them
+    time_s: Shaped[Float, " K"] | None = None  # on the robot's clock; None: the file has none
+    number: Shaped[Int, " K"] | None = None  # of the posture, where the file tells it
+    angle_unit: str = "rad"  # that the angles were read from
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Imported:
     """What one source held. `notes` are lines for the user: kind of file, columns, units, what was left out."""
 
@@ -48,6 +60,7 @@ class Imported:
     notes: tuple[str, ...] = ()
     flange_from_profiler: Shaped[Float, "4 4"] | None = None  # where the source itself carries it
     stamps_s: Shaped[Float, " N"] | None = None  # or (K,) times alone, for the frames or poses of another source
+    joints: JointStream | None = None  # beside the poses that follow from them, or alone where no URDF is named
 
 
 class TimedPass(NamedTuple):

@@ -126,14 +126,7 @@ def _passes(table: Table) -> np.ndarray | None:
     """Numbers of the scanning passes."""
     if "pass" not in table.columns:
         return None
-    number = table.present("pass")
-    wrong = np.flatnonzero((number != np.round(number)) | (np.abs(number) > 2**31 - 1))
-    if len(wrong):
-        raise InputError(
-            f"{table.where}: line {table.line[wrong[0]]}",
-            f"expected a whole number of a pass, found {number[wrong[0]]:g}",
-        )
-    return number.astype(np.int64)
+    return table.whole("pass")
 
 
 def _note(part: PosesPart, table: Table) -> str:

@@ -99,6 +99,15 @@ ORIENTATIONS = (  # columns, convention, robot, what is uncertain
     (("rx", "ry", "rz"), "", "", ""),  # UR's, Yaskawa's, Staubli's, ABB's: by the numbers
     (("roll", "pitch", "yaw"), "euler_xyz_extrinsic", "", "roll, pitch, yaw are taken about the fixed x, y, z"),
 )
+AXES = re.compile(r"(?:j|q|a|axis|joint|jnt|achse|theta|th|rax|position|pos|angle)(\d\d?)(?:pos|position|angle|act)?")
+NAMED_AXES = (  # in the robot's order
+    ("shoulderpan", "shoulderlift", "elbow", "wrist1", "wrist2", "wrist3"),  # Universal Robots
+    ("base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3"),
+    ("s", "l", "u", "r", "b", "t"),  # Yaskawa
+)
+FEWEST_AXES, MOST_AXES = 5, 9  # numbered columns that are a robot's joints: q1 to q4 may be a quaternion
+POSTURES = ("posture", "position", "pos", "pose", "point", "nr", "no", "number", "index", "id")  # names of a count
+TURN_RAD, TURN_DEG = 2 * np.pi + 1e-3, 720.0  # beyond which numbers are no angles; a wrist may turn twice
 FEWEST_RANGES = 48  # columns from which a row without names is a profile
 UR_REACH_M = 2.5  # of the flange, a pedestal or a table's frame included
 COUNTER = "counter"
@@ -112,7 +121,7 @@ class Named(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Columns by role; what they are for ('profiles', 'poses', 'rows' of ranges, '' unknown)."""
+    """Columns by role; what they are for ('profiles', 'poses', 'joints', 'rows' of ranges, '' unknown)."""
 
     kind: str
     roles: dict[str, Named]
@@ -129,20 +138,26 @@ def columns_of(form: Form) -> Columns:
 
 def role_of(name: str) -> tuple[str, str]:
     """(role or '', unit or '') of a column's name: 'X [mm]', 'pose.position.x', 'time_s'."""
-    text = name.strip().lower()
-    unit = ""
-    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", text)
-    if bracket:
-        unit, text = UNITS.get(bracket[1], ""), text.replace(bracket[0], " ")
+    text, unit = _bare(name)
     tokens = [token for token in re.split(r"[\s._/:-]+", text) if token]
-    if not unit and len(tokens) > 1 and tokens[-1] in UNITS and tokens[-1] not in ("in",):
-        unit = UNITS[tokens.pop()]
     if not tokens:
         return "", unit
     about = " ".join(tokens[:-1])
     if re.search(r"orient|quat|rot", about) and tokens[-1] in ("w", "x", "y", "z"):
         return f"q{tokens[-1]}", unit
     return ALIKE.get("".join(tokens), ALIKE.get(tokens[-1], "")), unit
+
+
+def _bare(name: str) -> tuple[str, str]:
+    """A column's name in small letters without its unit, and the unit or ''."""
+    text, unit = name.strip().lower(), ""
+    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", text)
+    if bracket and not bracket[1].isdigit():
+        unit, text = UNITS.get(bracket[1], ""), text.replace(bracket[0], " ").strip()
+    last = re.search(r"[\s._/:-]([^\s._/:-]+)$", text)
+    if not unit and last and last[1] in UNITS and last[1] != "in":
+        unit, text = UNITS[last[1]], text[: last.start()]
+    return text, unit
 
 
 def _by_name(form: Form) -> Columns:
@@ -160,6 +175,8 @@ def _by_name(form: Form) -> Columns:
                     Columns("poses", roles, orientation=names), np.stack(values, axis=1), found[names[0]].unit
                 )
             return Columns("poses", roles, convention, robot, names, (doubt,) if doubt else ())
+    if not {"x", "z", "frame"} <= set(found) and (joints := _joints_named(form)):
+        return Columns("joints", joints | {role: found[role] for role in ("time",) if role in found})
     if {"x", "y", "z"} <= set(found) and "frame" not in found and not steady(_column(form, found["y"])):
         return Columns("", {"a cloud: see cloud.read and `workbench look`": found["x"]})
     if {"x", "z"} <= set(found):
@@ -172,6 +189,38 @@ def _by_name(form: Form) -> Columns:
         return Columns("profiles", roles)
     numbered = all(re.fullmatch(r"[\d.]*", name) for name in form.header)  # columns that are counted, not named
     return Columns("rows", {}) if numbered and form.rows.shape[1] >= FEWEST_RANGES else Columns("", found)
+
+
+def _joints_named(form: Form) -> dict[str, Named]:
+    """A robot's joints by the names of their columns, and the number of the posture; none where there are none."""
+    sets: dict[str, dict[int, Named]] = {}
+    words: dict[str, Named] = {}
+    counts: dict[str, Named] = {}
+    for name in form.header:
+        text, unit = _bare(name)
+        tokens = [token for token in re.split(r"[\s._/:\[\]()-]+", text) if token and token != "joint"] or [text]
+        tail = "".join(tokens[-2:]) if tokens[-1].isdigit() else tokens[-1]
+        about = " ".join(tokens[: -2 if tokens[-1].isdigit() else -1])
+        if form.header.count(name) > 1:
+            continue
+        words["".join(tokens)] = one = Named(name, unit)
+        if found := AXES.fullmatch(tail) or re.fullmatch(r"(\d\d?)", tail if "joint" in text else ""):
+            sets.setdefault(f"{about} {tail.rstrip('0123456789')}", {})[int(found[1])] = one
+        elif text in POSTURES and _whole(_column(form, one)):
+            counts["number"] = one
+    for numbered in sets.values():
+        first, count = min(numbered), len(numbered)
+        in_order = first in (0, 1) and sorted(numbered) == list(range(first, first + count))
+        if in_order and FEWEST_AXES <= count <= MOST_AXES:
+            return {f"joint {k}": numbered[first + k] for k in range(count)} | counts
+    for axes in NAMED_AXES:
+        if set(axes) <= set(words):
+            return {f"joint {k}": words[axis] for k, axis in enumerate(axes)} | counts
+    return {}
+
+
+def _whole(values: Float) -> bool:
+    return bool(np.isfinite(values).all() and (values == np.round(values)).all())
 
 
 def _column(form: Form, named: Named) -> Float:
@@ -190,19 +239,19 @@ def _by_numbers(form: Form) -> Columns:
     if len(places) in (6, 7) and not any(steady(rows[:, k]) for k in places[:3]):
         roles |= {role: Named(places[k], "") for k, role in enumerate("xyz")}
         values = rows[:, places[3:]]
-        if (
-            len(places) == 6
-            and np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3
-            and not _metres(rows[:, places[:3]])
-        ):
-            return Columns("", {"joint angles in rad": Named(places[0], "")})
+        turning = np.nanmax(np.abs(rows[:, places])) <= TURN_RAD and not _metres(rows[:, places[:3]])
+        if len(places) == 6 and turning:
+            return _joints_placed(places, first, doubt)
         if len(places) == 7:
-            return _quaternion(roles, places[3:], values, doubt)
+            found = _quaternion(roles, places[3:], values, doubt)
+            return _joints_placed(places, first, doubt) if turning and not found.kind else found
         names = ("rx", "ry", "rz")
         roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
         if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
             doubt += "; six of them within 2 pi could be joint angles too"
         return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
+    if joints := _behind_targets(rows, places):
+        return joints._replace(doubts=(doubt, *joints.doubts))
     if len(places) == 3 and steady(rows[:, places[1]]):
         roles["travel"] = Named(places.pop(1), "")
     if len(places) == 2:
@@ -211,6 +260,25 @@ def _by_numbers(form: Form) -> Columns:
             roles |= {"x": Named(places[1], ""), "z": Named(places[0], "")}
         return Columns("profiles", roles, doubts=() if count == 2 else (doubt,))
     return Columns("", roles)
+
+
+def _joints_placed(places: list[int], first: list[str], doubt: str) -> Columns:
+    """Joints in columns without names, behind a count of the postures and their time."""
+    known = {"number": COUNTER, "time": "time"}
+    roles = {role: Named(first.index(name), "") for role, name in known.items() if name in first}
+    return Columns("joints", {f"joint {k}": Named(at, "") for k, at in enumerate(places)} | roles, doubts=(doubt,))
+
+
+def _behind_targets(rows: Float, places: list[int]) -> Columns | None:
+    """Six joints in deg in the last columns, behind places of a tracker's targets; what never changes is neither."""
+    joints, others = places[-6:], [k for k in places[:-6] if np.nanmax(rows[:, k]) > np.nanmin(rows[:, k])]
+    far = [np.nanmax(np.abs(rows[:, others[k : k + 3]])) > TURN_DEG / 2 for k in range(0, len(others), 3)]
+    if not others or len(others) % 3 or not all(far) or np.nanmax(np.abs(rows[:, joints])) > TURN_DEG / 2:
+        return None
+    roles = {f"joint {k}": Named(at, "") for k, at in enumerate(joints)}
+    roles |= {f"target {k // 3 + 1} {'xyz'[k % 3]}": Named(at, "") for k, at in enumerate(others)}
+    told = f"columns {others[0]} to {others[-1]} are taken as the places of {len(others) // 3} targets of a tracker"
+    return Columns("joints", roles, doubts=(told,))
 
 
 def _metres(position: Float) -> bool:

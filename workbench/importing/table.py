@@ -64,6 +64,15 @@ class Table:
             raise InputError(f"{self.where}: line {line}", f"column {self.names[role]}: no number")
         return self.columns[role]
 
+    def whole(self, role: str) -> Int:
+        """A column of whole numbers; InputError naming the line of the first that is none."""
+        number = self.present(role)
+        wrong = np.flatnonzero((number != np.round(number)) | (np.abs(number) > 2**31 - 1))
+        if len(wrong):
+            what = f"column {self.names[role]}: expected a whole number, found {number[wrong[0]]:g}"
+            raise InputError(f"{self.where}: line {self.line[wrong[0]]}", what)
+        return number.astype(np.int64)
+
 
 def header_names(head: bytes, part: TextPart) -> list[str]:
     """The column names in the first lines of a file; none where it has no header."""

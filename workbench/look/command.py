@@ -20,10 +20,9 @@ from workbench.importing import kistler, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
-from workbench.importing.roles import columns_of
 from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.text import decoded, first_bytes, head_text
-from workbench.look.foreign import frames_alone, numbers_alone, poses_alone
+from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.sample import chosen_of, shades_of
 from workbench.look.seen import Seen
@@ -226,13 +225,11 @@ def _cloud(file: Path) -> Seen:
 
 
 def _cloud_of_text(file: Path) -> Seen:
-    """A cloud whose points stand in a table; a few rows, or rows of joints, are something else."""
+    """A cloud whose points stand in a table; a few rows are something else."""
     form = _form(file)
     found = _cloud(file)
     if form is not None and len(form.rows) < LEAST_POINTS:
         raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {len(form.rows)} rows")
-    if form is not None and "joint angles in rad" in columns_of(form).roles:
-        raise InputError(str(file), "expected a cloud, found joint angles")
     return found
 
 
@@ -279,4 +276,6 @@ def _foreign(file: Path, mapping: Mapping) -> Seen:
     found = read_source(file, mapping)
     if found.profiles is not None:
         return frames_alone(found, str(file))
+    if found.poses is None and found.joints is not None:
+        return joints_alone(found.joints, found.notes, str(file))
     return poses_alone(found, str(file))

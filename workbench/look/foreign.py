@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
-from workbench.importing.neutral import Imported
-from workbench.importing.roles import columns_of
+from workbench.importing.joints import NO_ROBOT
+from workbench.importing.neutral import Imported, JointStream
 from workbench.importing.sniff import Form
 from workbench.look.grids import even_grid, pitch_mm, stacked
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
@@ -17,6 +19,7 @@ from workbench.look.seen import Seen
 from workbench.look.single import measured
 from workbench.look.single import told as told_profile
 from workbench.look.tell import box
+from workbench.units import DEG
 
 MOST_COLUMNS = 24  # that are told
 TO_IMPORT = "to bring it in: workbench import FILE --out part.h5, then workbench look part.h5 (docs/importing.md)"
@@ -71,12 +74,7 @@ def frames_alone(found: Imported, source: str) -> Seen:
 
 def numbers_alone(form: Form, source: str) -> Seen:
     """A table of numbers that is neither profiles nor poses nor a cloud: its columns, and what could be made of it."""
-    known = columns_of(form).roles
-    joints = "joint angles in rad" in known
-    first = known["joint angles in rad"].column if joints else None
     names = list(form.header) or [f"column {k}" for k in range(form.rows.shape[1])]
-    if isinstance(first, int):
-        names[first:] = [f"joint {k + 1}, rad" for k in range(len(names) - first)]
     lines = [f"rows: {len(form.rows)}, columns: {len(names)}"]
     for name, values in list(zip(names, form.rows.T, strict=True))[:MOST_COLUMNS]:
         kept = values[np.isfinite(values)]
@@ -85,13 +83,26 @@ def numbers_alone(form: Form, source: str) -> Seen:
     if len(names) > MOST_COLUMNS:
         lines.append(f"  and {len(names) - MOST_COLUMNS} more")
     hint = (
-        "joints become poses by the robot's URDF: the part `joints` of a mapping (docs/importing.md)"
-        if joints
-        else "a recording needs x and z of points, or x, y, z and an orientation, or joints: name the columns in a "
+        "a recording needs x and z of points, or x, y, z and an orientation, or joints: name the columns in a "
         "mapping (docs/importing.md); a gauge study with a row a trial: stage compare.study (docs/comparison.md)"
     )
-    kind = "joint angles of a robot" if joints else "table of numbers"
-    return Seen(source, kind, "no frame: columns as they stand", tuple(lines), np.zeros((0, 3)), (), hints=(hint,))
+    frame, nothing = "no frame: columns as they stand", np.zeros((0, 3))
+    return Seen(source, "table of numbers", frame, tuple(lines), nothing, (), hints=(hint,))
+
+
+def joints_alone(joints: JointStream, notes: Sequence[str], source: str) -> Seen:
+    """A robot's postures, of which no URDF tells the poses: the range of each joint."""
+    unit = joints.angle_unit
+    values = joints.position / (DEG if unit == "deg" else 1.0)
+    count = f"postures: {len(values)}, joints: {len(joints.names)}"
+    if joints.time_s is not None:
+        count += f", times {joints.time_s[0]:.9g} to {joints.time_s[-1]:.9g} s on the robot's clock"
+    ranges = [
+        f"  joint {k} (column {name}): {one.min():.6g} to {one.max():.6g} {unit}, {len(np.unique(one))} different"
+        for k, (name, one) in enumerate(zip(joints.names, values.T, strict=True), 1)
+    ]
+    lines, nothing = (*notes, count, *ranges), np.zeros((0, 3))
+    return Seen(source, "joint angles of a robot", "no frame", lines, nothing, (), hints=(NO_ROBOT, IMPORT_HINT))
 
 
 def poses_alone(found: Imported, source: str) -> Seen:

@@ -259,6 +259,60 @@ def test_a_line_of_a_tracker_scanner_is_a_profile(tmp_path: Path, capsys: pytest
     assert re.search(r"corner 1: x -?0\.0\d+ ", told)
 
 
+def write_leica(path: Path, places: Any, names: list[str], delimiter: str = ",", decimal: str = ".") -> None:
+    rows = ["Name,X [mm],Y [mm],Z [mm],U95 [mm],Time".replace(",", delimiter)]
+    for k, (name, place) in enumerate(zip(names, places, strict=True)):
+        values = [f"{v:.4f}".replace(".", decimal) for v in (*place, 0.030 + 0.001 * (k % 3))]
+        rows.append(delimiter.join([name, *values, f"2026-03-31 14:{k // 60:02d}:{k % 60:02d}.5"]))
+    path.write_text("\n".join(rows) + "\n")
+
+
+@pytest.mark.parametrize(("delimiter", "decimal"), [(",", "."), (";", ","), ("\t", ".")])
+def test_a_tracker_table_with_names_and_u95(
+    delimiter: str, decimal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from workbench.importing.kinds import read_source
+    from workbench.importing.mapping import no_mapping
+
+    places = np.random.default_rng(3).uniform(-3000, 3000, (120, 3))
+    write_leica(tmp_path / "l.csv", places, [f"SMR {k % 3}" for k in range(120)], delimiter, decimal)
+    assert main(["look", str(tmp_path / "l.csv")]) == 0
+    told = capsys.readouterr().out
+    assert "120 readings of 3 targets" in told
+    assert "U95 declared: 0.03 to 0.032 mm, median 0.031; calibrate.tracker takes it as tracker_noise_mm 0.0155" in told
+    found = read_source(tmp_path / "l.csv", no_mapping()).tracker
+    assert found is not None
+    assert found.name[:4] == ("SMR 0", "SMR 1", "SMR 2", "SMR 0")
+    assert found.time_s is not None
+    np.testing.assert_allclose(found.place_mm, places, atol=1e-4)
+    np.testing.assert_allclose(np.diff(found.time_s), 1.0)
+    assert main(["import", str(tmp_path / "l.csv"), "--out", str(tmp_path / "l.h5")]) == 2
+    assert "calibrate.tracker" in capsys.readouterr().err
+
+
+def test_a_tracker_table_is_a_cloud_too(tmp_path: Path) -> None:
+    from workbench.cloud import read
+
+    places = np.random.default_rng(3).uniform(-300, 300, (120, 3))
+    write_leica(tmp_path / "l.csv", places, [f"P{k}" for k in range(120)])
+    np.testing.assert_allclose(read(file=tmp_path / "l.csv").points_mm, places, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("P2,", "P2,,", "line 4: expected 6 cells, found 7"),
+        (",0.0310,", ",u,", "line 3, cell 4: expected a number"),
+        ("P1,", "P1,inf,#", "line 3"),
+    ],
+)
+def test_a_damaged_tracker_table(old: str, new: str, what: str, tmp_path: Path, imported: Imported) -> None:
+    write_leica(tmp_path / "l.csv", np.ones((4, 3)), [f"P{k}" for k in range(4)])
+    (tmp_path / "l.csv").write_text((tmp_path / "l.csv").read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=what):
+        imported(tmp_path / "l.csv")
+
+
 def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reading = "Cnt=1  X={:.3f} Y=-40.000 Z= 12.500 RotX=    1.530\n"
     text = "".join(f"Pos {n}\n" + reading.format(100 * n - 0.03) + reading.format(100 * n + 0.03) for n in range(1, 6))
@@ -266,8 +320,8 @@ def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pyte
     assert main(["look", str(tmp_path / "t.txt")]) == 0
     told = capsys.readouterr().out
     assert "positions: 5 with 10 readings" in told
-    assert "standard deviation 0.02449 an axis, 0.03 off the mean" in told  # sqrt(10 * 0.03^2 / (3 * 5))
-    assert main(["import", str(tmp_path / "t.txt"), "--draft", "--out", str(tmp_path / "m.json")]) == 2
+    assert "standard deviation 0.02449 mm an axis, 0.03 off the mean" in told  # sqrt(10 * 0.03^2 / (3 * 5))
+    assert main(["import", str(tmp_path / "t.txt"), "--out", str(tmp_path / "t.h5")]) == 2
     assert "calibrate.tracker" in capsys.readouterr().err
     (tmp_path / "t.txt").write_text(text + "Pos 6\nX=1 Y=2\n")
     assert main(["look", str(tmp_path / "t.txt")]) == 2

@@ -20,6 +20,7 @@ CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, an
 PCD_LINE = 65_536  # bytes, of a header's line
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
 READING = re.compile(rf"\bX={NUMBER}\s+Y={NUMBER}\s+Z={NUMBER}")
+OF_UNIT = re.compile(r"\s*[\[(].*[\])]$|_\w+$")  # behind a column's name
 MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
 
 
@@ -95,7 +96,9 @@ def _mesh_vertices(file: str) -> Float:
 
 
 def _table(file: str) -> Float:
-    """The first three columns, separated by spaces, tabs, commas or semicolons; lines with # are comments.
+    """The columns x, y, z of a header, else the first three; separated by spaces, tabs, commas or semicolons.
+
+    Lines with # are comments.
 
     Of trackers also `X= ... Y= ... Z= ...` in a line; a row with INVALID in it is no return.
     """
@@ -105,6 +108,9 @@ def _table(file: str) -> Float:
     if len(told) > len(text) / 2:
         return np.array([found.groups() for found in told], dtype=float)
     mark = next((mark for mark in ",;" if text and mark in text[0]), None)
+    titles = [OF_UNIT.sub("", title.strip(' "\n')).lower() for title in text[0].split(mark)] if text else []
+    if {"x", "y", "z"} <= set(titles):
+        return np.loadtxt(text[1:], usecols=[titles.index(axis) for axis in "xyz"], delimiter=mark, ndmin=2)
     return np.loadtxt(text, usecols=(0, 1, 2), delimiter=mark, ndmin=2)
 
 

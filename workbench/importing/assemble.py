@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Part, PartNames, Recording
 from workbench.errors import InputError
+from workbench.importing import tracker
 from workbench.importing.joints import NO_ROBOT
 from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
@@ -27,6 +28,9 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     Raises:
         InputError: something is missing, contradictory or implausible, with the source and what was expected.
     """
+    for source in sources:
+        if source.tracker is not None:
+            raise InputError(source.tracker.source, f"{tracker.NAME}: {tracker.INTO_A_TABLE}")
     sources = stamped(sources, mapping)
     profiles = [source.profiles for source in sources if source.profiles is not None]
     frames = joined(profiles, each_a_pass=mapping.sphere_diameter_mm is not None)

@@ -6,10 +6,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_formats import ArraysPart, HeightMapPart, JointsPart, StampsPart
+from workbench.importing.mapping_formats import ArraysPart, HeightMapPart, JointsPart, StampsPart, TrackerPart
 from workbench.importing.mapping_tables import PosesPart, ProfilesPart, RawPart
 
-Named = ProfilesPart | PosesPart | RawPart | HeightMapPart | ArraysPart | JointsPart | StampsPart
+Named = ProfilesPart | PosesPart | RawPart | HeightMapPart | ArraysPart | JointsPart | StampsPart | TrackerPart
 
 
 def claims(part: Named | None, path: Path) -> bool:
@@ -27,5 +27,6 @@ def claimed_by(path: Path, mapping: Mapping) -> list[str]:
         "arrays": mapping.arrays,
         "joints": mapping.joints,
         "stamps": mapping.stamps,
+        "tracker": mapping.tracker,
     }
     return [name for name, part in parts.items() if claims(part, path)]

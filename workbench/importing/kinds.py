@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from workbench.errors import InputError
-from workbench.importing import kistler, organised, tracker
+from workbench.importing import kistler, organised
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
@@ -29,6 +29,7 @@ KINDS = (  # modules of workbench.importing
     "poses",
     "joints",
     "stamps",
+    "tracker",
 )
 CLOUDS = (".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
 
@@ -71,8 +72,6 @@ def _other(path: Path, head: bytes) -> str:
     if path.suffix.lower() in CLOUDS:
         return organised.AS_A_CLOUD[0].lower() + organised.AS_A_CLOUD[1:]
     text = head_text(head)
-    if tracker.recognises(text):
-        return f"{tracker.NAME}: {tracker.INTO_A_TABLE}"
     return f"{kistler.NAME}: forces over time, no recording" if kistler.recognises(text) else ""
 
 

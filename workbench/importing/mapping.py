@@ -16,7 +16,7 @@ from workbench.errors import InputError, nearest
 from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
 from workbench.importing.bags_mapping import BagPart
-from workbench.importing.mapping_formats import ArraysPart, HeightMapPart, JointsPart, StampsPart
+from workbench.importing.mapping_formats import ArraysPart, HeightMapPart, JointsPart, StampsPart, TrackerPart
 from workbench.importing.mapping_tables import (
     LENGTH_MM,
     LengthUnit,
@@ -153,6 +153,7 @@ class Mapping(Part):
     arrays: ArraysPart | None = Field(default=None, description="arrays of numpy or MATLAB")
     joints: JointsPart | None = Field(default=None, description="a table of joint positions, and the robot's URDF")
     stamps: StampsPart | None = Field(default=None, description="times in a file of their own")
+    tracker: TrackerPart | None = Field(default=None, description="readings of a laser tracker")
     times: TimesPart | None = Field(default=None, description="when each frame was taken")
     linear_axis: LinearAxisPart | None = Field(default=None, description="instead of poses: a straight axis")
     hand_eye: HandEyePart | None = Field(default=None, description="pose of the profiler on the flange")

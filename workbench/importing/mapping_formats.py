@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Protocol
 
 from pydantic import Field, model_validator
 
-from workbench.importing.mapping_tables import Column, LengthUnit, TextPart, TimeUnit
+from workbench.importing.mapping_tables import Column, LengthUnit, TextPart, Three, TimeUnit
 from workbench.importing.part import Part
 
 
@@ -80,6 +80,29 @@ class JointsPart(TextPart):
         if (self.time is None) != (self.time_unit is None):
             raise ValueError("expected time_unit with time and only there")
         check_robot(self)
+        return self
+
+
+class TrackerPart(TextPart):
+    """Readings of a laser tracker, to be joined with the robot's joints or poses; no part of a recording."""
+
+    length_unit: LengthUnit = Field(default="mm", description="of the places")
+    targets: Annotated[list[Three], Field(min_length=1, max_length=50)] | None = Field(
+        default=None, description="columns of x, y, z of each target, where a row is a posture of the robot"
+    )
+    number: Column | None = Field(default=None, description="number of the posture; default: the row")
+    time: Column | None = Field(default=None, description="on the tracker's clock")
+    pair: Literal["number", "time", "order"] | None = Field(
+        default=None, description="how readings and postures go together; null: the first of these that both tell"
+    )
+    within_s: float = Field(default=0.5, gt=0, description="most from a reading to its posture, for 'time'")
+
+    @model_validator(mode="after")
+    def _of_a_table(self) -> TrackerPart:
+        if self.targets is None and (self.number is not None or self.time is not None):
+            raise ValueError("expected number and time with targets only: other forms tell them")
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
         return self
 
 

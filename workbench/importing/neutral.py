@@ -52,6 +52,18 @@ class JointStream:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TrackerReadings:
+    """n places that a laser tracker saw, in its own frame."""
+
+    source: str
+    place_mm: Shaped[Float, "n 3"]
+    name: tuple[str, ...]  # of the target, or of the point
+    number: Shaped[Int, " n"] | None = None  # of the position at which the robot stood; None: the file tells none
+    time_s: Shaped[Float, " n"] | None = None  # on the tracker's clock
+    u95_mm: Shaped[Float, " n"] | None = None  # expanded uncertainty (k = 2) as the tracker declares it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Imported:
     """What one source held. `notes` are lines for the user: kind of file, columns, units, what was left out."""
 
@@ -60,6 +72,7 @@ class Imported:
     notes: tuple[str, ...] = ()
     flange_from_profiler: Shaped[Float, "4 4"] | None = None  # where the source itself carries it
     stamps_s: Shaped[Float, " N"] | None = None  # or (K,) times alone, for the frames or poses of another source
+    tracker: TrackerReadings | None = None
     joints: JointStream | None = None  # beside the poses that follow from them, or alone where no URDF is named
 
 

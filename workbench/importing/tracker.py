@@ -1,8 +1,14 @@
-"""Readings of a laser tracker by position: `Pos n`, then a line a reading: `X= ... Y= ... Z= ...`."""
+"""Readings of a laser tracker: `Pos n` with lines `X= ... Y= ... Z= ...`, a table with a name a row, or any table.
+
+They are no recording: joined with the robot's postures (`tracker_table`) they become what `calibrate.tracker` takes.
+"""
 
 from __future__ import annotations
 
+import csv
 import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,62 +16,223 @@ import numpy as np
 
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
-from workbench.importing.text import decoded
-from workbench.units import Float, Shaped
+from workbench.importing.files import claims
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_formats import TrackerPart
+from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.neutral import Imported, TrackerReadings
+from workbench.importing.roles import LENGTHS, role_of
+from workbench.importing.table import read_table
+from workbench.importing.text import NO_VALUE, cells, decoded, head_text, is_number, numbers, read_lines_as_bytes
+from workbench.units import Float
 
 NAME = "readings of a laser tracker"
 POSITION = re.compile(r"^\s*Pos\w*\s*(\d+)\b", re.IGNORECASE)
+POINT_NAMES = ("name", "point", "pointname", "pointid", "target", "targetname", "measurement", "label")
+OF_95 = re.compile(r"^\s*(u95|uncertainty|umag|u 95)", re.IGNORECASE)
+HEADER_WITHIN = 20  # lines
+CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f")  # besides ISO 8601 and seconds
+K_95 = 2.0  # coverage factor of U95
 INTO_A_TABLE = (
-    "it is no recording: nothing of it goes into `workbench import`; the mean of each position, beside the robot's "
-    "pose or joints there, is a row of the table that stage calibrate.tracker takes (docs/howto/calibrate_robot.md)"
+    "it is no recording: with the robot's joints or poses it becomes the table that stage calibrate.tracker takes: "
+    "workbench import --draft READINGS JOINTS --out map.json (docs/howto/calibrate_robot.md)"
 )
 
 
-class Position(NamedTuple):
-    """All readings of one position."""
+class Head(NamedTuple):
+    """The header of a table of named readings."""
 
-    number: int
-    reading: Shaped[Float, "n 3"]  # in the file's unit
+    line: int  # from 0
+    delimiter: str
+    places: dict[str, int]  # role -> column: x, y, z, and perhaps name, u95, time
+    unit: str  # '' where the header tells none
+    width: int  # cells
 
 
-def recognises(head: str) -> bool:
-    """Whether a text begins with a position and readings of it."""
-    lines = [line for line in head.splitlines() if line.strip()][:2]
+def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
+    """Whether it begins with a position and readings, or has a header of named readings; or the mapping names it."""
+    if claims(mapping.tracker, path):
+        return True
+    text = head_text(head)
+    if _by_position(text):
+        return True
+    others = (mapping.profiles, mapping.poses, mapping.joints)
+    return _head(text) is not None and all(part is None or part.files is not None for part in others)
+
+
+def read(path: Path, mapping: Mapping) -> Imported:
+    """The readings, in mm.
+
+    Raises:
+        InputError: a line that is neither position nor reading, a cell that is no number; no readings.
+    """
+    part = mapping.tracker or TrackerPart()
+    if part.targets is not None:
+        found = _by_columns(path, part)
+    else:
+        text = decoded(read_lines_as_bytes(path))
+        head = None if _by_position(text) else _head(text)
+        found = _positions(path, text, part) if head is None else _named(path, text, head, part)
+    return Imported(tracker=found, notes=(f"{NAME}: {'; '.join(told(found))}",))
+
+
+def told(found: TrackerReadings) -> list[str]:
+    """Counts, scatter within a position and the position whose readings scatter most, declared uncertainty."""
+    count = len(found.place_mm)
+    names = len(set(found.name))
+    lines = [f"{count} readings" + (f" of {names} targets or points" if names > 1 else "")]
+    if found.number is not None:
+        lines = [f"positions: {len(np.unique(found.number))} with {lines[0]}", *_scatter(found)]
+    if found.u95_mm is not None:
+        u = found.u95_mm[np.isfinite(found.u95_mm)]
+        if len(u):
+            lines.append(
+                f"U95 declared: {u.min():.4g} to {u.max():.4g} mm, median {np.median(u):.4g}; "
+                f"calibrate.tracker takes it as tracker_noise_mm {np.median(u) / K_95:.3g} (half of it)"
+            )
+    if found.time_s is not None:
+        lines.append(f"times over {np.ptp(found.time_s):.6g} s")
+    return lines
+
+
+def _scatter(found: TrackerReadings) -> list[str]:
+    assert found.number is not None
+    keys = list(zip(found.number.tolist(), found.name, strict=True))
+    groups = [np.array([i for i, other in enumerate(keys) if other == key]) for key in dict.fromkeys(keys)]
+    off = [found.place_mm[rows] - found.place_mm[rows].mean(axis=0) for rows in groups]
+    free = len(keys) - len(groups)
+    if not free:
+        return []
+    spread = float(np.sqrt(sum(float((one**2).sum()) for one in off) / (3 * free)))
+    far = [float(np.linalg.norm(one, axis=1).max()) for one in off]
+    worst = int(np.argmax(far))
+    return [
+        f"within a position: standard deviation {spread:.4g} mm an axis, {far[worst]:.4g} off the mean at the most, "
+        f"at position {keys[groups[worst][0]][0]}"
+    ]
+
+
+def _by_position(text: str) -> bool:
+    lines = [line for line in text[:4096].splitlines() if line.strip()][:2]
     return len(lines) == 2 and bool(POSITION.match(lines[0])) and bool(READING.search(lines[1]))
 
 
-def read_positions(path: Path) -> tuple[Position, ...]:
-    """The readings by position; positions that have none are left out.
-
-    Raises:
-        InputError: a line that is neither; no readings.
-    """
-    found: dict[int, list[tuple[float, ...]]] = {}
-    now: list[tuple[float, ...]] | None = None
-    for number, line in enumerate(decoded(path.read_bytes()).split("\n"), 1):
+def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
+    """The readings by position; positions that have none are left out."""
+    places: list[tuple[float, ...]] = []
+    numbers_: list[int] = []
+    now: int | None = None
+    for number, line in enumerate(text.split("\n"), 1):
         if head := POSITION.match(line):
-            now = found.setdefault(int(head[1]), [])
+            now = int(head[1])
         elif (told := READING.search(line)) and now is not None:
-            now.append(tuple(float(value) for value in told.groups()))
+            places.append(tuple(float(value) for value in told.groups()))
+            numbers_.append(now)
         elif line.strip() and "INVALID" not in line:
             raise InputError(f"{path}: line {number}", "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'")
-    made = tuple(Position(number, np.array(readings)) for number, readings in found.items() if readings)
-    if not made:
+    if not places:
         raise InputError(str(path), "expected readings as 'X= ... Y= ... Z= ...', found none")
-    return made
+    place_mm = np.array(places) * LENGTH_MM[part.length_unit]
+    return TrackerReadings(str(path), place_mm, ("target",) * len(places), np.array(numbers_, np.int64))
 
 
-def told(positions: tuple[Position, ...]) -> list[str]:
-    """Counts, scatter within a position, and the position whose readings scatter most."""
-    off = [one.reading - one.reading.mean(axis=0) for one in positions]
-    count = sum(map(len, off))
-    lines = [f"positions: {len(positions)} with {count} readings, in the file's own unit (trackers write mm)"]
-    if count > len(positions):
-        spread = float(np.sqrt(sum(float((one**2).sum()) for one in off) / (3 * (count - len(positions)))))
-        far = [float(np.linalg.norm(one, axis=1).max()) for one in off]
-        worst = int(np.argmax(far))
-        lines.append(
-            f"within a position: standard deviation {spread:.4g} an axis, {far[worst]:.4g} off the mean at the most, "
-            f"at position {positions[worst].number}"
+def _head(text: str) -> Head | None:
+    """The header of a table of named readings: x, y, z and a U95, or x, y, z and the readings' names."""
+    for number, line in enumerate(text.split("\n")[:HEADER_WITHIN]):
+        for delimiter in ",;\t":
+            titles = cells(line, delimiter)
+            places = _places(titles)
+            if places is not None:
+                units = {role_of(titles[places[axis]])[1] for axis in "xyz"}
+                unit = units.pop() if len(units) == 1 else ""
+                return Head(number, delimiter, places, unit if unit in LENGTHS else "", len(titles))
+    return None
+
+
+def _places(titles: Sequence[str]) -> dict[str, int] | None:
+    """Where the columns of named readings stand; None where these are other titles."""
+    places: dict[str, int] = {}
+    for at, title in enumerate(titles):
+        role = role_of(title)[0]
+        if OF_95.match(title):
+            role = "u95"
+        elif re.sub(r"\W", "", title.lower()) in POINT_NAMES:
+            role = "name"
+        elif role not in ("x", "y", "z", "time", ""):
+            return None  # an orientation, a frame's number: something else
+        if role:
+            places.setdefault(role, at)
+    named = {"x", "y", "z"} <= set(places) and {"u95", "name"} & set(places)
+    return places if named else None
+
+
+def _named(path: Path, text: str, head: Head, part: TrackerPart) -> TrackerReadings:
+    """A reading a row, with its name."""
+    rows = list(_rows(path, text, head))
+    if not rows:
+        raise InputError(str(path), "expected rows of readings under the header, found none")
+    values = np.array([row for _, row, _ in rows])
+    unit = LENGTH_MM[head.unit or part.length_unit]
+    time_s = _times([texts[head.places["time"]] for _, _, texts in rows]) if "time" in head.places else None
+    names = (
+        tuple(texts[head.places["name"]] for _, _, texts in rows) if "name" in head.places else ("target",) * len(rows)
+    )
+    u95_mm = values[:, 3] * unit if "u95" in head.places else None
+    return TrackerReadings(str(path), values[:, :3] * unit, names, None, time_s, u95_mm)
+
+
+def _rows(path: Path, text: str, head: Head) -> Iterator[tuple[int, Float, list[str]]]:
+    """Line, x, y, z (and U95), and all cells of each reading; rows without a place are no readings."""
+    used = [head.places[role] for role in ("x", "y", "z", "u95") if role in head.places]
+    for number, line in enumerate(text.split("\n")[head.line + 1 :], head.line + 2):
+        if not line.strip():
+            continue
+        where, texts = (
+            f"{path}: line {number}",
+            [one.strip() for one in next(csv.reader([line], delimiter=head.delimiter))],
         )
-    return lines
+        if len(texts) != head.width:
+            raise InputError(where, f"expected {head.width} cells, found {len(texts)}")
+        if all(texts[at] in NO_VALUE for at in used[:3]):
+            continue
+        told = [texts[at] for at in used]
+        decimal = "," if head.delimiter != "," and any("," in one for one in told) else "."
+        values = numbers(told, where, decimal)
+        if np.isnan(values[:3]).any():
+            raise InputError(where, "expected x, y and z, found one of them empty")
+        yield number, values, texts
+
+
+def _times(texts: Sequence[str]) -> Float | None:
+    """Seconds, where every text is a number of them, ISO 8601, or a clock; None where they are something else."""
+    if all(is_number(text) for text in texts):
+        return np.array([float(text) for text in texts])
+    found = [_clock(text) for text in texts]
+    return np.array(found, float) if all(one is not None for one in found) else None
+
+
+def _clock(text: str) -> float | None:
+    for form in ("", *CLOCKS):
+        try:
+            when = datetime.strptime(text, form) if form else datetime.fromisoformat(text)
+        except ValueError:
+            continue
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    return None
+
+
+def _by_columns(path: Path, part: TrackerPart) -> TrackerReadings:
+    """A row a posture with the places of all targets; an empty place is no reading."""
+    assert part.targets is not None
+    wanted = {f"{k} {axis}": columns[i] for k, columns in enumerate(part.targets) for i, axis in enumerate("xyz")}
+    optional = {"number": part.number, "time": part.time}
+    table = read_table(path, part, wanted | {role: one for role, one in optional.items() if one is not None})
+    count = len(part.targets)
+    places = np.stack([table.columns[role] for role in wanted], axis=1).reshape(-1, count, 3)
+    row, target = np.nonzero(np.isfinite(places).all(axis=2))
+    if not len(row):
+        raise InputError(table.where, "expected readings, found none")
+    numbers_ = table.whole("number") if part.number is not None else np.arange(1, len(places) + 1)
+    time_s = table.present("time")[row] * TIME_S[part.time_unit or "s"] if part.time is not None else None
+    names = tuple(f"t{k + 1}" for k in target)
+    return TrackerReadings(table.where, places[row, target] * LENGTH_MM[part.length_unit], names, numbers_[row], time_s)

@@ -22,7 +22,7 @@ from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.text import decoded, first_bytes, head_text
-from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone
+from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.sample import chosen_of, shades_of
 from workbench.look.seen import Seen
@@ -129,7 +129,7 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     if (other := _other(file)) is not None:
         return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
-    if mapping is None:
+    if mapping is None and not tracker.recognises(file, first_bytes(file), chosen):
         ways += [_drafted, *([_cloud_of_text, _numbers] if suffix in TEXTS else [])]
     refused: list[InputError] = []
     for way in ways:
@@ -141,16 +141,9 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
 
 
 def _other(file: Path) -> Seen | None:
-    """What is neither profiles nor poses nor points: corners of a groove, forces, readings of a tracker."""
+    """What is neither profiles nor poses nor points: corners of a groove, forces."""
     head = head_text(first_bytes(file))
     nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
-    if tracker.recognises(head):
-        positions = tracker.read_positions(file)
-        means = np.array([one.reading.mean(axis=0) for one in positions])
-        told = (*tracker.told(positions), f"means of the positions: {box(means)}")
-        return Seen(
-            str(file), tracker.NAME, "the tracker's frame", told, means, shades_of(means), hints=(tracker.INTO_A_TABLE,)
-        )
     if kistler.recognises(head):
         lines = tuple(kistler.told(kistler.read_forces(file)))
         return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
@@ -276,6 +269,8 @@ def _foreign(file: Path, mapping: Mapping) -> Seen:
     found = read_source(file, mapping)
     if found.profiles is not None:
         return frames_alone(found, str(file))
+    if found.tracker is not None:
+        return tracker_alone(found.tracker, str(file))
     if found.poses is None and found.joints is not None:
         return joints_alone(found.joints, found.notes, str(file))
     return poses_alone(found, str(file))

@@ -8,13 +8,15 @@ import numpy as np
 
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
+from workbench.importing import tracker
 from workbench.importing.joints import NO_ROBOT
-from workbench.importing.neutral import Imported, JointStream
+from workbench.importing.neutral import Imported, JointStream, TrackerReadings
 from workbench.importing.sniff import Form
 from workbench.look.grids import even_grid, pitch_mm, stacked
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
 from workbench.look.regions import regions_of
 from workbench.look.regions import told as told_regions
+from workbench.look.sample import shades_of
 from workbench.look.seen import Seen
 from workbench.look.single import measured
 from workbench.look.single import told as told_profile
@@ -103,6 +105,20 @@ def joints_alone(joints: JointStream, notes: Sequence[str], source: str) -> Seen
     ]
     lines, nothing = (*notes, count, *ranges), np.zeros((0, 3))
     return Seen(source, "joint angles of a robot", "no frame", lines, nothing, (), hints=(NO_ROBOT, IMPORT_HINT))
+
+
+def tracker_alone(found: TrackerReadings, source: str) -> Seen:
+    """Places that a laser tracker saw: the mean of each position, or every reading."""
+    places = found.place_mm
+    if found.number is not None:
+        keys = list(zip(found.number.tolist(), found.name, strict=True))
+        places = np.array([places[[other == key for other in keys]].mean(axis=0) for key in dict.fromkeys(keys)])
+    lines = (
+        *tracker.told(found),
+        f"{'means of the positions' if found.number is not None else 'places'}: {box(places)}",
+    )
+    shades = shades_of(places)
+    return Seen(source, tracker.NAME, "the tracker's frame", lines, places, shades, hints=(tracker.INTO_A_TABLE,))
 
 
 def poses_alone(found: Imported, source: str) -> Seen:

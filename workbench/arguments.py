@@ -122,7 +122,10 @@ def build_parser() -> Parser:
     imported = command("import", "make a recording of profile files, pose files and bags (docs/importing.md)")
     imported.add_argument("source", nargs="+", metavar="SOURCE", help="profiles, poses, or a bag of both")
     imported.add_argument(
-        "--out", required=True, metavar="FILE.h5", help="the recording (with --draft: MAP.json) to write"
+        "--out",
+        required=True,
+        metavar="FILE.h5",
+        help="what to write: the recording; of a tracker's readings FILE.csv; with --draft MAP.json",
     )
     imported.add_argument("--draft", action="store_true", help="write what was understood as a mapping to confirm")
     imported.add_argument("--mapping", metavar="MAP.json", help="what the files do not say about themselves")

@@ -196,7 +196,8 @@ def import_(options: argparse.Namespace) -> int:
     from workbench.importing.command import import_files
 
     understood = import_files(options.source, options.out, options.mapping)
-    printed(print, "\n".join([*understood.lines, f"recording: {options.out}"]))
+    made = "table" if understood.recording is None else "recording"
+    printed(print, "\n".join([*understood.lines, f"{made}: {options.out}"]))
     return 0
 
 

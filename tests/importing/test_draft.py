@@ -176,7 +176,7 @@ def test_real_joints_without_names(
 ) -> None:
     tree, told = drafted(tmp_path, capsys, real(name))
     assert (tree["joints"]["angle_unit"], tree["joints"]["columns"]) == (unit, [*range(columns, columns + 6)])
-    assert "lacking: joints.urdf" in told
+    assert ("lacking: joints.urdf" in told) == ("tracker" not in tree)
     assert main(["look", str(real(name))]) == 0
     assert "joint angles of a robot" in capsys.readouterr().out
 

@@ -15,6 +15,7 @@ from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
+from workbench.importing.tracker_table import joined, write_table
 from workbench.scan.write import write
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
@@ -22,18 +23,18 @@ BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000
 
 
 class Understood(NamedTuple):
-    """A recording and the lines that say what was understood."""
+    """A recording (None: a tracker's table) and the lines that say what was understood."""
 
-    recording: Recording
+    recording: Recording | None
     lines: tuple[str, ...]
 
 
 def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | Path | None = None) -> Understood:
-    """Read all sources as the mapping file says, and write one recording.
+    """Read all sources as the mapping file says, and write one recording; of a tracker's readings one table.
 
     Args:
         sources: profile files (a pass each, or a frame each), pose files, bags.
-        out: the recording to write, `.h5`; replaced if it exists, untouched if anything is wrong.
+        out: the recording to write, `.h5`, or the table, `.csv`; replaced if it exists, untouched if anything is wrong.
         mapping: MAP.json (docs/importing.md); None: the files must leave no doubt.
 
     Raises:
@@ -44,14 +45,28 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     _check_names(sources, target)
     chosen = no_mapping() if mapping is None else read_mapping(Path(mapping))
     found = _all_read(sources, chosen)
+    read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
+    if target.suffix == ".csv":
+        return Understood(None, tuple(one_line(line) for line in (*read, *_tracker_table(found, chosen, target))))
     recording, notes = assemble(found, chosen)
     recording = dataclasses.replace(recording, not_confirmed=tuple(map(one_line, chosen.uncertain)))
     write(recording, target, compression="lzf")
-    read = [f"{source}: {note}" for source, one in zip(sources, found, strict=True) for note in one.notes]
     unsure = [f"lacking: {text}" for text in chosen.lacking]
     unsure += [f"not confirmed: {text}" for text in recording.not_confirmed]
     unsure += [REFUSED] if recording.not_confirmed else []
     return Understood(recording, tuple(one_line(line) for line in (*read, *notes, *summary(recording), *unsure)))
+
+
+def _tracker_table(found: Sequence[Imported], mapping: Mapping, target: Path) -> tuple[str, ...]:
+    """Write the table of a tracker's readings and the robot's postures; lines that say how it came about."""
+    if not any(one.tracker is not None for one in found):
+        raise InputError(str(target), "expected the name of a recording to write, ending in .h5")
+    if mapping.uncertain:
+        what = f"is not confirmed: {mapping.uncertain[0]}; a table cannot say so: take the lines out of 'uncertain'"
+        raise InputError("mapping", what)
+    lines, notes = joined(found, mapping)
+    write_table(lines, target)
+    return notes
 
 
 def _all_read(sources: Sequence[str | Path], mapping: Mapping) -> list[Imported]:
@@ -70,7 +85,7 @@ def _all_read(sources: Sequence[str | Path], mapping: Mapping) -> list[Imported]
 
 
 def _check_names(sources: Sequence[str | Path], target: Path) -> None:
-    if target.suffix != ".h5":
+    if target.suffix not in (".h5", ".csv"):
         raise InputError(str(target), "expected the name of a recording to write, ending in .h5")
     places = [Path(source).resolve() for source in sources]
     if target.resolve() in places:

@@ -24,6 +24,7 @@ from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
 from workbench.importing.text import as_utf8, first_bytes
+from workbench.importing.tracker_table import joined as joined_with_postures
 from workbench.storage import regular_file
 from workbench.units import Float
 
@@ -82,6 +83,10 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
             others = [source.name for source in sources if source not in [table[0] for table in tables]]
             part, more = {"profiles": _profiles, "poses": _poses, "joints": _joints}[name](*tables[0][1:])
             tree[name] = {"files": _pattern([table[0].name for table in tables], others), **part}
+            if targets := _targets(tables[0][2].roles):
+                written = {"files": tree[name]["files"], **tables[0][1].as_part()}
+                tree["tracker"] = {**written, "length_unit": "mm", "targets": targets}
+                more.append("tracker.length_unit: mm, as trackers write")
             doubts += [*tables[0][2].doubts, *more]
             if name == "poses" and tables[0][2].robot:
                 tree["robot"] = tables[0][2].robot
@@ -236,6 +241,12 @@ def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     return part, doubts
 
 
+def _targets(roles: dict[str, Named]) -> list[list[str | int]]:
+    """Columns of the places of a tracker's targets."""
+    columns = [one.column for role, one in roles.items() if role.startswith("target")]
+    return [columns[k : k + 3] for k in range(0, len(columns), 3)]
+
+
 def _angle(form: Form, axes: Sequence[Named]) -> tuple[str, list[str]]:
     """The joints' unit by name, else by size; what is beyond two turns in deg goes along its axis."""
     told = next((one.unit for one in axes if one.unit in ANGLES), "")
@@ -325,6 +336,8 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
         lines += [f"{source}: {note}" for note in one.notes if f"{source}: {note}" not in lines]
     if unread:
         return [], [f"with this mapping: {text}" for text in unread]
+    if any(one.tracker is not None for one in found):
+        return [], _lacking_of_tracker(tree, found)
     doubts = _times(tree, found)
     has = [any(one.profiles is not None for one in found), any(_times_of_poses(one) is not None for one in found)]
     if has == [True, False] and sum(len(one.profiles.z_mm) for one in found if one.profiles is not None) == 1:
@@ -344,6 +357,15 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     except InputError as error:
         lacking.append(f"with this mapping: {error}")
     return doubts, lacking
+
+
+def _lacking_of_tracker(tree: Tree, found: Sequence[Imported]) -> list[str]:
+    """What the table of a tracker's readings and the robot's postures lacks."""
+    try:
+        joined_with_postures(found, Mapping.model_validate_json(json.dumps(tree)))
+    except InputError as error:
+        return [f"with this mapping: {error}"]
+    return []
 
 
 def _times(tree: Tree, found: Sequence[Imported]) -> list[str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
 
 from workbench.errors import InputError
-from workbench.importing import kistler, organised
+from workbench.importing import joints, kistler, organised, tracker
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
@@ -31,6 +32,7 @@ KINDS = (  # modules of workbench.importing
     "stamps",
     "tracker",
 )
+BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
 
 
@@ -56,6 +58,9 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
     named = claimed_by(path, mapping)  # what the mapping says goes before what the file looks like
     readers = [cast(Reader, importlib.import_module(f"workbench.importing.{name}")) for name in named or KINDS]
     found = [reader for reader in readers if reader.recognises(path, head, mapping)]
+    if set(named) == BOTH:  # a table of places and joints
+        readings, robot = tracker.read(path, mapping), joints.read(path, mapping)
+        return replace(robot, tracker=readings.tracker, notes=(*readings.notes, *robot.notes))
     if len(found) != 1:
         names = ", ".join(reader.NAME for reader in (found or readers))
         if found:

@@ -24,7 +24,7 @@ from workbench.importing.neutral import Imported, TrackerReadings
 from workbench.importing.roles import LENGTHS, role_of
 from workbench.importing.table import read_table
 from workbench.importing.text import NO_VALUE, cells, decoded, head_text, is_number, numbers, read_lines_as_bytes
-from workbench.units import Float
+from workbench.units import Float, Int
 
 NAME = "readings of a laser tracker"
 POSITION = re.compile(r"^\s*Pos\w*\s*(\d+)\b", re.IGNORECASE)
@@ -95,12 +95,19 @@ def told(found: TrackerReadings) -> list[str]:
     return lines
 
 
-def _scatter(found: TrackerReadings) -> list[str]:
+def groups_of(found: TrackerReadings) -> list[tuple[int, Int]]:
+    """Number of a position, and the rows of the readings of one target there."""
     assert found.number is not None
-    keys = list(zip(found.number.tolist(), found.name, strict=True))
-    groups = [np.array([i for i, other in enumerate(keys) if other == key]) for key in dict.fromkeys(keys)]
-    off = [found.place_mm[rows] - found.place_mm[rows].mean(axis=0) for rows in groups]
-    free = len(keys) - len(groups)
+    rows: dict[tuple[int, str], list[int]] = {}
+    for row, key in enumerate(zip(found.number.tolist(), found.name, strict=True)):
+        rows.setdefault(key, []).append(row)
+    return [(key[0], np.array(one)) for key, one in rows.items()]
+
+
+def _scatter(found: TrackerReadings) -> list[str]:
+    groups = groups_of(found)
+    off = [found.place_mm[rows] - found.place_mm[rows].mean(axis=0) for _, rows in groups]
+    free = len(found.place_mm) - len(groups)
     if not free:
         return []
     spread = float(np.sqrt(sum(float((one**2).sum()) for one in off) / (3 * free)))
@@ -108,7 +115,7 @@ def _scatter(found: TrackerReadings) -> list[str]:
     worst = int(np.argmax(far))
     return [
         f"within a position: standard deviation {spread:.4g} mm an axis, {far[worst]:.4g} off the mean at the most, "
-        f"at position {keys[groups[worst][0]][0]}"
+        f"at position {groups[worst][0]}"
     ]
 
 

@@ -270,7 +270,11 @@ def _foreign(file: Path, mapping: Mapping) -> Seen:
     if found.profiles is not None:
         return frames_alone(found, str(file))
     if found.tracker is not None:
-        return tracker_alone(found.tracker, str(file))
+        shown = tracker_alone(found.tracker, str(file))
+        if found.joints is None:
+            return shown
+        joints = joints_alone(found.joints, (), str(file))
+        return replace(shown, kind=f"{joints.kind}, and {shown.kind}", lines=(*joints.lines, *shown.lines))
     if found.poses is None and found.joints is not None:
         return joints_alone(found.joints, found.notes, str(file))
     return poses_alone(found, str(file))

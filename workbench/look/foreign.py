@@ -111,8 +111,7 @@ def tracker_alone(found: TrackerReadings, source: str) -> Seen:
     """Places that a laser tracker saw: the mean of each position, or every reading."""
     places = found.place_mm
     if found.number is not None:
-        keys = list(zip(found.number.tolist(), found.name, strict=True))
-        places = np.array([places[[other == key for other in keys]].mean(axis=0) for key in dict.fromkeys(keys)])
+        places = np.array([places[rows].mean(axis=0) for _, rows in tracker.groups_of(found)])
     lines = (
         *tracker.told(found),
         f"{'means of the positions' if found.number is not None else 'places'}: {box(places)}",

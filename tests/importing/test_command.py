@@ -61,7 +61,7 @@ def test_known_headers_need_no_mapping(tmp_path: Path, milled: Recording, capsys
 REFUSED = {
     "no such file": (["nothing.csv"], "nothing.csv: no such file"),
     "a directory": (["."], "is none of"),
-    "not a recording's name": (["a.csv", "--out", "a.csv"], "a.csv: is one of the sources"),
+    "not a recording's name": (["a.csv", "--out", "b.txt"], "b.txt: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),
     "a source twice": (["a.csv", "./a.csv"], "./a.csv: stands twice among the sources"),
     "no poses": (["b.csv"], "b.csv: expected poses too: a file of poses, or linear_axis in the mapping"),

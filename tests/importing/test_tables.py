@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -123,3 +125,28 @@ def test_names_are_suggested_where_the_mapping_claims_the_file(
             tmp_path / "scan.csv",
             mapping=mapped(profiles=part(files="scan*", columns={"x": "X", "z": "Zrang"}), **AXIS),
         )
+
+
+@pytest.mark.parametrize("named", ["by files", "by header", "by place", "known header"])
+@pytest.mark.parametrize(("delimiter", "shown"), [(";", "';'"), ("\t", "tabs"), (" ", "blanks")])
+def test_another_delimiter_that_gives_all_columns_is_told(
+    named: str, delimiter: str, shown: str, tmp_path: Path, imported: Import, mapped: Mapped
+) -> None:
+    names = ["frame", "time_s", "x_mm", "z_mm"] if named == "known header" else ["Profile", "Time", "X", "Z"]
+    rows = [f"{k // 4},{0.1 * (k // 4):.1f},{k % 4}.5,80.25" for k in range(12)]
+    lines = rows if named == "by place" else [",".join(names), *rows]
+    (tmp_path / "s.csv").write_text("\n".join(lines).replace(",", delimiter) + "\n")
+    columns = dict(zip(("frame", "time", "x", "z"), range(4) if named == "by place" else names, strict=True))
+    form = part(frames="column", time_unit="s", columns=columns, header=named != "by place")
+    form |= {} if named == "by header" else {"files": "s.csv"}
+    mapping = None if named == "known header" else mapped(profiles=form, **AXIS, **PITCH)
+    what = f"separated by {shown}, not by ',': expected \"delimiter\": {json.dumps(delimiter)} in the mapping"
+    with pytest.raises(InputError, match=re.escape(what)):
+        imported(tmp_path / "s.csv", mapping=mapping)
+
+
+def test_a_column_that_no_delimiter_gives_is_told_as_before(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    (tmp_path / "s.csv").write_text("x;z\n1;2\n3;4\n")
+    form = part(files="s.csv", columns={"x": "x", "z": "height"})
+    with pytest.raises(InputError, match=r"column 'x': no such column.*column 'height': no such column"):
+        imported(tmp_path / "s.csv", mapping=mapped(profiles=form, **AXIS, **PITCH))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
 
 from workbench.errors import InputError
-from workbench.importing import joints, kistler, organised, tracker
+from workbench.importing import joints, kistler, organised, poses, tables, tracker
 from workbench.importing.files import claimed_by
 from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_tables import Column, TextPart
 from workbench.importing.neutral import Imported
+from workbench.importing.table import otherwise_separated
 from workbench.importing.text import first_bytes, head_text
 from workbench.storage import regular_file
 
@@ -65,7 +68,7 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
         names = ", ".join(reader.NAME for reader in (found or readers))
         if found:
             raise InputError(str(path), f"may be {names}: name it by 'files' in the mapping (docs/importing.md)")
-        if other := _other(path, head):
+        if other := _other(path, head) or _otherwise_separated(head, mapping):
             raise InputError(str(path), other)
         first_line = head_text(head).split("\n", 1)[0][:60]
         raise InputError(str(path), f"is none of: {names} (docs/importing.md); its first line: {first_line!r}")
@@ -78,6 +81,22 @@ def _other(path: Path, head: bytes) -> str:
         return organised.AS_A_CLOUD[0].lower() + organised.AS_A_CLOUD[1:]
     text = head_text(head)
     return f"{kistler.NAME}: forces over time, no recording" if kistler.recognises(text) else ""
+
+
+def _otherwise_separated(head: bytes, mapping: Mapping) -> str:
+    """What to say where a table would be one that the mapping, or a known header, means but for its delimiter."""
+    wanted: list[tuple[TextPart, Iterable[Column]]] = []
+    if mapping.profiles is not None and mapping.profiles.columns is not None:
+        wanted.append((mapping.profiles, tables.wanted_columns(mapping.profiles).values()))
+    if mapping.poses is not None:
+        wanted.append((mapping.poses, poses.wanted_columns(mapping.poses).values()))
+    if mapping.joints is not None:
+        wanted.append((mapping.joints, mapping.joints.columns))
+    if not wanted:
+        known = TextPart(length_unit="mm")
+        headers = (tables.HEADER, *(("time_s", *poses.POSITION, *names) for names in poses.ORIENTATIONS.values()))
+        wanted += [(known, header) for header in headers]
+    return next((told for part, columns in wanted if (told := otherwise_separated(head, part, columns))), "")
 
 
 def _head(path: Path) -> bytes:

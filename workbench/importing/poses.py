@@ -52,7 +52,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
         return known_form(head) is not None
     if part.files is not None:
         return claims(part, path)
-    return set(_wanted(part).values()) <= set(header_names(head, part))
+    return set(wanted_columns(part).values()) <= set(header_names(head, part))
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -64,7 +64,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     """
     part = mapping.poses or known_form(first_bytes(path))
     assert part is not None
-    table = read_table(path, part, _wanted(part))
+    table = read_table(path, part, wanted_columns(part))
     position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]
     position_mm, quaternion_wxyz = of_flange_in_base(position_mm, _orientations(table, part, mapping), part)
     time_s = table.present("time") * TIME_S[part.time_unit or "s"] if part.time is not None else None
@@ -91,7 +91,7 @@ def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: PosesPar
     return base_from_flange[:, :3, 3], quaternion_from_rotation(base_from_flange[:, :3, :3])
 
 
-def _wanted(part: PosesPart) -> dict[str, str | int]:
+def wanted_columns(part: PosesPart) -> dict[str, str | int]:
     """Columns by role."""
     wanted = {f"position {i}": column for i, column in enumerate(part.position)}
     wanted |= {f"orientation {i}": column for i, column in enumerate(part.orientation)}

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,6 +33,7 @@ from workbench.importing.text import (
 from workbench.units import Bool, Float, Int
 
 SLAB_BYTES = 2**24
+DELIMITERS = {",": "','", ";": "';'", "\t": "tabs", " ": "blanks"}
 NEW_LINE = 10
 
 
@@ -80,6 +82,20 @@ def header_names(head: bytes, part: TextPart) -> list[str]:
     return cells(lines[part.skip_lines], part.delimiter) if part.header and len(lines) > part.skip_lines else []
 
 
+def otherwise_separated(head: bytes, part: TextPart, wanted: Iterable[Column]) -> str:
+    """What to say where another delimiter than the part's gives all wanted columns; '' where none does."""
+    lines, columns = head_text(head).split("\n"), list(wanted)
+    names = {one for one in columns if isinstance(one, str)}
+    last = max((one for one in columns if isinstance(one, int)), default=-1)
+    for mark, shown in DELIMITERS.items():
+        titles = cells(lines[part.skip_lines], mark) if len(lines) > part.skip_lines else []
+        fits = names <= set(titles) if part.header else all(is_number(one.replace(",", ".")) for one in titles)
+        if mark != part.delimiter and fits and max(last, len(names) - 1) < len(titles) > 1:
+            key = f'"delimiter": {json.dumps(mark)} in the mapping'
+            return f"the columns are separated by {shown}, not by {DELIMITERS[part.delimiter]}: expected {key}"
+    return ""
+
+
 def read_table(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Table:
     """The `wanted` columns (role -> name or place) of a whole table; errors as `slabs`."""
     found = list(slabs(path, part, wanted))
@@ -109,7 +125,7 @@ def slabs(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Iterator[
                 raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
             first_row = next(line for _, line in numbered(body[start : start + HEAD_BYTES]))
             count = len(header) or len(cells(first_row, part.delimiter))
-            places = _places(wanted, header, count, where)
+            places = _places(wanted, header, count, where, partial(otherwise_separated, body[:HEAD_BYTES], part))
             names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}
             body, lines, begun = body[start:], skipped, True
         columns = parsed(body, part, places, count, where, lines)
@@ -147,7 +163,13 @@ def _rows(body: bytes, skipped: int) -> tuple[Int, Bool]:
     return index + skipped + 1, np.diff(index, prepend=-1) > 1
 
 
-def _places(wanted: Mapping[str, Column], header: list[str], count: int, where: str) -> dict[str, int]:
+def _places(
+    wanted: Mapping[str, Column],
+    header: list[str],
+    count: int,
+    where: str,
+    otherwise: Callable[[Iterable[Column]], str],
+) -> dict[str, int]:
     """Where the columns stand, from 0; all that are not there, or stand twice, in one error."""
     places, wrong = {}, []
     for role, column in wanted.items():
@@ -161,7 +183,7 @@ def _places(wanted: Mapping[str, Column], header: list[str], count: int, where: 
         else:
             wrong.append(f"column {column!r}: no such column{nearest(column, [name for name in header if name])}")
     if wrong:
-        raise InputError(where, "; ".join(dict.fromkeys(wrong)))
+        raise InputError(where, otherwise(wanted.values()) or "; ".join(dict.fromkeys(wrong)))
     return places
 
 

@@ -38,7 +38,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
         return known_form(head) is not None
     if part.files is not None or part.columns is None:
         return claims(part, path)
-    return set(_wanted(part).values()) <= set(header_names(head, part))
+    return set(wanted_columns(part).values()) <= set(header_names(head, part))
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -52,14 +52,14 @@ def read(path: Path, mapping: Mapping) -> Imported:
     return _read_rows(path, part) if part.frames == "rows" else _read_points(path, part)
 
 
-def _wanted(part: ProfilesPart) -> dict[str, str | int]:
+def wanted_columns(part: ProfilesPart) -> dict[str, str | int]:
     """Columns by role."""
     return part.columns.model_dump(exclude_none=True) if part.columns else {}
 
 
 def _read_points(path: Path, part: ProfilesPart) -> Imported:
     """One row a point."""
-    wanted, unit = _wanted(part), LENGTH_MM[part.length_unit]
+    wanted, unit = wanted_columns(part), LENGTH_MM[part.length_unit]
     points, values = Points(), FrameValues(part)
     table = None
     for table in slabs(path, part, wanted):

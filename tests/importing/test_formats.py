@@ -67,6 +67,30 @@ def test_a_height_map_is_drafted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["look", str(tmp_path / "a.tif")]) == 0
 
 
+@pytest.mark.parametrize("kind", ["f8", "f4", "i4"])
+def test_a_height_map_of_numpy(
+    kind: str, tmp_path: Path, imported: Imported, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Heights alone, in mm, metres or counts: as images are, in the draft too."""
+    z, path = np.tile(heights_mm(), (2, 1)), tmp_path / "a.npy"  # rows enough for no column to be a role of its own
+    counts = np.nan_to_num((z - 70.0) / 0.001).round()
+    np.save(path, {"f8": z, "f4": z / 1000, "i4": counts}[kind].astype(kind))
+    assert main(["import", str(path), "--out", str(tmp_path / "a.h5")]) == 2
+    assert "expected 'height_map' in the mapping with x_pitch" in capsys.readouterr().err
+    assert main(["import", "--draft", str(path), "--out", str(tmp_path / "m.json")]) == 0
+    drafted = json.loads((tmp_path / "m.json").read_text())
+    assert any("height_map.x_pitch, height_map.y_pitch" in text for text in drafted["uncertain"])
+    assert any("height_map.z_scale" in text for text in drafted["uncertain"])
+    assert drafted["height_map"]["z_scale"] == {"f8": 1.0, "f4": 1000.0, "i4": 0.001}[kind]
+    assert main(["look", str(path)]) == 0
+    assert "height map" in capsys.readouterr().out
+    scale = {"f4": {"z_scale": 1000.0}, "i4": {"z_scale": 0.001, "z_offset": 70.0}}.get(kind, {})
+    part = {"x_pitch": PITCH_MM, "y_pitch": STEP_MM, **scale}
+    got = imported(path, mapping=mapping(tmp_path, height_map=part))
+    np.testing.assert_allclose(got.z_mm, z, atol=6e-4)
+    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM)
+
+
 @pytest.mark.parametrize("damage", ["cut", "colours", "empty"])
 def test_damaged_images(damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "a.tif"

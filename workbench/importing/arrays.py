@@ -21,6 +21,7 @@ from workbench.scan.trial import CPU_SECONDS, survives
 from workbench.units import AnyArray, Float
 
 NAME = "arrays (.npy, .npz, .mat)"
+MAGIC = b"\x93NUMPY"
 ENDINGS = (".npy", ".npz", ".mat")
 ALIASES: dict[str, tuple[str, ...]] = {
     "x": ("x", "x_mm", "lateral"),
@@ -42,9 +43,11 @@ TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether it ends and begins as such a file does."""
-    begins = {".npy": b"\x93NUMPY", ".npz": b"PK", ".mat": b""}
-    return path.suffix.lower() in ENDINGS and path.is_file() and head.startswith(begins[path.suffix.lower()])
+    """Whether it ends and begins as such a file does, and is no height map."""
+    begins = {".npy": MAGIC, ".npz": b"PK", ".mat": b""}
+    if path.suffix.lower() not in ENDINGS or not path.is_file() or not head.startswith(begins[path.suffix.lower()]):
+        return False
+    return claims(mapping.arrays, path) or not is_height_map(path)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -79,6 +82,17 @@ def read(path: Path, mapping: Mapping) -> Imported:
         poses=_poses(values, unit, second, str(path)) if {"position", "base_from_flange"} & set(values) else None,
         notes=notes,
     )
+
+
+def is_height_map(path: Path) -> bool:
+    """Whether it is a .npy file of one array of rows and columns that is nothing else by its shape."""
+    if path.suffix.lower() != ".npy":
+        return False
+    try:
+        shape = np.load(path, mmap_mode="r", allow_pickle=False).shape
+    except (ValueError, OSError, EOFError):
+        return False  # pickled or damaged: the reader says so
+    return len(shape) == 2 and min(shape) >= LEAST_COLUMNS
 
 
 def drafted(path: Path) -> tuple[dict[str, str], dict[str, AnyArray], list[str]]:

@@ -1,4 +1,7 @@
-"""Height maps: images (TIFF by tifffile, PNG by Pillow) whose rows are profiles, with the pitches of the mapping."""
+"""Height maps: images (TIFF by tifffile, PNG by Pillow) and numpy's .npy whose rows are profiles.
+
+Heights alone: the pitches are the mapping's.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.importing import arrays
 from workbench.importing.files import claims
 from workbench.importing.grid import bounded, without
 from workbench.importing.mapping import Mapping
@@ -17,15 +21,17 @@ from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.scan.trial import survives
 from workbench.units import AnyArray, Float
 
-NAME = "height map (TIFF, PNG)"
+NAME = "height map (TIFF, PNG, .npy)"
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG\r\n\x1a\n")
 MOST_PIXELS = 400_000_000
+METRES_SPAN = 0.5  # of heights: less is a plate within half a millimetre, or one in metres
 MOST_RATIO = 2000  # pixels a byte of the file: deflate reaches 1,032 bytes a byte
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether it begins as a TIFF or PNG does."""
-    return head.startswith(MAGIC)
+    """Whether it begins as a TIFF or PNG does, or is a single array of heights."""
+    numpy = head.startswith(arrays.MAGIC)
+    return head.startswith(MAGIC) or (numpy and (claims(mapping.height_map, path) or arrays.is_height_map(path)))
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -54,14 +60,15 @@ def read(path: Path, mapping: Mapping) -> Imported:
 
 
 def pixels(path: Path) -> AnyArray:
-    """The image (rows, columns); InputError where it is none, or one of several numbers a pixel."""
+    """The image or array (rows, columns); InputError where it is none, or one of several numbers a pixel."""
     size = path.stat().st_size
     with open(path, "rb") as file:
-        is_png = file.read(4) == MAGIC[-1][:4]
+        start = file.read(4)
+    form = {MAGIC[-1][:4]: _png, arrays.MAGIC[:4]: _numpy}.get(start, _tiff)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            values = (_png if is_png else _tiff)(path, size)
+            values = form(path, size)
     except InputError:
         raise
     except Exception as error:  # whatever a library makes of a damaged file
@@ -95,6 +102,12 @@ def _png(path: Path, size: int) -> AnyArray:
         return np.asarray(image)
 
 
+def _numpy(path: Path, size: int) -> AnyArray:
+    values = np.load(path, mmap_mode="r", allow_pickle=False)
+    _check_size(path, values.size, size)
+    return np.array(values)
+
+
 def _check_size(path: Path, count: int, size: int) -> None:
     if not 0 < count <= min(MOST_PIXELS, MOST_RATIO * size):
         raise InputError(str(path), f"expected at most {MOST_PIXELS} pixels, found {count} in {size} bytes")
@@ -106,12 +119,17 @@ def drafted(path: Path) -> tuple[dict[str, Any], list[str]]:
     whole = values.dtype.kind in "iu"
     part: dict[str, Any] = {"x_pitch": 1.0, "y_pitch": 1.0, "z_scale": 0.001 if whole else 1.0}
     doubts = ["height_map.x_pitch, height_map.y_pitch: an image does not tell them; 1 mm stands for the sensor's"]
-    lowest = values.min() if whole else np.nanmin(values)
+    lowest = values.min() if whole else np.nanmin(values, initial=np.inf)
     codes = [float(lowest)] if (values == lowest).mean() > 1e-3 else []
     if codes != [0.0]:
         part["missing"] = codes
     if whole:
         doubts.append("height_map.z_scale: counts do not tell their size; 0.001 mm stands for the sensor's")
+    else:
+        seen = values[np.isfinite(values) & ~np.isin(values, codes)]
+        span = float(np.ptp(seen)) if len(seen) else 0.0
+        unit, part["z_scale"] = ("m", 1000.0) if 0.0 < span < METRES_SPAN else ("mm", 1.0)
+        doubts.append(f"height_map.z_scale: heights are taken as {unit}, by their span of {span:.4g}")
     if codes:
         doubts.append(f"height_map.missing: {codes[0]:g}, the least value, is taken as no return")
     return part, doubts

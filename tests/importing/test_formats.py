@@ -207,6 +207,42 @@ def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, impo
         imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
 
 
+@pytest.mark.parametrize("ending", [".npy", ".npz", ".mat"])
+def test_joints_in_arrays(
+    ending: str, tmp_path: Path, milled: Recording, imported: Imported, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Drafted without the robot; with its URDF the poses are those of the same joints in a table."""
+    from workbench.importing.joint_states import JointModel
+
+    urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
+    count = len(milled.time_s)
+    joints = np.linspace([0, 10, 20, 0, 45, 0], [5, 15, 18, 3, 50, 10.0], count)
+    sources = [tmp_path / f"q{ending}", tmp_path / "scan.npz"]
+    np.savez(sources[1], x=milled.x_mm, z=milled.z_mm)
+    if ending == ".npy":
+        np.save(sources[0], joints)
+    elif ending == ".npz":
+        np.savez(sources[0], gelenke=joints, uhr=np.arange(count) * 1e-2)
+    else:
+        scipy.io.savemat(sources[0], {"robot": {"Q": joints, "time": np.arange(count) * 1e-2}})
+    assert main(["import", str(sources[0]), "--out", str(tmp_path / "a.h5")]) == 2
+    capsys.readouterr()
+    assert main(["import", "--draft", *map(str, sources), "--out", str(tmp_path / "m.json")]) == 0
+    assert "lacking: arrays.urdf" in capsys.readouterr().out
+    assert main(["look", str(sources[0])]) == 0
+    assert f"postures: {count}, joints: 6" in capsys.readouterr().out
+    tree = json.loads((tmp_path / "m.json").read_text())
+    assert tree["arrays"]["angle_unit"] == "deg"
+    assert tree["times"] == {"source": "pose_each"}
+    tree["arrays"] |= {"urdf": str(urdf), "base_frame": "base_link", "flange_frame": "tool0"}
+    parts = {"arrays": tree["arrays"], "times": tree["times"], "accept": ["direction", "time_unit"]}
+    got = imported(*sources, mapping=mapping(tmp_path, **parts))
+    expected = JointModel.read(urdf, "base_link", "tool0").base_from_flange(np.radians(joints))
+    np.testing.assert_allclose(got.robot_position_mm, expected[:, :3, 3])
+    with pytest.raises(InputError, match=r"row 186: joint 'joint_1': expected .* found 3.003 .deg declared as rad"):
+        imported(*sources, mapping=mapping(tmp_path, **{**parts, "arrays": {**tree["arrays"], "angle_unit": "rad"}}))
+
+
 def test_a_linear_joint_is_counted_in_its_own_unit(tmp_path: Path, milled: Recording, imported: Imported) -> None:
     limit = '<axis xyz="0 0 1"/><limit lower="-1" upper="2" effort="1" velocity="1"/>'
     links = "".join(f'<link name="{name}"/>' for name in ("base", "cart", "flange"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
 from workbench.importing.files import claims
 from workbench.importing.grid import bounded, without
+from workbench.importing.joints import moved
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_formats import ArraysPart
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
-from workbench.importing.neutral import Imported, PoseStream, ProfileFrames
+from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames
+from workbench.importing.roles import TURN_DEG
 from workbench.scan.checks import normalised
 from workbench.scan.trial import CPU_SECONDS, survives
 from workbench.units import AnyArray, Float
@@ -33,8 +36,22 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "quaternion_wxyz": ("quaternion_wxyz",),
     "base_from_flange": ("base_from_flange", "poses", "pose"),
     "pose_time": ("pose_time", "pose_time_s", "robot_time"),
+    "joints": ("joints", "joint_positions", "joint_angles", "q", "position", "positions"),
 }
-ORDER = ("z", "x", "intensity", "travel", "base_from_flange", "position", "quaternion_wxyz", "time", "pose_time")
+ORDER = (
+    "z",
+    "x",
+    "intensity",
+    "travel",
+    "base_from_flange",
+    "position",
+    "quaternion_wxyz",
+    "joints",
+    "time",
+    "pose_time",
+)
+POSES = {"position", "base_from_flange"}
+AXES = range(5, 8)  # joints of a robot, in a row
 MOST_BYTES = 2**32
 BYTES_A_SECOND = 10_000_000  # a compressed file is read several times as fast
 DEEPEST = 4  # structures within structures
@@ -51,7 +68,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
-    """Profiles, poses, or both.
+    """Profiles, poses or joints, or both.
 
     Raises:
         InputError: not such a file, arrays of other shapes, none that is understood.
@@ -65,11 +82,13 @@ def read(path: Path, mapping: Mapping) -> Imported:
     part = part or ArraysPart()
     found = _roles(named, {role: name for role in ALIASES if (name := getattr(part, role)) is not None}, str(path))
     values = {role: np.squeeze(named[name]) for role, name in found.items()}
-    if not {"z", "position", "base_from_flange"} & set(values):
+    if POSES & set(values):
+        values.pop("joints", None)  # the poses say more
+    if not {"z", "joints", *POSES} & set(values):
         shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
         raise InputError(
             str(path),
-            f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping; "
+            f"expected arrays x and z, or poses or joints; found {shown} (name them: 'arrays' in the mapping; "
             "workbench import --draft tells what it can)",
         )
     unit, second = LENGTH_MM[part.length_unit], TIME_S[part.time_unit]
@@ -77,11 +96,12 @@ def read(path: Path, mapping: Mapping) -> Imported:
     alike = [name for role in ALIASES if role not in found for name in _alike(named, role)]
     odd = ", ".join(f"{name} {named[name].shape}" for name in dict.fromkeys(alike) if name not in found.values())
     notes = (f"{NAME}: {used}; lengths in {part.length_unit}", *([f"left out, by shape: {odd}"] if odd else []))
-    return Imported(
-        profiles=_profiles(values, part.missing, unit, second, str(path)) if "z" in values else None,
-        poses=_poses(values, unit, second, str(path)) if {"position", "base_from_flange"} & set(values) else None,
-        notes=notes,
-    )
+    profiles = _profiles(values, part.missing, unit, second, str(path)) if "z" in values else None
+    if "joints" in values:
+        robot = _joints(values, part, mapping.base_dir, str(path))
+        return replace(robot, profiles=profiles, notes=(*notes, *robot.notes))
+    poses = _poses(values, unit, second, str(path)) if POSES & set(values) else None
+    return Imported(profiles=profiles, poses=poses, notes=notes)
 
 
 def is_height_map(path: Path) -> bool:
@@ -141,9 +161,9 @@ def _told_by_values(named: dict[str, Any], kinds: dict[str, str], found: dict[st
         times = [name for name in rising if np.squeeze(named[name]).shape == shape[:1] and name not in across]
         if not {"time", "travel"} & set(found) and len(times) == 1:
             yield "time", times[0]
-    for role, kind in (("quaternion_wxyz", "quaternion"), ("base_from_flange", "motion")):
+    for role, kind in (("quaternion_wxyz", "quaternion"), ("base_from_flange", "motion"), ("joints", "joints")):
         of_kind = [name for name, other in kinds.items() if other == kind]
-        if role not in found and len(of_kind) == 1:
+        if role not in found and len(of_kind) == 1 and (role != "joints" or not POSES & set(found)):
             yield role, of_kind[0]
             count = len(named[of_kind[0]])
             places = [name for name, other in kinds.items() if other == "place" and len(named[name]) == count]
@@ -155,7 +175,7 @@ def _told_by_values(named: dict[str, Any], kinds: dict[str, str], found: dict[st
 
 
 def _kind(value: AnyArray) -> str:
-    """What an array may be by itself: x, grid, rising, quaternion, motion, place, or nothing known."""
+    """What an array may be by itself: x, grid, rising, quaternion, motion, place, joints, or nothing known."""
     value = np.squeeze(value).astype(np.float64)
     if value.ndim == 1 and len(value) > 1:
         return "rising" if (np.diff(value) > 0).all() else ""
@@ -167,6 +187,8 @@ def _kind(value: AnyArray) -> str:
         return "quaternion"
     if value.shape[1] == 3:
         return "place"
+    if value.shape[1] in AXES:
+        return "joints" if np.isfinite(value).all() and np.abs(value).max() <= TURN_DEG and np.ptp(value) > 0 else ""
     steps = np.diff(value, axis=1)
     steps = steps[np.isfinite(steps)]
     one_way = max((steps > 0).mean(), (steps < 0).mean()) if steps.size else 0.0
@@ -246,7 +268,10 @@ def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
         return {"x": x, "z": z}
     if value.ndim == 2 and value.shape[1] == 2:
         return {"x": value[:, 0], "z": value[:, 1]}
-    raise InputError(where, f"expected (N, M, 2) or (n, 2) with x and z, or (K, 4, 4) poses; found shape {value.shape}")
+    if value.ndim == 2 and value.shape[1] in AXES:
+        return {"joints": value}
+    what = f"(N, M, 2) or (n, 2) with x and z, (K, 4, 4) poses, (K, 6) joints, or {LEAST_COLUMNS} rows and columns of"
+    raise InputError(where, f"expected {what} heights; found shape {value.shape}")
 
 
 def _roles(named: dict[str, Any], asked: dict[str, str], where: str) -> dict[str, str]:
@@ -287,6 +312,8 @@ def _fits(role: str, shape: tuple[int, ...], told: dict[str, tuple[int, ...]]) -
         if role == "pose_time" or (role == "time" and frames is None):
             return len(shape) == 1 and (not counts or shape[0] in counts)
         return len(shape) == 1 if frames is None else (shape or (1,)) == frames
+    if role == "joints":
+        return len(shape) == 2 and shape[1] in AXES
     if role == "base_from_flange":
         return shape[-2:] == (4, 4) and len(shape) in (2, 3)
     return shape[-1:] == ((3,) if role == "position" else (4,)) and len(shape) <= 2
@@ -294,7 +321,7 @@ def _fits(role: str, shape: tuple[int, ...], told: dict[str, tuple[int, ...]]) -
 
 def _pose_counts(told: dict[str, tuple[int, ...]]) -> set[int]:
     """How many poses the arrays of poses hold."""
-    own = {"position": 1, "base_from_flange": 2}  # axes of a single pose
+    own = {"position": 1, "base_from_flange": 2, "joints": 1}  # axes of a single pose
     return {shape[0] if len(shape) > own[role] else 1 for role, shape in told.items() if role in own}
 
 
@@ -345,9 +372,28 @@ def _poses(values: dict[str, AnyArray], unit: float, second: float, where: str) 
         quaternion = normalised(np.atleast_2d(given).astype(np.float64), f"{where}: quaternion_wxyz")
     if not np.isfinite(position).all():
         raise InputError(where, "expected finite positions")
+    return PoseStream(where, position * unit, quaternion, _pose_time(values, len(position), second, where))
+
+
+def _pose_time(values: dict[str, AnyArray], count: int, second: float, where: str) -> Float | None:
+    """Times of the poses; where there are no profiles any times are theirs."""
     time = values.get("pose_time")
     if time is None and "z" not in values:
         time = values.get("time")
-    if time is not None and time.shape != (len(position),):
+    if time is not None and time.shape != (count,):
         raise InputError(where, f"expected a time a pose, found shape {time.shape}")
-    return PoseStream(where, position * unit, quaternion, None if time is None else time.astype(np.float64) * second)
+    return None if time is None else time.astype(np.float64) * second
+
+
+def _joints(values: dict[str, AnyArray], part: ArraysPart, folder: Path, where: str) -> Imported:
+    """Postures; with the robot's URDF also the flange's poses."""
+    joints = values["joints"].astype(np.float64)
+    if part.angle_unit is None:
+        what = "expected 'arrays' in the mapping with angle_unit and the robot (workbench import --draft writes one)"
+        raise InputError(where, f"joints of shape {joints.shape}: {what}")
+    if joints.ndim != 2 or not np.isfinite(joints).all():
+        raise InputError(where, f"expected finite joints (K, n), found shape {joints.shape}")
+    names = tuple(f"joint {k + 1}" for k in range(joints.shape[1]))
+    time_s = _pose_time(values, len(joints), TIME_S[part.time_unit], where)
+    stream = JointStream(where, joints, names, time_s, angle_unit=part.angle_unit)
+    return moved(stream, part, folder, LENGTH_MM[part.length_unit], lambda row: f"{where}: row {row + 1}")

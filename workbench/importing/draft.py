@@ -105,9 +105,15 @@ def _arrays(source: Path, error: InputError) -> tuple[Tree, list[str]]:
     elif "base_from_flange" in names:
         places = values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
         unit, more = _length("arrays", "", float(np.linalg.norm(places, axis=1).max()), USUAL_REACH_MM)
+    elif "joints" in names:
+        unit, more = "mm", []
     else:
         raise error
     part: Tree = {"length_unit": unit, **names}
+    if "joints" in names:
+        largest = float(np.abs(values["joints"]).max())
+        part["angle_unit"] = "rad" if largest <= TURN_RAD else "deg"
+        more.append(f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})")
     times = {"time": FRAME_S, "pose_time": POSE_S}
     if told := next((role for role in times if role in names), None):
         part["time_unit"], seconds = _time("arrays", "", np.diff(values[told].astype(float)), times[told])
@@ -347,7 +353,8 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
         lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
     unmoved = [one for one in found if one.joints is not None and one.poses is None]
     if unmoved:
-        lacking.append("joints.urdf, joints.base_frame, joints.flange_frame: the robot's description and its links")
+        own = "joints" if "joints" in tree else "arrays"
+        lacking.append(f"{own}.urdf, {own}.base_frame, {own}.flange_frame: the robot's description and its links")
     if not has[0]:
         return doubts, [*lacking, "profiles: none among the sources"]
     if unmoved:

@@ -29,6 +29,20 @@ class HeightMapPart(Part):
         return self
 
 
+class Robot(Protocol):
+    """A part that names the robot whose joints it tells."""
+
+    urdf: str | None
+    base_frame: str | None
+    flange_frame: str | None
+
+
+def check_robot(part: Robot) -> None:
+    """Refuse (ValueError) a robot that is told in part only."""
+    if len({name is None for name in (part.urdf, part.base_frame, part.flange_frame)}) > 1:
+        raise ValueError("expected urdf, base_frame and flange_frame together")
+
+
 class ArraysPart(Part):
     """Arrays of a .npz or .mat file by name, where their own names do not tell what they are."""
 
@@ -44,21 +58,19 @@ class ArraysPart(Part):
     quaternion_wxyz: str | None = Field(default=None, description="(K, 4) of the flange in the base")
     base_from_flange: str | None = Field(default=None, description="(K, 4, 4) instead of position and quaternion")
     pose_time: str | None = Field(default=None, description="(K,) of the poses")
+    joints: str | None = Field(default=None, description="(K, n) instead of poses, in the URDF's order")
+    angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of the joints")
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
     missing: list[float] = Field(default=[], description="values of z that mean no return, besides NaN")
 
-
-class Robot(Protocol):
-    """A part that names the robot whose joints it tells."""
-
-    urdf: str | None
-    base_frame: str | None
-    flange_frame: str | None
-
-
-def check_robot(part: Robot) -> None:
-    """Refuse (ValueError) a robot that is told in part only."""
-    if len({name is None for name in (part.urdf, part.base_frame, part.flange_frame)}) > 1:
-        raise ValueError("expected urdf, base_frame and flange_frame together")
+    @model_validator(mode="after")
+    def _whole_robot(self) -> ArraysPart:
+        check_robot(self)
+        if self.joints is not None and self.angle_unit is None:
+            raise ValueError("expected angle_unit with joints")
+        return self
 
 
 class JointsPart(TextPart):

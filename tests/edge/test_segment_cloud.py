@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from workbench.artefacts import PASSES, Cloud, Inspection, PointSet
+from workbench.cloud import crop
+from workbench.cloud import read as read_cloud
 from workbench.edge import segment_cloud, segment_raw
 from workbench.edge.segment_cloud import _noise_slope
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.errors import InputError
+from workbench.export.cloud import organised_pcd
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.scan_grid import MARGIN
 from workbench.inspect import sections
 from workbench.units import Float
 
@@ -41,6 +46,39 @@ def test_scan_lines_give_what_the_grid_gives(drawn, condition: str, seed: int):
     assert np.abs(values(found, "root_mm") - values(gridded, "root_mm")).max() < 0.01
     assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.05
     assert not edge.warnings
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("paper", 7), ("two_pass", 9)])
+def test_an_organised_pcd_keeps_its_grid(drawn, condition: str, seed: int, tmp_path: Path):
+    """Rows and columns are the exported ones, so what is measured is nearer than by the order of the points."""
+    scan = drawn(condition, seed)
+    (tmp_path / "o.pcd").write_bytes(organised_pcd(scan.cloud, None))
+    points = read_cloud(file=tmp_path / "o.pcd")
+    frame, column = np.nonzero(scan.cloud.keep)
+    np.testing.assert_array_equal(points.row, frame)
+    np.testing.assert_array_equal(points.column, column)
+    cloud, edge = segment_cloud(points)
+    seen = np.isfinite(cloud.x_mm)[:, MARGIN:-MARGIN]
+    np.testing.assert_array_equal(seen, scan.cloud.keep[np.unique(frame)][:, column.min() : column.max() + 1])
+    assert (np.bincount(cloud.pass_index) > 5).sum() == len(np.unique(scan.cloud.pass_index))
+    found, gridded = sections(edge), sections(scan.edge)
+    assert np.abs(values(found, "root_mm") - values(gridded, "root_mm")).max() < 0.003
+    assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.02
+
+
+def test_a_grid_that_is_no_profilers_is_sliced(drawn):
+    points = np.random.default_rng(5).permutation(points_of(drawn("paper", 7).cloud))[:100_000]
+    row, column = np.divmod(np.arange(len(points)), 500)
+    _, edge = segment_cloud(PointSet(points, "a.pcd", row=row, column=column))
+    assert any("shows no scan lines" in words for words in edge.warnings)
+
+
+def test_a_crop_keeps_the_places_of_its_points(drawn):
+    points = points_of(drawn("paper", 7).cloud)
+    row, column = np.divmod(np.arange(len(points)), 500)
+    middle = np.median(points, axis=0)
+    part = crop(PointSet(points, row=row, column=column), low_mm=list(middle - 10), high_mm=list(middle + 10))
+    np.testing.assert_array_equal(points[part.row * 500 + part.column], part.points_mm)
 
 
 def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):

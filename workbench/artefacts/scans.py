@@ -108,11 +108,16 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSet:
-    """A cloud without a grid, as other people's scanners and programs write it: n points in the base, in no order."""
+    """A cloud without profiles, as other people's scanners and programs write it: n points in the base.
+
+    They stand in no order, or at places of a grid of rows and columns where the file has one.
+    """
 
     points_mm: Shaped[Float, "n 3"]  # finite
     source: str = ""  # the file's name as given, for messages
     part: Part = UNKNOWN_PART
+    row: Shaped[Int, " n"] | None = None  # of the file's grid, never falling
+    column: Shaped[Int, " n"] | None = None  # rising along a row
 
     def to_open3d(self) -> Any:
         """The points as `open3d.t.geometry.PointCloud`, in mm."""

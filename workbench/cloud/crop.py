@@ -58,4 +58,5 @@ def crop(
     if not len(inside):
         a, b = points.points_mm.min(axis=0).round(3).tolist(), points.points_mm.max(axis=0).round(3).tolist()
         raise InputError(points.source or "cloud.crop", f"no point lies in the box; the cloud spans {a} to {b}")
-    return replace(points, points_mm=frozen(points.points_mm[inside]))
+    places = {name: one[inside] for name in ("row", "column") if (one := getattr(points, name)) is not None}
+    return replace(points, points_mm=frozen(points.points_mm[inside]), **places)

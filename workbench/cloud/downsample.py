@@ -50,4 +50,4 @@ def downsample(
     order = thinned[:, 2].argsort(kind="stable")
     for k in (1, 0):  # Open3D's order is that of a hash
         order = order[thinned[order, k].argsort(kind="stable")]
-    return replace(points, points_mm=frozen(thinned[order]))
+    return replace(points, points_mm=frozen(thinned[order]), row=None, column=None)

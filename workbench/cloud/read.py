@@ -25,6 +25,7 @@ Unit = Literal["mm", "m", "inch"]
 MM: dict[Unit, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
 LEAST_POINTS = 100
+HEAD_BYTES = 4096  # that hold a PCD's header
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
 OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
@@ -40,11 +41,12 @@ def read(
     ] = None,
     part: PartNames = NO_NAMES,
 ) -> PointSet:
-    """Read a cloud without a grid: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
+    """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
     Coordinates are in the robot's base, or in any other frame that results shall be in. They keep double precision
-    where the file has it, and the order of the file, which may show the scanner's own lines. Points without coordinates
-    (NaN) are left out; scans of an E57 file are placed by their poses.
+    where the file has it, and the order of the file, which may show the scanner's own lines; an organised PCD (HEIGHT
+    above 1) keeps each point's row and column. Points without coordinates (NaN) are left out; scans of an E57 file are
+    placed by their poses.
 
     Args:
         file: the cloud; its name's ending tells the format.
@@ -64,9 +66,24 @@ def read(
         raise InputError(str(file), f"expected a cloud as {FORMATS}, found the ending '{file.suffix}'")
     used: Unit = unit or OF_FORMAT.get(suffix, "mm")
     points = in_process(file) * MM[used]
-    points = points[~np.isnan(points).any(axis=1)]
-    check_size(points, used, str(file))
-    return PointSet(frozen(points), str(file), UNKNOWN_PART.with_names(part))
+    seen = np.flatnonzero(~np.isnan(points).any(axis=1))
+    rows, columns = grid_of(file) if suffix == ".pcd" else (0, 0)
+    places = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)
+    check_size(points[seen], used, str(file))
+    return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), *places)
+
+
+def grid_of(file: Path) -> tuple[int, int]:
+    """(HEIGHT, WIDTH) of a PCD file by its header; (0, 0) where they are not told."""
+    with open(file, "rb") as stream:
+        head = stream.read(HEAD_BYTES).decode("ascii", errors="replace")
+    told = dict.fromkeys(("HEIGHT", "WIDTH"), 0)
+    for words in map(str.split, head.splitlines()):
+        if len(words) == 2 and words[0] in told and words[1].isascii() and words[1].isdigit() and len(words[1]) < 9:
+            told[words[0]] = int(words[1])
+        if words[:1] == ["DATA"]:
+            break
+    return told["HEIGHT"], told["WIDTH"]
 
 
 def in_process(file: Path) -> Float:

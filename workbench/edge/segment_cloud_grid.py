@@ -1,4 +1,4 @@
-"""A cloud without a grid as an organised one: by its scan lines, where the order of its points shows them."""
+"""A cloud as an organised one: by the grid of its file, or its scan lines, where the order of its points shows them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from workbench.artefacts import Cloud, PointSet
 from workbench.geometry.chains import noise_sigma
 from workbench.geometry.outliers import reject_outliers
 from workbench.geometry.scan_grid import scan_grid
-from workbench.geometry.scan_lines import scan_lines
+from workbench.geometry.scan_lines import lines_of_rows, scan_lines
 from workbench.units import Float, Float32, Int
 
 SAMPLE_FRAMES, LEAST_POINTS = 60, 12  # what the noise is judged from; of a frame
@@ -16,11 +16,15 @@ NOISE_SIGMAS, LEAST_TOLERANCE_MM, JUMP_MM, WINDOW_FRAMES = 9.0, 0.06, 1.0, 5  # 
 
 
 def recovered_grid(points: PointSet) -> Cloud | None:
-    """The scanner's own grid; None where the order of the points does not show it."""
-    lines = scan_lines(points.points_mm)
+    """The scanner's own grid, as the file has it; else by the order of the points, and None where that shows none."""
+    lines, column = None, points.column
+    if points.row is not None:
+        lines = lines_of_rows(points.points_mm, points.row)
+    if lines is None:
+        lines, column = scan_lines(points.points_mm), None
     if lines is None:
         return None
-    grid = scan_grid(points.points_mm, lines)
+    grid = scan_grid(points.points_mm, lines, column)
     if grid is None:
         return None
     return organised(points, grid.x_mm, grid.z_mm, grid.base_from_profiler, lines.pass_index)

@@ -26,8 +26,10 @@ class ScanGrid:
     base_from_profiler: Shaped[Float, "N 4 4"]
 
 
-def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid | None:
-    """The grid that n points came from. A profiler's columns lie at equal steps of x, whatever z and its noise are.
+def scan_grid(points_mm: Float, lines: ScanLines, known: Int | None = None) -> ScanGrid | None:
+    """The grid that n points came from, whose columns (n,) may be known.
+
+    A profiler's columns lie at equal steps of x, whatever z and its noise are.
 
     The lateral axis of each pass is the direction in the laser plane along which neighbours lie most equally apart.
     None where they are nowhere apart, or leave next to all of the grid empty: that is no profiler's.
@@ -48,7 +50,7 @@ def scan_grid(points_mm: Float, lines: ScanLines) -> ScanGrid | None:
         c, s = np.cos(angle), np.sin(angle)
         x_axis[here] = c * first_axis[here] + s * second_axis[here]
         x[mine], z[mine] = plane[mine] @ [c, s], plane[mine] @ [-s, c]
-        column[mine] = _columns(x[mine], line[mine], pitch)
+        column[mine] = _columns(x[mine], line[mine], pitch) if known is None else known[mine]
     column += MARGIN - column.min()
     if len(lines.normal) * int(column.max()) > LEAST_CELLS + MOST_CELLS * len(line):
         return None

@@ -7,6 +7,7 @@ shuffled) there are none.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,41 @@ def scan_lines(points_mm: Float) -> ScanLines | None:
     if len(first) < LEAST_LINES or np.median(np.diff(bounds)) < LEAST_POINTS:
         return None
     return ScanLines(bounds, np.array(normals), _passes(points_mm, bounds, np.array(normals)))
+
+
+def lines_of_rows(points_mm: Float, row: Int) -> ScanLines | None:
+    """The scan lines of points (n, 3) whose rows (n,) are known; None where these lie in no planes of a laser.
+
+    A row whose own points do not tell its plane, such as one that is straight, has that of the row before.
+    """
+    bounds = np.append(np.flatnonzero(np.diff(row, prepend=row[0] - 1)), len(row))
+    found = _laser_plane(points_mm[:WINDOW])
+    if found is None or len(bounds) <= LEAST_LINES:
+        return None
+    normals, good, lost = [], 0, 0
+    for at, end in itertools.pairwise(bounds):
+        normal, within = _row_plane(points_mm[at:end], *found)
+        if within < LEAST_SHARE * (end - at) and (other := _laser_plane(points_mm[at : at + WINDOW])) is not None:
+            lost += 1
+            found = other
+            normal, within = _row_plane(points_mm[at:end], *found)
+        if lost > max(SHORT_LINES, len(bounds) // SHORT_LINES):
+            return None
+        found = (normal, found[1])
+        normals.append(normal)
+        good += within
+    if good < LEAST_SHARE * len(points_mm):
+        return None
+    return ScanLines(bounds, np.array(normals), _passes(points_mm, bounds, np.array(normals)))
+
+
+def _row_plane(points: Float, normal: Float, tolerance: float) -> tuple[Float, int]:
+    """A row's own normal, near to the one before, and how many of its points lie in that plane."""
+    off = points - points.mean(axis=0)
+    own = np.linalg.eigh(off.T @ off)[1][:, 0]
+    if len(points) >= LEAST_POINTS and abs(own @ normal) > 1.0 - ALIKE:
+        normal = own * np.sign(own @ normal)
+    return normal, int((np.abs(off @ normal) <= tolerance).sum())
 
 
 def _followed(points: Float) -> tuple[list[int], list[Float], int]:

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.cloud.read import MM, Unit, in_process
+from workbench.cloud.read import MM, Unit, grid_of, in_process
 from workbench.errors import InputError
 from workbench.importing.grid import bounded, gridded
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.text import head_text
 from workbench.units import Float, Float32
 
 NAME = "cloud of a profiler (PCD, PLY)"
@@ -32,26 +31,13 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     return path.suffix.lower() in (".pcd", ".ply")
 
 
-def grid_of(head: bytes) -> tuple[int, int]:
-    """(HEIGHT, WIDTH) of a PCD file's first bytes; (0, 0) where they are not told."""
-    told = dict.fromkeys(("HEIGHT", "WIDTH"), 0)
-    for line in head_text(head[:4096]).split("\n"):
-        words = line.split()
-        if len(words) == 2 and words[0] in told and words[1].isascii() and words[1].isdigit() and len(words[1]) < 9:
-            told[words[0]] = int(words[1])
-        if words[:1] == ["DATA"]:
-            break
-    return told["HEIGHT"], told["WIDTH"]
-
-
 def read(path: Path, mapping: Mapping) -> Imported:
     """The profiles, one a row.
 
     Raises:
         InputError: damaged; another number of points than its grid; rows that no profiler takes.
     """
-    with open(path, "rb") as file:
-        rows, columns = grid_of(file.read(4096))
+    rows, columns = grid_of(path)
     points = in_process(path)  # NaN points stay in their places
     if rows > 1 and len(points) != rows * columns:
         raise InputError(str(path), f"expected {rows} x {columns} points, found {len(points)}")

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import json
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.importing.test_mutated import mutated
 from workbench.cli import main
+from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_vector
+from workbench.importing.command import import_files
+from workbench.importing.draft import drafted as drafted_mapping
 from workbench.plugins import calibration
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 RNG = np.random.default_rng(4)
 COUNT = 12
+MUTATIONS = 60
 JOINTS_DEG = RNG.uniform(-60.0, 60.0, (COUNT, 6))
 PLACES_MM = RNG.uniform(-2000.0, 2000.0, (COUNT, 3))
 
@@ -173,3 +180,44 @@ def test_real_readings_of_three_reflectors_with_their_joints(tmp_path: Path, cap
     targets, rows, _ = table(tmp_path, capsys, REAL / "rabkkk_3smr_joints.csv")
     assert (len(targets), targets[:3]) == (108, ["t1", "t2", "t3"])
     assert rows[3] == [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 555.658, -2741.572, 613.197]
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_damaged_files_are_joined_or_refused(which: int, tmp_path: Path) -> None:
+    """Damage ends in a table, or in one line, and leaves nothing half-written; a draft of it likewise."""
+    times = [f"2026-03-31 14:05:{k:02d}.5" for k in range(COUNT)]
+    trackers = [
+        positions_file(tmp_path / "a.txt", range(1, COUNT + 1)),
+        leica_file(tmp_path / "a.csv", ["A"] * COUNT, PLACES_MM, times),
+    ]
+    robot = joints_file(tmp_path / "q.csv", "posture", np.arange(COUNT) + 1)
+    sources = [trackers[which % 2], robot]
+    damaged, out = sources[which // 2], tmp_path / "r.csv"
+    mapping = tmp_path / "m.json"
+    part = {
+        "columns": [f"q{k}_deg" for k in range(1, 7)],
+        "angle_unit": "deg",
+        "length_unit": "mm",
+        "number": "posture",
+    }
+    mapping.write_text(json.dumps({"format": "import-mapping", "version": 1, "joints": part}))
+    rng, content = np.random.default_rng(which), damaged.read_bytes()
+    import_files(sources, out, mapping)
+    assert len(out.read_text().splitlines()) == COUNT + 1
+    for _ in range(MUTATIONS):
+        damaged.write_bytes(mutated(content, rng))
+        out.unlink(missing_ok=True)
+        lines = [refusal(import_files, sources, out, mapping), refusal(drafted_mapping, sources)]
+        assert all(line.isprintable() for line in lines)
+        assert [path.name for path in tmp_path.glob("*r.csv*")] == ([] if lines[0] else ["r.csv"])
+
+
+def refusal(function: Callable[..., object], *arguments: object) -> str:
+    """What an InputError says; '' where there was none. Any other error, or warning, is the test's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            function(*arguments)
+        except InputError as error:
+            return str(error)
+    return ""

@@ -20,6 +20,7 @@ from workbench.importing.table import header_names, read_table
 from workbench.units import DEG, Float
 
 NAME = "table of joints (by the mapping)"
+MOST = 1e7  # degrees, mm or micrometres: no joint goes so far
 NO_ROBOT = (
     "joints become poses by the robot's URDF: expected urdf, base_frame and flange_frame in the mapping's part of them"
 )
@@ -71,6 +72,10 @@ def moved(stream: JointStream, robot: Robot, folder: Path, unit_mm: float, place
     Raises:
         InputError: as `read`.
     """
+    far = np.flatnonzero((np.abs(stream.position) > MOST).any(axis=1))
+    if len(far):
+        found = np.abs(stream.position[far[0]]).max()
+        raise InputError(place(int(far[0])), f"expected positions of joints, found {found:.4g}")
     turn = DEG if stream.angle_unit == "deg" else 1.0
     if robot.urdf is None or robot.base_frame is None or robot.flange_frame is None:
         note = f"joints: {', '.join(stream.names)}, in {stream.angle_unit}; no robot is named, so no poses follow"

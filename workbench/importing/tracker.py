@@ -16,7 +16,9 @@ import numpy as np
 
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
+from workbench.importing import joints, poses, tables
 from workbench.importing.files import claims
+from workbench.importing.grid import MAX_MM
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_formats import TrackerPart
 from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
@@ -27,7 +29,7 @@ from workbench.importing.text import NO_VALUE, cells, decoded, head_text, is_num
 from workbench.units import Float, Int
 
 NAME = "readings of a laser tracker"
-POSITION = re.compile(r"^\s*Pos\w*\s*(\d+)\b", re.IGNORECASE)
+POSITION = re.compile(r"^\s*Pos\w*\s*(\d{1,9})\b", re.IGNORECASE)
 POINT_NAMES = ("name", "point", "pointname", "pointid", "target", "targetname", "measurement", "label")
 OF_95 = re.compile(r"^\s*(u95|uncertainty|umag|u 95)", re.IGNORECASE)
 HEADER_WITHIN = 20  # lines
@@ -56,8 +58,8 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     text = head_text(head)
     if _by_position(text):
         return True
-    others = (mapping.profiles, mapping.poses, mapping.joints)
-    return _head(text) is not None and all(part is None or part.files is not None for part in others)
+    others = (tables, poses, joints)  # by the columns that the mapping names
+    return _head(text) is not None and not any(other.recognises(path, head, mapping) for other in others)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -73,6 +75,10 @@ def read(path: Path, mapping: Mapping) -> Imported:
         text = decoded(read_lines_as_bytes(path))
         head = None if _by_position(text) else _head(text)
         found = _positions(path, text, part) if head is None else _named(path, text, head, part)
+    far = np.flatnonzero((np.abs(found.place_mm) > MAX_MM).any(axis=1))
+    if len(far):
+        shown = ", ".join(f"{v:.6g}" for v in found.place_mm[far[0]])
+        raise InputError(f"{path}: reading {far[0] + 1}", f"expected a place in {MAX_MM:g} mm, found {shown} mm")
     return Imported(tracker=found, notes=(f"{NAME}: {'; '.join(told(found))}",))
 
 
@@ -126,14 +132,14 @@ def _by_position(text: str) -> bool:
 
 def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
     """The readings by position; positions that have none are left out."""
-    places: list[tuple[float, ...]] = []
+    places: list[Float] = []
     numbers_: list[int] = []
     now: int | None = None
     for number, line in enumerate(text.split("\n"), 1):
         if head := POSITION.match(line):
             now = int(head[1])
         elif (told := READING.search(line)) and now is not None:
-            places.append(tuple(float(value) for value in told.groups()))
+            places.append(numbers(told.groups(), f"{path}: line {number}"))
             numbers_.append(now)
         elif line.strip() and "INVALID" not in line:
             raise InputError(f"{path}: line {number}", "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'")

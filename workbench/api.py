@@ -90,7 +90,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
     from workbench.checks import refuse_unsound
-    from workbench.result_files import HandEyeFile, PostureFile, StiffnessFile
+    from workbench.result_files import HandEyeFile, PostureFile, RobotFile, StiffnessFile, ToolFile, TurntableFile
 
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
     from workbench.robot import (
@@ -193,6 +193,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Requirements",
     "Rework",
     "RobotCell",
+    "RobotFile",
     "Scene",
     "Section",
     "Seed",
@@ -201,9 +202,11 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "StiffnessFile",
     "Stretch",
     "Strokes",
+    "ToolFile",
     "Toolpath",
     "Travel",
     "Turntable",
+    "TurntableFile",
     "UNKNOWN_PART",
     "Uncertainty",
     "UncertaintySource",

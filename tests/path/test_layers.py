@@ -325,18 +325,52 @@ def test_what_is_not_known_well_enough_is_not_cut(raw) -> None:
         layers(vague, scan.cloud)
 
 
+TOOL = {
+    "format": "tool-calibration",
+    "version": 1,
+    "frame": "flange",
+    "points": [{"name": "tip", "position_mm": [0, 0, 250], "u_mm": 0.03}],
+    "axis": {"direction": [0, 0, 1], "u_deg": 0.02},
+}
+TABLE = {
+    "format": "turntable-calibration",
+    "version": 1,
+    "frame": "base",
+    "base_from_turntable": np.eye(4).tolist(),
+    "axis_point_mm": [0, 0, 0],
+    "axis_direction": [0, 0, 1],
+    "u_mm": 0.04,
+    "direction_u_deg": 0.01,
+}
+ROBOT = {
+    "format": "robot-calibration",
+    "version": 1,
+    "frame": "base",
+    "parameters": [],
+    "covariance": [],
+    "left_as_built": [],
+    "u_mm": 0.12,
+}
+
+
 def test_tool_turntable_and_robot_count_in_what_the_place_is_known_to(raw, tmp_path) -> None:
     scan = raw()
-    tool, table = tmp_path / "tcp.json", tmp_path / "turntable.json"
-    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.03}], "axis": {"u_deg": 0.02}}))
-    table.write_text(json.dumps({"format": "turntable-calibration", "u_mm": 0.04, "direction_u_deg": 0.01}))
+    tool, table, robot = (tmp_path / name for name in ("tcp.json", "turntable.json", "robot.json"))
+    tool.write_text(json.dumps(TOOL))
+    table.write_text(json.dumps(TABLE))
+    robot.write_text(json.dumps(ROBOT))
     assert layers(scan.edge, scan.cloud).chain is None
     path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_accuracy_mm=0.12)
     assert path.chain is not None
     assert path.chain.place_mm == pytest.approx(0.13)
     assert path.chain.turn == pytest.approx(np.radians(np.hypot(0.02, 0.01)))
     assert path.chain.rests_on == ("tool", "turntable", "robot")
-    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.3}], "axis": None}))
+    path = layers(scan.edge, scan.cloud, tool=tool, turntable=table, robot_calibration=robot, robot_accuracy_mm=0.5)
+    assert path.chain is not None
+    assert path.chain.place_mm == pytest.approx(0.13)  # the file's 0.12 mm, not what was typed
+    tool.write_text(
+        json.dumps(TOOL | {"points": [{"name": "tip", "position_mm": [0, 0, 250], "u_mm": 0.3}], "axis": None})
+    )
     with pytest.raises(InputError, match=r"known well enough on 0 % .* with tool known to 0.3 mm and 0.05 deg"):
         layers(scan.edge, scan.cloud, tool=tool)
     first = layers(scan.edge, scan.cloud, tool=tool, finish_allowance_mm=0.5)  # a measured cut will show it

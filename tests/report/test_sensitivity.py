@@ -12,12 +12,31 @@ from workbench.artefacts import Chapter, Document
 from workbench.errors import InputError
 from workbench.pipeline import Pipeline
 from workbench.report.error_chain import Link, needs, thermal_mm
+from workbench.result_files import ToolFile, TurntableFile
 
 ROOT = Path(__file__).resolve().parents[2]
 BEVEL = math.radians(30.0)  # sin = 1/2
 CHAIN = (
     Link("hand-eye", "", 0.12, 0.04, 0.0, ""),
     Link("robot", "", 0.05, 0.03, 1.0, ""),
+)
+
+TOOL = ToolFile(
+    format="tool-calibration",
+    version=1,
+    frame="flange",
+    points=[{"name": "tip", "position_mm": (0, 0, 250), "u_mm": 0.03}],
+    axis={"direction": (0, 0, 1), "u_deg": 0.02},
+)
+TABLE = TurntableFile(
+    format="turntable-calibration",
+    version=1,
+    frame="base",
+    base_from_turntable=((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+    axis_point_mm=(0, 0, 0),
+    axis_direction=(0, 0, 1),
+    u_mm=0.04,
+    direction_u_deg=0.01,
 )
 
 
@@ -65,14 +84,14 @@ def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
 def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path) -> None:
     load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
     tool, table = tmp_path / "tcp.json", tmp_path / "turntable.json"
-    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": 0.03}], "axis": {"u_deg": 0.02}}))
-    table.write_text(json.dumps({"format": "turntable-calibration", "u_mm": 0.04, "direction_u_deg": 0.01}))
+    tool.write_bytes(TOOL.model_dump_json().encode())
+    table.write_bytes(TABLE.model_dump_json().encode())
     load(tmp_path / "out", inputs={"tool": str(tool), "turntable": str(table)})
     links = {one["name"]: one for one in json.loads((tmp_path / "out" / "sensitivity.json").read_text())["links"]}
     assert (links["tool"]["along_b_u_mm"], links["tool"]["tilt_u_deg"]) == (0.03, 0.02)
     assert (links["turntable"]["along_b_u_mm"], links["turntable"]["source"]) == (0.04, "its calibration")
     with pytest.raises(InputError, match="expected 'tool-calibration'"):
         load(None, inputs={"tool": str(table)})
-    tool.write_text(json.dumps({"format": "tool-calibration", "points": [{"u_mm": "x"}], "axis": None}))
-    with pytest.raises(InputError, match=r"points\[0\].u_mm: expected a number"):
+    tool.write_text(TOOL.model_dump_json().replace("0.03", '"x"'))
+    with pytest.raises(InputError, match=r"points\[0\].u_mm: expected a valid number"):
         load(None, inputs={"tool": str(tool)})

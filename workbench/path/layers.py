@@ -28,7 +28,7 @@ from workbench.path.refusals import (
     refuse_small_root,
 )
 from workbench.path.section import Bevel, bevel_of, layer_heights, raised, under, upper_bevel
-from workbench.result_files.links import tool_u, turntable_u
+from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
 
@@ -73,6 +73,10 @@ def layers(
         float,
         Field(ge=0, le=100, description="u of the robot's place, along an axis; 0: not stated"),
     ] = 0.0,
+    robot_calibration: Annotated[
+        InputFile | None,
+        Field(description="a robot.json that the controller was corrected by: its u instead of robot_accuracy_mm"),
+    ] = None,
     least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
     root_tolerance_mm: Annotated[
         float, Field(gt=0, le=10, description="of the root: the edge is not cut where 1.645 u is more")
@@ -120,6 +124,7 @@ def layers(
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
         tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written: their u counts as the edge's own.
         robot_accuracy_mm: of the robot between scan and cut: likewise.
+        robot_calibration: what `calibrate.tracker` or `calibrate.robot` has written, entered into the controller.
         least_seen_share: an edge seen, or known well enough, on less of its length is refused.
         root_tolerance_mm: where the guard band of the edge's place (1.645 u) is larger it is not cut.
         bevel_tolerance_deg: the same of the end face's direction, from which the bevel angle counts.
@@ -148,7 +153,7 @@ def layers(
     if upper is None and mill == "upper":
         raise InputError("mill", "'upper' expects upper_bevel_deg and lower_bevel_mm: a compound bevel has both")
     bevel = lower if upper is None or mill == "lower" else upper
-    chain = chain_u(tool, turntable, robot_accuracy_mm)
+    chain = chain_u(tool, turntable, robot_calibration, robot_accuracy_mm)
     counts = None if finish_allowance_mm > 0.0 else chain  # a measured cut shows what these do
     air, points = Air(clearance_mm, side_clearance_mm, ramp_mm, lead_mm), key_points(length, lead_mm)
 
@@ -275,14 +280,22 @@ def _reason(plan: Plan, a: float, b: float) -> str:
 UNKNOWN_AXIS_DEG = 0.05  # u of a tool's axis that was not measured: a spindle's mounting, as in report.sensitivity
 
 
-def chain_u(tool: Path | None, turntable: Path | None, robot_mm: float) -> ChainU | None:
-    """What the files of `calibrate.tcp` and `calibrate.turntable` state, and the robot's accuracy; None: nothing."""
+def chain_u(tool: Path | None, turntable: Path | None, robot: Path | None, robot_mm: float) -> ChainU | None:
+    """What the files of tool, turntable and robot state, or else the robot's accuracy; None: nothing.
+
+    Raises:
+        InputError: a file that is none of its kind.
+    """
     parts = {}
     if tool is not None:
-        parts["tool"] = tool_u(tool, UNKNOWN_AXIS_DEG)
+        told = ToolFile.read(tool)
+        parts["tool"] = told.points[0].u_mm, UNKNOWN_AXIS_DEG if told.axis is None else told.axis.u_deg
     if turntable is not None:
-        parts["turntable"] = turntable_u(turntable)
-    if robot_mm > 0.0:
+        table = TurntableFile.read(turntable)
+        parts["turntable"] = table.u_mm, table.direction_u_deg
+    if robot is not None:
+        parts["robot"] = RobotFile.read(robot).u_mm, 0.0
+    elif robot_mm > 0.0:
         parts["robot"] = robot_mm, 0.0
     if not parts:
         return None

@@ -12,7 +12,7 @@ from pydantic import Field
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
 from workbench.report.error_chain import Link, Need, needs, thermal_mm
 from workbench.report.template import render
-from workbench.result_files.links import tool_u, turntable_u
+from workbench.result_files import ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
 from workbench.strict_json import strict_json
 from workbench.units import DEG
@@ -140,10 +140,11 @@ def sensitivity(
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
     tool_from, table_from = "given", "given"
     if tool is not None:
-        tool_mm, tool_deg, tool_from = *tool_u(tool, tool_deg), "its calibration"
+        told, tool_from = ToolFile.read(tool), "its calibration"
+        tool_mm, tool_deg = told.points[0].u_mm, tool_deg if told.axis is None else told.axis.u_deg
     if turntable is not None:
-        turntable_mm, turntable_deg = turntable_u(turntable)
-        table_from = "its calibration"
+        table, table_from = TurntableFile.read(turntable), "its calibration"
+        turntable_mm, turntable_deg = table.u_mm, table.direction_u_deg
     reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
     warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
     # The correction's own mean rests on one run of the robot: what that run did by chance goes into the next.

@@ -36,6 +36,7 @@ class ResultFile(Row):
     """A result file."""
 
     NAME: ClassVar[str]
+    ANOTHER: ClassVar[dict[str, str]] = {}  # by format: what is easily taken for this file, and what to give instead
     _document: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
@@ -58,6 +59,8 @@ class ResultFile(Row):
             InputError: it is no such file: the place in it and what was expected.
         """
         document = read_json(path, max_bytes)
+        if another := cls.ANOTHER.get(str(document.get("format"))):
+            raise InputError(f"{path}: $.format", f"expected a {cls.NAME}, found {another}")
         try:
             made = cls.model_validate_json(json.dumps(document), strict=True)
         except ValidationError as error:

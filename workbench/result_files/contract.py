@@ -203,6 +203,9 @@ class HandEyeFile(ResultFile):
     """`handeye.json`: the pose of the profiler on the flange. Other programs may give the pose alone."""
 
     NAME: ClassVar[str] = "handeye.json"
+    ANOTHER: ClassVar[dict[str, str]] = {
+        "robot-calibration": "a robot.json: give the handeye.json that calibrate.robot writes beside it"
+    }
     flange_from_profiler: Matrix
     part: Part = Field(default=UNKNOWN_PART, description="sensor, robot and date of the recording of the sphere")
     translation_mm: Vector | None = None
@@ -224,6 +227,8 @@ class HandEyeFile(ResultFile):
     method: str | None = None
     frames_used: list[int] = Field(default_factory=list)
     frames_rejected: list[dict[str, Any]] = Field(default_factory=list)
+    good_enough: bool | None = Field(default=None, description="for the tolerance that was given")
+    verdict: str | None = None
     warnings: list[str] = Field(default_factory=list)
 
 

@@ -181,28 +181,41 @@ class ToolPointRow(Row):
 
     name: str
     position_mm: Vector
-    u_mm: NotNegative
-    covariance_mm2: tuple[Vector, Vector, Vector]
+    u_mm: NotNegative = Field(description="along the least certain direction")
+    covariance_mm2: tuple[Vector, Vector, Vector] | None = None
 
 
-class ToolFile(ResultFile):
-    """`tcp.json`: tool points in the flange, from touches."""
+class ToolAxisRow(Row):
+    """The tool's axis in the flange, towards the tip."""
+
+    direction: Vector
+    u_deg: NotNegative = Field(description="about the least certain direction")
+
+
+class Measured(ResultFile):
+    """What a calibration says of itself. Other programs may leave it out."""
+
+    residual_rms_mm: UnknownU = None
+    misfit: Unknown = Field(default=None, description="chi-square over degrees of freedom")
+    left_out: list[dict[str, Any]] = Field(default_factory=list)
+    good_enough: bool | None = Field(default=None, description="for the tolerance that was given")
+    verdict: str | None = None
+    warnings: list[str] = Field(default_factory=list)
+
+
+class ToolFile(Measured):
+    """`tcp.json`: tool points in the flange, the tip first."""
 
     NAME: ClassVar[str] = "tcp.json"
     format: Literal["tool-calibration"]
     version: Literal[1]
     frame: Literal["flange"]
-    points: list[ToolPointRow]
-    axis: dict[str, Any] | None
-    residual_rms_mm: NotNegative
-    misfit: Unknown
-    touches: int
-    left_out: list[dict[str, Any]]
-    verdict: str
-    warnings: list[str]
+    points: Annotated[list[ToolPointRow], Field(min_length=1)]
+    axis: ToolAxisRow | None = Field(description="null: not measured")
+    touches: int | None = None
 
 
-class TurntableFile(ResultFile):
+class TurntableFile(Measured):
     """`turntable.json`: the turntable's axis in the base."""
 
     NAME: ClassVar[str] = "turntable.json"
@@ -212,14 +225,45 @@ class TurntableFile(ResultFile):
     base_from_turntable: Matrix
     axis_point_mm: Vector
     axis_direction: Vector
-    u_mm: NotNegative
+    u_mm: NotNegative = Field(description="of the axis over its reach, along the least certain direction")
     direction_u_deg: NotNegative
-    residual_rms_mm: NotNegative
-    misfit: Unknown
-    points: int
-    left_out: list[dict[str, Any]]
-    verdict: str
-    warnings: list[str]
+    points: int | None = None
+
+
+class ArmErrorRow(Row):
+    """A joint offset, length or tilt of the robot, as it differs from the robot as built: mm or degrees."""
+
+    name: str
+    axis: Annotated[int, Field(ge=1)]
+    value_mm: Unknown = None
+    value_deg: Unknown = None
+    u_mm: UnknownU = None
+    u_deg: UnknownU = None
+    determined: bool
+
+
+class RobotFile(Measured):
+    """`robot.json`: what a robot's joint offsets and lengths are off, seen by a tracker or beside a hand-eye pose."""
+
+    NAME: ClassVar[str] = "robot.json"
+    format: Literal["robot-calibration"]
+    version: Literal[1]
+    frame: Literal["base"]
+    parameters: list[ArmErrorRow]
+    covariance: list[list[Number]] = Field(description="of the parameters, mm and rad")
+    left_as_built: list[str] = Field(description="what the measurements leave open, and why")
+    u_mm: NotNegative = Field(description="of a place, along an axis, by the corrected robot")
+    residual_rms_as_built_mm: UnknownU = None
+    flange_from_profiler: Matrix | None = Field(default=None, description="for the corrected robot: see handeye.json")
+    hand_eye_covariance: Matrix6 | None = None
+    volume_u_mm: UnknownU = None
+    sphere_center_mm: Vector | None = None
+    sphere_diameter_mm: UnknownU = None
+    postures: int | None = None
+    tracker_from_base: Matrix | None = None
+    registration_covariance: Matrix6 | None = None
+    targets: list[dict[str, Any]] = Field(default_factory=list)
+    readings: int | None = None
 
 
 class ValidationRow(Row):

@@ -10,13 +10,28 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from bench.calibration.arm import CELL, draw, flange, one_sphere, one_tracked
+from bench.calibration.arm import (
+    CELL,
+    POSE,
+    POSE_MM,
+    RADIUS_MM,
+    TRUE,
+    draw,
+    flange,
+    one_sphere,
+    one_tracked,
+    sphere,
+)
+from bench.calibration.arm import circles as ball_circles
 from workbench.api import (
+    DEG,
     Float,
     InputError,
     forward_kinematics,
+    pose_from,
     quaternion_from_rotation,
     rotation_from_vector,
     vector_from_rotation,
@@ -25,7 +40,11 @@ from workbench.plugins.calibration import circles
 from workbench.plugins.calibration import robot as robot_stage
 from workbench.plugins.calibration import tracker as tracker_stage
 from workbench.plugins.calibration.arm_errors import _exponential, corrected, pose_derivatives
+from workbench.plugins.calibration.model import Estimate, Noise, View
+from workbench.plugins.calibration.observations import from_arrays
+from workbench.plugins.calibration.robot import as_flange_errors, together
 from workbench.scan import read
+from workbench.scan.hand_eye import read_hand_eye
 
 DATA = Path(__file__).parents[3] / "data" / "calibration"
 REAL = Path(__file__).parents[3].parent / "shared" / "data" / "real"
@@ -134,9 +153,10 @@ def test_a_tracker_finds_the_robot_and_its_blunder() -> None:
     assert found["good_enough"]
 
 
-def test_a_sphere_tells_the_wrist() -> None:
+def test_a_sphere_tells_the_wrist(tmp_path: Path) -> None:
     recording = read(recording=DATA / "sphere_robot.h5")
-    hand_eye, document, _ = robot_stage(circles(recording), recording, cell=CELL, joints=DATA / "sphere_joints.csv")
+    hand_eye, *documents, _ = robot_stage(circles(recording), recording, cell=CELL, joints=DATA / "sphere_joints.csv")
+    document = documents[1]
     found = json.loads(document.content)
     assert {"offset of joint 4", "offset of joint 5", "shift of axis 6 along y"} <= {
         one["name"] for one in found["parameters"] if one["determined"]
@@ -144,6 +164,54 @@ def test_a_sphere_tells_the_wrist() -> None:
     assert found["residual_rms_mm"] < 0.1 < 0.3 < found["residual_rms_as_built_mm"]
     assert hand_eye.volume_u_mm is not None
     assert 0.05 < hand_eye.volume_u_mm < 2.0
+    assert [one.name for one in documents] == ["handeye.json", "robot.json"]
+    for one in documents:
+        (tmp_path / one.name).write_bytes(one.content)
+    assert hand_eye.volume_u_mm < 0.2 * found["volume_u_mm"]  # the last joint's zero is as another hand-eye pose
+    again = read_hand_eye(tmp_path / "handeye.json")
+    np.testing.assert_array_equal(again.flange_from_profiler, hand_eye.flange_from_profiler)
+    np.testing.assert_array_equal(again.covariance, hand_eye.covariance)
+    assert f"u = {found['u_mm']:.3f} mm" in json.loads(documents[0].content)["method"]
+    with pytest.raises(InputError, match=r"expected a handeye\.json, found a robot\.json: give the handeye\.json"):
+        read_hand_eye(tmp_path / "robot.json")
+
+
+def test_the_covariance_of_handeye_json_holds_what_the_last_joint_takes_from_the_pose() -> None:
+    """Robots drawn from the priors: the profiler's place beside the ball's, by the pose and the corrected robot.
+
+    The truth by a chain that is multiplied out anew; the ball moves with the base, which no sphere tells.
+    """
+    inside = []
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 0x5F])
+        arm = draw(rng)
+        joints, recorded, centre, ball = sphere(rng, arm)
+        circle, spread = ball_circles(rng, centre)
+        noise = Noise(POSE_MM, POSE / DEG, RADIUS_MM, 0.05)
+        start = Estimate(TRUE[:3, :3], TRUE[:3, 3], ball, RADIUS_MM)
+        found = together(start, from_arrays(circle, spread, recorded), joints, noise, arm.chain, arm.errors)
+        view = View((0.0, 0.0), (16.0, 20.0))
+        both = as_flange_errors(arm.chain, arm.errors, found, joints, view)
+        pose = pose_from(found.estimate.rotation, found.estimate.translation_mm)
+        off = beside_another_base(flange(arm, found.errors, joints) @ pose, flange(arm, arm.x, joints))
+        inside.append(off @ np.linalg.solve(both, off))
+    assert 4.0 < np.mean(inside) < 8.5  # six degrees of freedom, twelve robots: 6 +- 1
+
+
+def beside_another_base(found: Float, flanges: Float) -> Float:
+    """The hand-eye error (6,), mm and rad in the flange, that with one motion of the base explains the poses found."""
+    points = np.array([[0, 0, 0], [16, 0, 0], [-16, 0, 0], [0, 0, 20], [0, 0, -20]]) @ np.diag([1.0, 0.0, 1.0])
+    seen = points @ np.swapaxes(found[:, :3, :3], 1, 2) + found[:, None, :3, 3]
+    middle = seen.mean(axis=(0, 1))
+
+    def away(x: Float) -> Float:
+        pose = pose_from(Rotation.from_rotvec(x[3:6]).as_matrix() @ TRUE[:3, :3], TRUE[:3, 3] + x[:3])
+        there = flanges @ pose
+        at = points @ np.swapaxes(there[:, :3, :3], 1, 2) + there[:, None, :3, 3]
+        moved = (at - middle) @ Rotation.from_rotvec(x[9:]).as_matrix().T + middle + x[6:9]
+        return np.asarray(moved - seen).ravel()
+
+    return np.asarray(least_squares(away, np.zeros(12), x_scale=np.repeat([1.0, 1e-3, 1.0, 1e-3], 3)).x[:6])
 
 
 def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -16,16 +16,18 @@ from workbench.api import (
     Document,
     Float,
     HandEye,
+    HandEyeFile,
     InputError,
     InputFile,
     Int,
     Recording,
+    RobotFile,
     Shaped,
     frozen,
     inverse,
     pose_from,
+    rpy_from_rotation,
     stage,
-    strict_json,
     vector_from_rotation,
 )
 from workbench.plugins.calibration.arm_document import arm_document, arm_html
@@ -39,7 +41,17 @@ from workbench.plugins.calibration.arm_errors import (
 )
 from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.determinacy import check_determined
-from workbench.plugins.calibration.model import SIZE, Estimate, Noise, linearise, view_of_points, volume_u
+from workbench.plugins.calibration.model import (
+    SIZE,
+    Estimate,
+    Noise,
+    View,
+    cross_matrix,
+    linearise,
+    view_of_points,
+    volume_u,
+    volume_weight,
+)
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.rows import JOINTS, Table
 from workbench.plugins.calibration.solve import solve
@@ -54,6 +66,7 @@ SAME_MM, SAME_RAD = 1.0, 0.1 * DEG  # by which a recorded pose may differ from t
 COARSER = (16.0, 4.0, 1.0)  # the robot's noise in turn: its errors as built are larger, and the first steps long
 STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
 MOST_MISFIT = 25.0  # residuals of five times the noise: it is no such robot, or a wrong side of the laser plane
+CORRECTED = "for a controller into which the joint offsets and lengths of robot.json are entered, and for no other"
 BUILT_MM = 5.0  # limit of the start's uncertainty, with the robot as built: it only starts
 
 
@@ -94,16 +107,17 @@ def robot(
     ] = 2.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that robot and profiler must serve")] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is measured")] = 40.0,
-) -> tuple[HandEye, Document, Chapter]:
+) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
 
     The model of `calibrate.hand_eye` with the flange's pose from the joint angles and the arm's errors (product of
     exponentials): circles (x_c, z_c, w) are predicted from hand-eye pose, sphere and errors, each error with how well
     the robot was built as prior (maximum a posteriori, Gauss-Newton). A posture that all others contradict by 5
     standard deviations is left out. Where residuals are larger than the noise the covariance grows with them, never
-    the other way. One sphere cannot tell all: what the postures leave open is named, and left as built. The hand-eye
-    pose of `robot.json` belongs to the corrected robot; a controller that is not corrected wants that of
-    `calibrate.hand_eye`.
+    the other way. One sphere cannot tell all: what the postures leave open is named, and left as built. `handeye.json`
+    holds the hand-eye pose for planning and inspection, with the covariance that it has together with these errors: a
+    last joint's zero turns the profiler too. It belongs to the corrected robot; a controller that is not corrected
+    wants that of `calibrate.hand_eye`.
 
     Args:
         profiles: circles from `calibrate.circles`.
@@ -129,9 +143,9 @@ def robot(
         >>> ball = scan.read(recording="data/calibration/sphere_robot.h5")
         >>> arcs = calibration.circles(ball)
         >>> files = {"cell": "data/robot/cell.json", "joints": "data/calibration/sphere_joints.csv"}
-        >>> pose, document, chapter = calibration.robot(arcs, ball, **files)
-        >>> chapter.title, document.name
-        ('Robot calibration', 'robot.json')
+        >>> pose, hand_eye, document, chapter = calibration.robot(arcs, ball, **files)
+        >>> chapter.title, hand_eye.name, document.name
+        ('Robot calibration', 'handeye.json', 'robot.json')
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where, chain = f"{recording.source}: /robot", chain_of(cell)
@@ -193,18 +207,83 @@ def robot(
             "warnings": warnings,
         },
     )
+    both = as_flange_errors(chain, arm, found, angles[kept], view)
+    together_u = volume_u(both, found.estimate.rotation, view)
     html = arm_html(
         document,
         f"The sphere's places lie {_rms(found):.3f} mm RMS (x and z) from the model, {_rms(built):.3f} mm with the "
         f"robot as built. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. A point over the "
-        f"field of view: u = {u:.3f} mm.",
+        f"field of view: u = {together_u:.3f} mm of the hand-eye pose with these errors, {u:.3f} mm by itself.",
     )
-    hand_eye = HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, u)
+    hand_eye = HandEye(frozen(pose), frozen(both), recording.source, recording.part.recorded_at, together_u)
     return (
         hand_eye,
-        Document("robot.json", strict_json(document)),
+        _hand_eye_document(hand_eye, document, recording, profiles, used, _causes(seen, kept, passes, left_out)),
+        Document(RobotFile.NAME, RobotFile.written(document)),
         Chapter("Robot calibration", html, summary=verdict, warnings=warnings + tuple(document["left_as_built"])),
     )
+
+
+def as_flange_errors(chain: Chain, arm: ArmErrors, found: Together, joints: Float, view: View) -> Float:
+    """Covariance (6, 6) of the hand-eye pose together with what the arm's errors do to the flange in all postures.
+
+    An error of the arm acts partly as another base, which scan and cut share, partly as another flange, which is as
+    another hand-eye pose, and for the rest from posture to posture: least squares over the joint angles (n, 6), by
+    what an error does over the field of view.
+    """
+    now, more = corrected(chain, arm, found.errors)
+    flange, by_error = flange_poses(now, joints), pose_derivatives(now, more, joints)
+    to_own = np.swapaxes(flange[:, :3, :3], 1, 2)
+    moves = np.concatenate([to_own, -to_own @ cross_matrix(flange[:, :3, 3])], axis=2)  # of the flange, by another base
+    base = np.concatenate([moves, np.concatenate([np.zeros_like(to_own), to_own], axis=2)], axis=1)
+    own = np.concatenate([to_own @ by_error[:, :3], by_error[:, 3:]], axis=1)
+    as_pose = np.eye(6)  # a flange that turns carries the profiler along
+    as_pose[:3, 3:] = -cross_matrix(found.estimate.translation_mm)
+    weight = np.linalg.cholesky(volume_weight(found.estimate.rotation, view)).T
+    rows = np.concatenate([np.broadcast_to(weight, (len(joints), 6, 6)), weight @ as_pose @ base], axis=2)
+    seen = weight @ as_pose @ own
+    parts = np.linalg.lstsq(rows.reshape(-1, 12), seen.reshape(-1, len(arm)), rcond=None)[0]
+    both = np.concatenate([np.eye(6), parts[:6]], axis=1)
+    of = np.r_[0:6, SIZE : SIZE + len(arm)]
+    covariance = both @ found.covariance[np.ix_(of, of)] @ both.T
+    return np.asarray((covariance + covariance.T) / 2.0)
+
+
+def _causes(seen: Observations, kept: Int, passes: tuple[int, ...], left_out: dict[int, str]) -> dict[int, str]:
+    """By frame of the recording, why its posture is left out."""
+    rows = set(range(len(seen))) - set(kept.tolist())
+    return {frame: left_out[passes[row]] for row in rows for frame in seen.frames[row]}
+
+
+def _hand_eye_document(
+    hand_eye: HandEye,
+    robot_json: dict[str, Any],
+    recording: Recording,
+    profiles: SphereProfiles,
+    used: Observations,
+    causes: dict[int, str],
+) -> Document:
+    """`handeye.json`: the pose that goes with the corrected robot, as planning and inspection read it."""
+    pose = hand_eye.flange_from_profiler
+    rejected = {one.frame: one.cause for one in profiles.rejected} | causes
+    count, u = len(robot_json["parameters"]), robot_json["u_mm"]
+    content = {
+        "part": asdict(recording.part),
+        "flange_from_profiler": pose,
+        "translation_mm": pose[:3, 3],
+        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
+        "covariance": hand_eye.covariance,
+        **{name: robot_json[name] for name in ("sphere_center_mm", "sphere_diameter_mm")},
+        "volume_u_mm": hand_eye.volume_u_mm,
+        "time_offset_s": None,
+        "time_offset_u_s": None,
+        "residual_rms_mm": robot_json["residual_rms_mm"],
+        "method": f"beside {count} joint offsets and lengths: u = {u:.3f} mm of a place with both (robot.json)",
+        "frames_used": sorted(frame for frames in used.frames for frame in frames),
+        "frames_rejected": [{"frame": frame, "cause": cause} for frame, cause in sorted(rejected.items())],
+        "warnings": [*robot_json["warnings"], *([CORRECTED] if count else [])],
+    }
+    return Document(HandEyeFile.NAME, HandEyeFile.written(content))
 
 
 def _postures(profiles: SphereProfiles, recording: Recording, where: str) -> Observations:

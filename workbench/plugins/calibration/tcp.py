@@ -18,9 +18,9 @@ from workbench.api import (
     InputFile,
     Int,
     Shaped,
+    ToolFile,
     pieces,
     stage,
-    strict_json,
 )
 from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, shared, studentised, without_gross
 from workbench.plugins.calibration.rows import POSE, Table, poses
@@ -161,7 +161,7 @@ def tcp(
         "verdict": verdict,
         "warnings": warnings,
     }
-    return Document("tcp.json", strict_json(document)), _chapter(found, every, u, axis, verdict, warnings)
+    return Document(ToolFile.NAME, ToolFile.written(document)), _chapter(found, every, u, axis, verdict, warnings)
 
 
 def read_touches(path: InputFile) -> Touches:

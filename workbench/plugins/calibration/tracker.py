@@ -18,12 +18,12 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    RobotFile,
     Shaped,
     inverse,
     pose_from,
     rotation_from_vector,
     stage,
-    strict_json,
 )
 from workbench.plugins.calibration.arm_document import arm_document, arm_html
 from workbench.plugins.calibration.arm_errors import (
@@ -199,7 +199,7 @@ def tracker(
         f"built. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}.",
     )
     return (
-        Document("robot.json", strict_json(document)),
+        Document(RobotFile.NAME, RobotFile.written(document)),
         Chapter("Robot calibration", html, summary=verdict, warnings=reasons + tuple(document["left_as_built"])),
     )
 

@@ -19,10 +19,10 @@ from workbench.api import (
     InputFile,
     Int,
     Shaped,
+    TurntableFile,
     pieces,
     rotation_from_vector,
     stage,
-    strict_json,
 )
 from workbench.plugins.calibration.blunders import (
     LEAST_FREEDOM,
@@ -174,7 +174,7 @@ def turntable(
         f"reach of {reach_mm:g} mm. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}."
     ) + pieces.paragraph(f"{verdict[:1].upper() + verdict[1:]}.")
     return (
-        Document("turntable.json", strict_json(document)),
+        Document(TurntableFile.NAME, TurntableFile.written(document)),
         Chapter("Turntable calibration", html, summary=verdict, warnings=warnings),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -60,6 +61,27 @@ def test_errors_are_as_large_as_predicted() -> None:
     for one in found:
         assert np.linalg.norm(one.sphere_center_mm - CENTER) < 1.0
         assert one.sphere_radius_mm == pytest.approx(RADIUS, abs=0.15)
+
+
+def test_the_verdict_is_that_of_points_over_the_field() -> None:
+    """U of a root face and of a bevel angle, as drawn poses displace and turn them; good enough up to half of each."""
+    rec, rng = made(3)[0], np.random.default_rng(0)
+    profiles = circles(rec)
+    found = hand_eye(profiles, rec)[1]
+    off = rng.multivariate_normal(np.zeros(6), found.covariance, 40_000)
+    at = found.view.middle_mm + rng.uniform(-1, 1, (len(off), 2)) * found.view.half_mm
+    turn = found.hand_eye.flange_from_profiler[:3, :3]
+    moved_mm = off[:, :3] + np.cross(off[:, 3:], at[:, :1] * turn[:, 0] + at[:, 1:] * turn[:, 2])
+    root, bevel = (2 * np.sqrt(np.linalg.eigvalsh(v.T @ v / len(v))[-1]) for v in (moved_mm, off[:, 3:]))
+    root, bevel = root / np.sin(np.radians(40)), np.degrees(bevel)
+    said = [float(v) for v in re.findall(r"([\d.]+) (?:mm|deg) of a", found.verdict)]
+    assert said == pytest.approx([root, bevel], rel=0.03)
+
+    def good(root_share: float, bevel_share: float) -> bool:
+        tolerances = {"root_tolerance_mm": root / root_share, "bevel_tolerance_deg": bevel / bevel_share}
+        return hand_eye(profiles, rec, **tolerances)[1].good_enough
+
+    assert [good(0.48, 0.48), good(0.52, 0.48), good(0.48, 0.52)] == [True, False, False]
 
 
 def test_signs_are_right() -> None:

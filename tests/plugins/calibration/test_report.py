@@ -47,6 +47,7 @@ def test_chapter_tells_everything(parts, chapter):
     assert chapter.html.count("gross pose") == 2
     assert chapter.warnings == found.warnings
     assert "13 of 15 postures" in chapter.summary
+    assert "good enough" in chapter.summary
 
 
 def test_html_is_well_formed_and_names_nothing_outside(chapter):

@@ -95,16 +95,27 @@ def _contradictory(found: Found, where: str, ask: str) -> InputError:
     return InputError(where, f"the rows contradict each other: a misfit of {found.misfit:.0f} where 1 is usual; {ask}")
 
 
-def enough(u_mm: float, bevel_deg: float, root_tolerance_mm: float, what: str, else_: str) -> tuple[bool, str]:
+def enough(
+    u_mm: float,
+    bevel_deg: float,
+    root_tolerance_mm: float,
+    what: str,
+    else_: str,
+    turn: tuple[float, float] | None = None,
+) -> tuple[bool, str]:
     """Whether an uncertainty across the bevel serves a tolerance of the root face, and the sentence that says so.
 
     A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel). Uncertainties add as
-    squares: one that takes up to half of the tolerance leaves 87 % of it to all others.
+    squares: one that takes up to half of the tolerance leaves 87 % of it to all others. `turn`: likewise, the
+    uncertainty of a direction and the tolerance of the bevel angle, both in degrees.
     """
     expanded = 2.0 * u_mm / math.sin(bevel_deg * DEG)
     good = expanded <= ENOUGH * root_tolerance_mm
-    said = "good enough" if good else f"not good enough, more than half of it; {else_}"
-    return good, f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of ± {root_tolerance_mm:g} mm: {said}"
+    takes = f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of ± {root_tolerance_mm:g} mm"
+    if turn is not None:
+        good = good and 2.0 * turn[0] <= ENOUGH * turn[1]
+        takes += f" and {2.0 * turn[0]:.3f} deg of a bevel tolerance of ± {turn[1]:g} deg"
+    return good, f"{takes}: {'good enough' if good else f'not good enough, more than half of it; {else_}'}"
 
 
 def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:

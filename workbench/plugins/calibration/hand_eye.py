@@ -24,10 +24,20 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration import bundle, methods
+from workbench.plugins.calibration.blunders import enough
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.correlated import correlated
 from workbench.plugins.calibration.determinacy import check_determined, directions
-from workbench.plugins.calibration.model import Estimate, Linear, Noise, View, linearise, view_of_points, volume_u
+from workbench.plugins.calibration.model import (
+    Estimate,
+    Linear,
+    Noise,
+    View,
+    linearise,
+    place_u,
+    view_of_points,
+    volume_u,
+)
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
 from workbench.plugins.calibration.solve import Answer, asked, check_scans, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
@@ -67,6 +77,9 @@ def hand_eye(
     max_u_mm: Annotated[
         float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
     ] = 0.75,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the hand-eye pose must serve")] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="likewise")] = 1.0,
+    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is planned with it")] = 40.0,
     seed: Seed = 0,
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
@@ -88,6 +101,8 @@ def hand_eye(
         sensor_scale_u: how well the profiler's x and z are known, as shares of themselves; as for the radius.
         robot_error: whether postures err independently, or near ones alike (systematic errors).
         max_u_mm: a recording that cannot determine the answer this well is refused.
+        root_tolerance_mm, bevel_tolerance_deg: of a bevel that is planned by it; the verdict says whether it serves.
+        bevel_deg: angle of that bevel.
         seed: of the genetic algorithm.
 
     Raises:
@@ -130,7 +145,17 @@ def hand_eye(
     )
     if answer.with_offset:
         check_scans(result, passes, answer.noise, max_u_mm, view, where, raised=asked(noise, answer.noise))
-    found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm)
+    pose_covariance, rotation = result.covariance[:6, :6], result.estimate.rotation
+    turn_u_deg = float(np.sqrt(np.linalg.eigvalsh(pose_covariance[3:, 3:])[-1])) / DEG
+    verdict = enough(
+        place_u(pose_covariance, rotation, view),
+        bevel_deg,
+        root_tolerance_mm,
+        "the hand-eye pose",
+        "add postures, first those of calibration_plan.csv",
+        (turn_u_deg, bevel_tolerance_deg),
+    )
+    found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
     return found.hand_eye, found, hand_eye_document(found)
 
 
@@ -229,6 +254,7 @@ def _calibration(
     recording: Recording,
     stated: Noise,
     systematic_mm: float | None,
+    verdict: tuple[bool, str],
 ) -> Calibration:
     answer, passes, view = sized.answer, sized.passes, sized.view
     estimate, seen, noise = result.estimate, answer.seen, answer.noise
@@ -273,6 +299,8 @@ def _calibration(
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
         frames_rejected=rejections(profiles, passes, result, seen, linear, off),
+        good_enough=verdict[0],
+        verdict=verdict[1],
         warnings=warnings(result, answer, sized.scales, profiles, stated, systematic_mm, method),
     )
 
@@ -329,6 +357,8 @@ def hand_eye_document(found: Calibration) -> Document:
         "method": found.method,
         "frames_used": found.frames_used,
         "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in found.frames_rejected],
+        "good_enough": found.good_enough,
+        "verdict": found.verdict,
         "warnings": found.warnings,
     }
     return Document(HandEyeFile.NAME, HandEyeFile.written(content))

@@ -243,6 +243,16 @@ def volume_weight(rotation: Float, view: View) -> Float:
     return np.asarray(weight)
 
 
+def place_u(covariance: Float, rotation: Float, view: View) -> float:
+    """Predicted RMS error (mm) over the field along one axis, the least certain, from the covariance (6, 6)."""
+    middle, sides = view.axes(rotation)
+    at_middle = np.concatenate([np.eye(3), -cross_matrix(middle)], axis=1)
+    spread = at_middle @ covariance @ at_middle.T
+    for side in sides:
+        spread = spread + cross_matrix(side) @ covariance[3:, 3:] @ cross_matrix(side).T / 3
+    return float(np.sqrt(np.linalg.eigvalsh(spread)[-1]))
+
+
 def volume_u(covariance: Float, rotation: Float, view: View) -> float:
     """Predicted RMS error (mm) of a point over the field, from the hand-eye covariance (6, 6)."""
     return float(np.sqrt(np.trace(volume_weight(rotation, view) @ covariance)))

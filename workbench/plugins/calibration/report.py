@@ -55,7 +55,7 @@ def report(
         html="\n".join(parts),
         part=_named(recording),
         summary=f"Predicted error over the field of view {calibration.volume_u_mm:.3f} mm (standard uncertainty), from "
-        f"{int(calibration.used.sum())} of {len(calibration.used)} postures.",
+        f"{int(calibration.used.sum())} of {len(calibration.used)} postures; {calibration.verdict}.",
         warnings=calibration.warnings,
     )
 
@@ -93,7 +93,7 @@ def _answer(found: Calibration) -> str:
         )
     if found.systematic_mm is not None:
         facts.append(("Systematic robot error, each axis", f"{found.systematic_mm:.2f} mm"))
-    return pieces.facts_html(facts)
+    return pieces.facts_html(facts) + pieces.paragraph(f"{found.verdict[:1].upper() + found.verdict[1:]}.")
 
 
 def _uncertainty(found: Calibration) -> Iterable[str]:

@@ -68,6 +68,8 @@ class Calibration:
     frames_used: tuple[int, ...]
     frames_rejected: tuple[Rejected, ...]
     warnings: tuple[str, ...]
+    good_enough: bool  # for the tolerances that were given
+    verdict: str  # in words
     sensor_scale_u: tuple[float, float] = (0.0, 0.0)  # of hand_eye.sensor_scale
     part: Part = UNKNOWN_PART  # sensor, robot and date of the recording
 

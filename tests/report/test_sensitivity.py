@@ -5,14 +5,21 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from workbench.artefacts import Chapter, Document
+from workbench.edge import segment
 from workbench.errors import InputError
+from workbench.inspect import sections
 from workbench.pipeline import Pipeline
+from workbench.pipeline.results import result_files
 from workbench.report.error_chain import Link, needs, thermal_mm
-from workbench.result_files import ToolFile, TurntableFile
+from workbench.result_files import RobotFile, ToolFile, TurntableFile
+from workbench.scan import fuse, read
+from workbench.strict_json import strict_json
 
 ROOT = Path(__file__).resolve().parents[2]
 BEVEL = math.radians(30.0)  # sin = 1/2
@@ -37,6 +44,10 @@ TABLE = TurntableFile(
     axis_direction=(0, 0, 1),
     u_mm=0.04,
     direction_u_deg=0.01,
+)
+
+ROBOT = RobotFile(
+    format="robot-calibration", version=1, frame="base", parameters=[], covariance=[], left_as_built=[], u_mm=0.06
 )
 
 
@@ -83,15 +94,65 @@ def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
 
 def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path) -> None:
     load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
-    tool, table = tmp_path / "tcp.json", tmp_path / "turntable.json"
+    tool, table, robot = (tmp_path / name for name in ("tcp.json", "turntable.json", "robot.json"))
     tool.write_bytes(TOOL.model_dump_json().encode())
     table.write_bytes(TABLE.model_dump_json().encode())
-    load(tmp_path / "out", inputs={"tool": str(tool), "turntable": str(table)})
+    robot.write_bytes(ROBOT.model_dump_json().encode())
+    load(
+        tmp_path / "out",
+        inputs={"tool": str(tool), "turntable": str(table), "robot_calibration": str(robot), "robot_accuracy_mm": 9},
+    )
     links = {one["name"]: one for one in json.loads((tmp_path / "out" / "sensitivity.json").read_text())["links"]}
     assert (links["tool"]["along_b_u_mm"], links["tool"]["tilt_u_deg"]) == (0.03, 0.02)
     assert (links["turntable"]["along_b_u_mm"], links["turntable"]["source"]) == (0.04, "its calibration")
+    assert links["robot, systematic"]["along_b_u_mm"] == 0.06
     with pytest.raises(InputError, match="expected 'tool-calibration'"):
         load(None, inputs={"tool": str(table)})
     tool.write_text(TOOL.model_dump_json().replace("0.03", '"x"'))
     with pytest.raises(InputError, match=r"points\[0\].u_mm: expected a valid number"):
         load(None, inputs={"tool": str(tool)})
+
+
+def links_of(results: Any) -> dict[str, Any]:
+    document = next(one for one in results if isinstance(one, Document) and one.name == "sensitivity.json")
+    return {one["name"]: one for one in json.loads(document.content)["links"]}
+
+
+def test_the_hand_eye_counts_by_its_covariance_at_this_edge(tmp_path: Path) -> None:
+    """A shift that is unknown alike along all axes displaces the face by as much; a turn tilts it, and by its lever."""
+    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
+    pose = read(recording=ROOT / "data" / "synthetic" / "raw_arc.h5").flange_from_profiler
+    assert pose is not None
+    told = []
+    for shift_mm, turn_deg in ((0.1, 0.0), (0.1, 0.2)):
+        spread = np.repeat([shift_mm**2, math.radians(turn_deg) ** 2], 3)
+        path = tmp_path / "handeye.json"
+        path.write_bytes(strict_json({"flange_from_profiler": pose, "covariance": np.diag(spread)}))
+        told.append(links_of(load(None, inputs={"hand_eye": str(path)})))
+    without, turned = (one["hand-eye"] for one in told)
+    assert (without["source"], without["tilt_u_deg"]) == ("its calibration", pytest.approx(0.0, abs=1e-9))
+    assert without["along_b_u_mm"] == pytest.approx(0.1, rel=1e-6)
+    assert turned["tilt_u_deg"] == pytest.approx(0.2, rel=1e-6)
+    assert turned["along_b_u_mm"] > 0.11
+    for key in ("along_b_u_mm", "tilt_u_deg"):  # the scan's own u is not the hand-eye's
+        assert told[0]["sensor"][key] == pytest.approx(told[1]["sensor"][key], rel=1e-3)
+
+
+def test_an_inspection_says_how_well_a_cut_is_measured(tmp_path: Path) -> None:
+    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
+    found = sections(segment(fuse(read(recording=ROOT / "data" / "synthetic" / "milled_edge.h5"))))
+    path = tmp_path / "inspection.json"
+    path.write_bytes(result_files([found])["inspection.json"])
+    u = np.array([(one.root_u_mm, one.bevel_u_deg) for one in found.sections], float)
+    link = links_of(load(None, inputs={"inspection": str(path)}))["measurement of the cut"]
+    root, bevel = np.sqrt(np.mean(u**2, axis=0))
+    assert link["along_b_u_mm"] == pytest.approx(root * math.sin(math.radians(40.0)))
+    assert (link["tilt_u_deg"], link["source"]) == (pytest.approx(bevel), "an inspection")
+    assumed = links_of(load(None))["measurement of the cut"]
+    assert assumed["along_b_u_mm"] >= link["along_b_u_mm"]  # no better than what is measured
+    assert assumed["tilt_u_deg"] >= link["tilt_u_deg"]
+    for one in (document := json.loads(path.read_bytes()))["sections"]:
+        one["root_u_mm"] = None
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match="expected one that was measured"):
+        load(None, inputs={"inspection": str(path)})

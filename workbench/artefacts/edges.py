@@ -98,3 +98,4 @@ class RawEdge(Edge):
     hand_eye_u_mm: Shaped[Float, "n 2"] | None = (
         None  # as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
     )
+    hand_eye_turn: Shaped[Float, " n"] | None = None  # of `normal_u`: what the hand-eye pose has in it, rad

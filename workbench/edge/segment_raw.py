@@ -192,6 +192,7 @@ def _edge(
         position_u_mm=np.hypot(np.stack([stand_u, low_u], axis=1), robot_drift_u_mm),
         normal_u=np.hypot(np.hypot(tilt_u, turn), sparse_turn),
         hand_eye_u_mm=shared,
+        hand_eye_turn=None if shared is None else turn,
         checks=cloud.checks,
         warnings=told,
     )

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
+from workbench.errors import InputError
 from workbench.report.error_chain import Link, Need, needs, thermal_mm
 from workbench.report.template import render
-from workbench.result_files import ToolFile, TurntableFile
+from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
 from workbench.strict_json import strict_json
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 
 def sensitivity_html(links: Sequence[Link], blind: Sequence[Need], corrected: Sequence[Need]) -> tuple[str, str]:
@@ -62,6 +64,9 @@ def _row(link: Link, need: Need, k: int) -> tuple[str, ...]:
 
 
 PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
+HAND_EYE_DEG = 0.05  # where its calibration has no covariance
+INSPECTED_MM, INSPECTED_DEG = 0.044, 0.052  # mean u of a section, the median of the conditions in docs/metrology.md
+CALIBRATED = "its calibration"
 Length = Annotated[float, Field(ge=0, le=100)]
 Angle = Annotated[float, Field(ge=0, le=20)]
 Deviations = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
@@ -87,7 +92,13 @@ def sensitivity(
     hand_eye_mm: Annotated[
         float | None, Field(ge=0, le=100, description="of a point by the hand-eye pose; null: as its file predicts")
     ] = None,
-    hand_eye_deg: Annotated[Angle, Field(description="of its direction about the feed")] = 0.05,
+    hand_eye_deg: Annotated[
+        float | None, Field(ge=0, le=20, description="of its direction about the feed; null: as its file predicts")
+    ] = None,
+    robot_calibration: Annotated[
+        InputFile | None,
+        Field(description="a robot.json that the controller was corrected by: its u instead of robot_accuracy_mm"),
+    ] = None,
     robot_accuracy_mm: Annotated[Length, Field(description="of the robot between scan and cut, along an axis")] = 0.1,
     robot_repeatability_mm: Annotated[Length, Field(description="of the robot along an axis")] = 0.03,
     robot_deg: Annotated[Angle, Field(description="of its orientation between scan and cut")] = 0.01,
@@ -100,8 +111,15 @@ def sensitivity(
     ] = 3.0,
     drift_k: Annotated[float, Field(ge=0, le=100, description="half the range between the two cuts")] = 0.5,
     wear_mm: Annotated[Length, Field(description="loss of the cutter's radius before it is replaced")] = 0.05,
-    inspection_mm: Annotated[Length, Field(description="u of an inspected root face")] = 0.006,
-    inspection_deg: Annotated[Angle, Field(description="u of an inspected bevel angle")] = 0.03,
+    inspection: Annotated[
+        InputFile | None, Field(description="an inspection.json: its u instead of inspection_mm and inspection_deg")
+    ] = None,
+    inspection_mm: Annotated[
+        float | None, Field(ge=0, le=100, description="u of an inspected root face; null: as such scans have it")
+    ] = None,
+    inspection_deg: Annotated[
+        float | None, Field(ge=0, le=20, description="u of an inspected bevel angle; null: likewise")
+    ] = None,
 ) -> tuple[Chapter, Document]:
     """Tell what each link of the chain costs in this part's root face and bevel angle, and what to improve first.
 
@@ -114,14 +132,18 @@ def sensitivity(
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.
         edge: the scanned edge: its u is the sensor's share.
         root_tolerance_mm, bevel_tolerance_deg: what must hold.
-        tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written.
-        hand_eye_mm: standard uncertainty of a point as a length (three axes together).
+        tool, turntable, robot_calibration: what `calibrate.tcp`, `calibrate.turntable`, and `calibrate.tracker` or
+            `calibrate.robot` have written.
+        hand_eye_mm: standard uncertainty of a point as a length (three axes together). By the covariance of the
+            calibration that the scan rests on it is what that does to this edge.
         hand_eye_deg, robot_accuracy_mm, robot_repeatability_mm, robot_deg, tool_mm, tool_deg: of the links.
         turntable_mm, turntable_deg, temperature_k, drift_k, wear_mm: of the links.
-        inspection_mm, inspection_deg: of the measured cut.
+        inspection: of a part like this one, by the same scanner.
+        inspection_mm, inspection_deg: of the measured cut; without them the larger of what this scan tells of two of
+            its edges and what inspections have in the mean of docs/metrology.md.
 
     Raises:
-        InputError: a tcp.json or turntable.json that is none.
+        InputError: a file that is none of its kind; an inspection in which nothing was measured.
 
     Example:
         >>> from workbench import edge, path, report, scan
@@ -131,20 +153,18 @@ def sensitivity(
         >>> chapter.title, document.name
         ('Error budget of the milled bevel', 'sensitivity.json')
     """
-    from workbench.report.sensitivity import sensitivity_html
-
     bevel, sine = toolpath.bevel_deg * DEG, math.sin(toolpath.bevel_deg * DEG)
-    part_mm = toolpath.part.hand_eye_u_mm if hand_eye_mm is None else hand_eye_mm
-    known = "given" if hand_eye_mm is not None else "its calibration" if part_mm is not None else "the paper's"
-    eye = PAPER_HAND_EYE_MM if part_mm is None else part_mm
+    eye_from, eye_mm, eye_deg = _hand_eye(toolpath, edge, hand_eye_mm, hand_eye_deg)
     sensor_mm, sensor_deg = _of_edge(edge, bevel)
-    tool_from, table_from = "given", "given"
+    tool_from, table_from, robot_from = "given", "given", "given"
     if tool is not None:
-        told, tool_from = ToolFile.read(tool), "its calibration"
+        told, tool_from = ToolFile.read(tool), CALIBRATED
         tool_mm, tool_deg = told.points[0].u_mm, tool_deg if told.axis is None else told.axis.u_deg
     if turntable is not None:
-        table, table_from = TurntableFile.read(turntable), "its calibration"
+        table, table_from = TurntableFile.read(turntable), CALIBRATED
         turntable_mm, turntable_deg = table.u_mm, table.direction_u_deg
+    if robot_calibration is not None:
+        robot_accuracy_mm, robot_from = RobotFile.read(robot_calibration).u_mm, CALIBRATED
     reach = float(np.linalg.norm(toolpath.in_base(toolpath.layers[-1].position_mm), axis=1).mean())
     warm, drifts = thermal_mm(temperature_k, reach), thermal_mm(drift_k, reach)
     # The correction's own mean rests on one run of the robot: what that run did by chance goes into the next.
@@ -152,8 +172,8 @@ def sensitivity(
     uniform = wear_mm / math.sqrt(3.0)
     links = (
         Link("sensor", "the scanned edge", sensor_mm, sensor_deg, 0.0, "the measurement of the cut takes its place"),
-        Link("hand-eye", known, eye / math.sqrt(3.0), hand_eye_deg, 0.0, "both scans and both cuts share it"),
-        Link("robot, systematic", "given", robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
+        Link("hand-eye", eye_from, eye_mm, eye_deg, 0.0, "both scans and both cuts share it"),
+        Link("robot, systematic", robot_from, robot_accuracy_mm, robot_deg, 0.0, "both cuts go the same way"),
         Link(
             "robot, random",
             "given",
@@ -176,7 +196,8 @@ def sensitivity(
         ),
         Link("wear", "given", uniform, 0.0, 1.0 / (len(toolpath.layers) + 1), "only the finishing pass's own"),
     )
-    measured = Link("measurement of the cut", "given", inspection_mm * sine, inspection_deg, 1.0, "it is new")
+    cut_from, cut_mm, cut_deg = _inspected(inspection, edge, inspection_mm, inspection_deg)
+    measured = Link("measurement of the cut", cut_from, cut_mm * sine, cut_deg, 1.0, "it is new")
     root_half, bevel_half = (min(-low, high) for low, high in (root_tolerance_mm, bevel_tolerance_deg))
     blind = needs(links, False, bevel, root_half, bevel_half)
     corrected = needs((*links, measured), True, bevel, root_half, bevel_half)
@@ -223,5 +244,53 @@ def _of_edge(edge: Edge, bevel: float) -> tuple[float, float]:
     """u of the planned face along b, mm, and of its direction, deg: the scan's own."""
     if not isinstance(edge, RawEdge):
         return 0.0, 0.0
-    u = np.hypot(edge.position_u_mm[:, 0] * math.cos(bevel), edge.position_u_mm[:, 1] * math.sin(bevel))
-    return float(np.nanmedian(u)), float(np.median(edge.normal_u)) / DEG
+    return _across(edge.position_u_mm, bevel), _turn_deg(edge)
+
+
+def _across(u_mm: Float, bevel: float) -> float:
+    """u along the bevel's normal of places (n, 2) along the edge's n and m, the median of them."""
+    return float(np.nanmedian(np.hypot(u_mm[:, 0] * math.cos(bevel), u_mm[:, 1] * math.sin(bevel))))
+
+
+def _turn_deg(edge: RawEdge) -> float:
+    """u of the end face's direction about the edge, without what the hand-eye pose has in it."""
+    shared = 0.0 if edge.hand_eye_turn is None else edge.hand_eye_turn
+    return float(np.median(np.sqrt(np.maximum(edge.normal_u**2 - np.square(shared), 0.0)))) / DEG
+
+
+def _hand_eye(toolpath: Toolpath, edge: Edge, mm: float | None, deg: float | None) -> tuple[str, float, float]:
+    """Where it comes from, u along the bevel's normal, and u of the direction about the feed, deg."""
+    raw = edge if isinstance(edge, RawEdge) and edge.hand_eye_u_mm is not None else None
+    if deg is None:
+        turn = None if raw is None else raw.hand_eye_turn
+        deg = HAND_EYE_DEG if turn is None else float(np.median(turn)) / DEG
+    if mm is not None:
+        return "given", mm / math.sqrt(3.0), deg
+    if raw is not None and raw.hand_eye_u_mm is not None:
+        return CALIBRATED, _across(raw.hand_eye_u_mm, toolpath.bevel_deg * DEG), deg
+    part_mm = toolpath.part.hand_eye_u_mm
+    if part_mm is not None:
+        return CALIBRATED, part_mm / math.sqrt(3.0), deg
+    return "the paper's", PAPER_HAND_EYE_MM / math.sqrt(3.0), deg
+
+
+def _inspected(path: Path | None, edge: Edge, mm: float | None, deg: float | None) -> tuple[str, float, float]:
+    """Where it comes from, u of a root face, mm, and of a bevel angle, deg."""
+    if path is not None:
+        rows = [
+            row
+            for row in InspectionFile.read(path).sections
+            if row.root_u_mm is not None and row.bevel_u_deg is not None
+        ]
+        if not rows:
+            raise InputError(f"{path}: $.sections", "expected one that was measured: root_u_mm and bevel_u_deg")
+        root, bevel = (np.array([getattr(row, name) for row in rows]) for name in ("root_u_mm", "bevel_u_deg"))
+        return "an inspection", float(np.sqrt(np.mean(root**2))), float(np.sqrt(np.mean(bevel**2)))
+    said = "given" if mm is not None and deg is not None else "inspections of such scans"
+    two_mm, two_deg = 0.0, 0.0
+    if isinstance(edge, RawEdge):  # a size is told by two of its places
+        two_mm, two_deg = (
+            math.sqrt(2.0) * float(np.nanmedian(edge.position_u_mm[:, 1])),
+            math.sqrt(2.0) * _turn_deg(edge),
+        )
+    return said, max(INSPECTED_MM, two_mm) if mm is None else mm, max(INSPECTED_DEG, two_deg) if deg is None else deg

@@ -15,9 +15,11 @@ from workbench.api import (
     Chapter,
     Document,
     Float,
+    HandEye,
     InputError,
     InputFile,
     Int,
+    Recording,
     Shaped,
     TurntableFile,
     pieces,
@@ -33,13 +35,17 @@ from workbench.plugins.calibration.blunders import (
     studentised,
     without_gross,
 )
+from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.rows import Table
+from workbench.plugins.calibration.scanned import known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.values import SphereProfiles
 
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
+BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, what it is off displaces the axis"
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 
 
@@ -52,12 +58,22 @@ class Marks:
     marker: Shaped[Int, " n"]
     lines: tuple[int, ...]
     markers: int
+    covariance: Shaped[Float, "n 3 3"]  # of the points, mm^2
+    shared: (
+        Float  # (n, 3, q): what one error for all of them moves them by, per standard deviation of each of its parts
+    )
 
     def only(self, keep: Int) -> Marks:
         """Some of the points."""
         lines = tuple(self.lines[i] for i in keep)
         return replace(
-            self, point_mm=self.point_mm[keep], angle=self.angle[keep], marker=self.marker[keep], lines=lines
+            self,
+            point_mm=self.point_mm[keep],
+            angle=self.angle[keep],
+            marker=self.marker[keep],
+            lines=lines,
+            covariance=self.covariance[keep],
+            shared=self.shared[keep],
         )
 
 
@@ -80,8 +96,17 @@ class Axis:
 
 @stage("calibrate.turntable")
 def turntable(
+    profiles: SphereProfiles | None = None,
+    recording: Recording | None = None,
     *,
     marks: Annotated[InputFile, Field(description="a CSV of markers (docs/howto/calibrate_tool.md)")],
+    hand_eye: Annotated[
+        InputFile | None, Field(description="a handeye.json, of scanned spheres; null: the recording's own")
+    ] = None,
+    pose_noise_mm: Annotated[
+        float, Field(gt=0, le=5, description="of scanned spheres: of a flange position, each axis")
+    ] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="likewise: of its orientation, each axis")] = 0.01,
     noise_mm: Annotated[float, Field(gt=0, le=5, description="of a measured point, each axis")] = 0.05,
     angle_noise_deg: Annotated[float, Field(ge=0, le=1, description="of the table's angle")] = 0.002,
     reach_mm: Annotated[
@@ -93,15 +118,22 @@ def turntable(
 ) -> tuple[Document, Chapter]:
     """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
 
-    A marker is any point that the scanner finds again: a sphere's centre, a corner, a section's origin. Marker q at
-    angle a lies at c + R(d, a) (q - c): least squares over direction d, a point c of the axis and the markers. The
-    covariance is that of the linearised problem, larger where the residuals ask for it, never smaller. A marker's
-    places at angles less than 0.1 deg apart weigh as much as one. A point that all others contradict by 5 standard
-    deviations is left out, with the cause; points that turn by other angles than the table's are refused.
+    A marker is any point that the scanner finds again: a sphere's centre, a corner, a section's origin. Spheres may
+    be scanned in the place of typed points: the table then names the passes of a recording that show one, three
+    postures or more at each angle, and its centre follows from the known hand-eye pose; what is unknown of that moves
+    all of them together. Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, a point c of
+    the axis and the markers. The covariance is that of the linearised problem, larger where the residuals ask for it,
+    never smaller. A marker's places at angles less than 0.1 deg apart weigh as much as one. A point that all others
+    contradict by 5 standard deviations is left out, with the cause; points that turn by other angles than the table's
+    are refused.
     `turntable.json` holds the pose for a cell file.
 
     Args:
+        profiles: of scanned spheres: circles from `calibrate.circles`.
+        recording: of scanned spheres: their postures.
         marks: the table.
+        hand_eye: the pose of the profiler that scanned.
+        pose_noise_mm, pose_noise_deg: the robot's repeatability in it.
         noise_mm: standard deviation of a measured point, each axis.
         angle_noise_deg: of the table's angle.
         reach_mm: how far along the axis, each way from the markers' middle, parts will be.
@@ -118,10 +150,19 @@ def turntable(
         >>> chapter.title
         'Turntable calibration'
     """
-    every = read_marks(marks)
+    believed: tuple[str, ...] = ()
+    if profiles is None or recording is None:
+        every = read_marks(marks, noise_mm)
+    else:
+        noise, eye = (
+            Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2),
+            known_hand_eye(hand_eye, recording),
+        )
+        every = scanned_marks(marks, profiles, recording, eye, noise)
+        believed = () if eye.covariance is not None else (BELIEVED,)
     found, rows, left_out = without_gross(
         len(every.lines),
-        lambda rows: solve(every.only(rows), noise_mm, angle_noise_deg * DEG, str(marks)),
+        lambda rows: solve(every.only(rows), angle_noise_deg * DEG, str(marks)),
         lambda fit, row: _away_mm(fit, every, row),
         every.lines,
         str(marks),
@@ -142,7 +183,9 @@ def turntable(
             + "; ".join(apart or ("measure at angles farther apart, or markers farther from the axis",)),
         )
     good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
-    warnings = tuple(left_out.values()) + apart
+    warnings = tuple(left_out.values()) + apart + believed
+    if believed:
+        good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
     if found.scale_u > CHECKED:
         good, verdict = False, f"{verdict}; not good enough: the points do not check the table's angles"
         warnings += (
@@ -179,21 +222,55 @@ def turntable(
     )
 
 
-def read_marks(path: InputFile) -> Marks:
+def scanned_marks(
+    path: InputFile, profiles: SphereProfiles, recording: Recording, hand_eye: HandEye, noise: Noise
+) -> Marks:
+    """The table of scanned spheres: marker, angle_deg, pass; a sphere's passes at one angle are one point."""
+    table = Table(path, ("angle_deg", "pass"), 2)
+    angle, number = table.numbers(("angle_deg", "pass")).T
+    names, marker = table.labels("marker", "sphere")
+    _check_turn(angle, path)
+    seen = seen_by(hand_eye, profiles, recording)
+    passes = np.array([recording.pass_index[frames[0]] for frames in seen.frames])
+    groups = sorted({(int(m), float(a)) for m, a in zip(marker, angle, strict=True)})
+    members = [np.flatnonzero((marker == m) & (angle == a)) for m, a in groups]
+    lines = tuple(table.lines[rows[0]] for rows in members)
+    places = [
+        sphere_place(hand_eye, seen.subset(np.isin(passes, number[rows])), noise, f"{path}: line {line}")
+        for rows, line in zip(members, lines, strict=True)
+    ]
+    own = np.zeros((6, 0)) if hand_eye.covariance is None else np.linalg.cholesky(hand_eye.covariance)
+    return Marks(
+        np.array([one.center_mm for one in places]),
+        np.array([a for _, a in groups]) * DEG,
+        np.array([m for m, _ in groups]),
+        lines,
+        len(names),
+        np.array([one.covariance for one in places]),
+        np.array([one.by_hand_eye for one in places]) @ own,
+    )
+
+
+def read_marks(path: InputFile, noise_mm: float) -> Marks:
     """The table: marker, angle_deg, x_mm, y_mm, z_mm."""
     table = Table(path, ("marker", "angle_deg", *POINT), 2)
     values = table.numbers(("angle_deg", *POINT))
     names, marker = table.labels("marker", "?")
-    if np.ptp(values[:, 0]) < LEAST_TURN_DEG:
+    _check_turn(values[:, 0], path)
+    own = np.tile(noise_mm**2 * np.eye(3), (len(values), 1, 1))
+    shared = np.zeros((len(values), 3, 0))
+    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines), len(names), own, shared)
+
+
+def _check_turn(angle_deg: Float, path: InputFile) -> None:
+    if np.ptp(angle_deg) < LEAST_TURN_DEG:
         raise InputError(
             str(path),
-            f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found "
-            f"{np.ptp(values[:, 0]):.3g} deg: no axis shows",
+            f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found {np.ptp(angle_deg):.3g} deg: no axis shows",
         )
-    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines), len(names))
 
 
-def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis:
+def solve(marks: Marks, angle_noise: float, where: str) -> Axis:
     """Least squares with the noise of points and of the table's angle over each marker's radius."""
     turn = np.abs(marks.angle[:, None] - marks.angle[None, :])
     once = np.sqrt(shared(marks.marker, turn, SAME_ANGLE))[:, None, None]
@@ -212,7 +289,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     first = np.concatenate([_first_point(marks, direction, middle, across), np.zeros(2)])
     unknown = np.concatenate([first, np.zeros(3 * marks.markers)])
     unknown[4:] = _markers(marks, middle + first[:2] @ across, direction).ravel()
-    root = np.tile(np.eye(3) / noise_mm, (len(marks.lines), 1, 1))
+    root = _whitening(marks.covariance)
 
     def off(x: Float) -> Float:
         away = _predicted(marks, x, middle, direction, across) - marks.point_mm
@@ -224,9 +301,7 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         unknown = fitted.x
         axis = _direction(unknown, direction, across)
         arm = np.cross(axis, marks.point_mm - (middle + unknown[:2] @ across))
-        covariance = noise_mm**2 * np.eye(3) + angle_noise**2 * arm[:, :, None] * arm[:, None, :]
-        values, vectors = np.linalg.eigh(covariance)
-        root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2) / once
+        root = _whitening(marks.covariance + angle_noise**2 * arm[:, :, None] * arm[:, None, :]) / once
     fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
     jacobian, misfit = fitted.jac, float(2.0 * fitted.cost / max(freedom, 1))
     scale = np.linalg.norm(jacobian, axis=0) + 1e-30
@@ -235,13 +310,14 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
     white = fitted.fun.reshape(-1, 3)
     rows = jacobian.reshape(-1, 3, unknown.size)
     distance = studentised(white, rows, inverse)
+    shift = np.einsum("pq,njq,njk,nkr->pr", inverse[:4], rows, root, marks.shared)
     turned_by, arms = marks.angle[:, None] - marks.angle.mean(), marks.point_mm - (middle + fitted.x[:2] @ across)
     found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
     return Axis(
         middle + fitted.x[:2] @ across,
         found,
         turned,
-        inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0),
+        inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0) + shift @ shift.T,
         _predicted(marks, fitted.x, middle, direction, across) - marks.point_mm,
         misfit,
         freedom,
@@ -249,6 +325,12 @@ def solve(marks: Marks, noise_mm: float, angle_noise: float, where: str) -> Axis
         fitted.x[4:].reshape(-1, 3),
         *_angle_scale(fitted, np.einsum("nij,nj->ni", root, np.cross(found, arms) * turned_by)),
     )
+
+
+def _whitening(covariance: Float) -> Float:
+    """Inverse square roots (n, 3, 3)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
 
 
 def _angle_scale(fitted: scipy.optimize.OptimizeResult, slope: Float) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
+from workbench.plugins.calibration.scanned import start_center
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
@@ -100,7 +100,7 @@ def second_recording(
     """A second recording: where its sphere stood is fitted with the calibration's hand-eye pose."""
     if len(seen) < 2:
         raise InputError(f"{source}: /robot", f"expected at least 2 postures to validate on, found {len(seen)}")
-    start = _center(estimate, seen, noise)
+    start = start_center(estimate, seen, noise)
     free = np.s_[6:SIZE]
     for _ in range(STEPS):
         linear = linearise(start, seen, noise)
@@ -120,21 +120,6 @@ def second_recording(
         float(r @ np.linalg.solve(spread, r)),
         len(r) - 3,
     )
-
-
-def _center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
-    """Where the second sphere stood, roughly: of all frames and both signs of y the centre that fits all best."""
-    h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
-    best: tuple[float, Estimate] | None = None
-    for sign in (1.0, -1.0):
-        centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
-        for point in bundle.to_base(centre, estimate, seen):
-            one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
-            off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
-            if best is None or off < best[0]:
-                best = float(off), one
-    assert best is not None
-    return best[1]
 
 
 NEAR_EQUATOR = 0.1  # |y| over the largest, below which w says nothing of y

@@ -1,0 +1,89 @@
+"""Spheres that the scanner saw in the place of typed points, by a hand-eye pose that is known as its file says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.plugins.calibration.conftest import TRUE, Cell, postures, recording
+from workbench.api import DEG, Float, InputError, Recording, pose_from, rotation_from_vector, strict_json
+from workbench.plugins.calibration import circles
+from workbench.plugins.calibration import turntable as turntable_stage
+
+AXIS = np.array([0.02, -0.03, 1.0]) / np.linalg.norm([0.02, -0.03, 1.0])
+CENTRE, BALL = np.array([1500.0, 200.0, 400.0]), np.array([150.0, -120.0, 90.0])
+ANGLES, EACH = (0.0, 60.0, 140.0), 4  # deg; postures
+SPREAD = np.repeat([0.15, 0.05 * DEG], 3)  # of the hand-eye pose
+
+
+def scanned(rng: np.random.Generator) -> Recording:
+    """A ball on a table at three angles, seen in four postures each, robot and profiler as noisy as stated."""
+    parts = []
+    for angle in ANGLES:
+        at = CENTRE + rotation_from_vector(angle * DEG * AXIS[None])[0] @ BALL
+        turns, centre = postures(rng, EACH)
+        position = at - np.einsum("kij,kj->ki", turns, centre @ TRUE[:3, :3].T + TRUE[:3, 3])
+        noise = Rotation.from_rotvec(rng.normal(0, 0.01 * DEG, (EACH, 3))).as_matrix()
+        parts.append((pose_from(turns @ noise, position + rng.normal(0, 0.07, (EACH, 3))), centre))
+    poses, centre = (np.concatenate(one) for one in zip(*parts, strict=True))
+    return recording(rng, Cell(poses, poses, centre))
+
+
+def files(folder: Path, rng: np.random.Generator | None = None) -> dict[str, Path]:
+    """The table of passes, and a handeye.json that is off as its covariance says."""
+    rows = [f"ball,{angle},{k * EACH + i}" for k, angle in enumerate(ANGLES) for i in range(EACH)]
+    (folder / "marks.csv").write_text("\n".join(["marker,angle_deg,pass", *rows]) + "\n")
+    off = np.zeros(6) if rng is None else rng.normal(size=6) * SPREAD
+    pose = pose_from(rotation_from_vector(-off[None, 3:])[0] @ TRUE[:3, :3], TRUE[:3, 3] - off[:3])
+    (folder / "handeye.json").write_bytes(strict_json({"flange_from_profiler": pose, "covariance": np.diag(SPREAD**2)}))
+    return {"marks": folder / "marks.csv", "hand_eye": folder / "handeye.json"}
+
+
+def calibrated(seen: Recording, **more: Any) -> dict[str, Any]:
+    return json.loads(turntable_stage(circles(seen), seen, max_u_mm=10, **more)[0].content)
+
+
+def off_axis(found: dict[str, Any]) -> Float:
+    """Errors (4,) of the axis as its covariance counts them."""
+    point, direction, across = (np.array(found[key]) for key in ("axis_point_mm", "axis_direction", "across"))
+    nearest = CENTRE + (point - CENTRE) @ AXIS * AXIS
+    return np.concatenate([across @ (point - nearest), across @ (direction - AXIS)])
+
+
+def test_the_axis_lies_within_what_scans_and_hand_eye_say(tmp_path: Path) -> None:
+    chi = []
+    for seed in range(16):
+        rng = np.random.default_rng([seed, 3])
+        found = calibrated(scanned(rng), **files(tmp_path, rng))
+        off = off_axis(found)
+        chi.append(off @ np.linalg.solve(np.array(found["covariance"]), off))
+        assert found["points"] == 3
+    assert 2.4 < np.mean(chi) < 5.8  # four degrees of freedom, sixteen tables: 4 +- 0.7
+
+
+def test_what_the_hand_eye_leaves_open_is_in_u(tmp_path: Path) -> None:
+    seen, given = scanned(np.random.default_rng(5)), files(tmp_path)
+    known = calibrated(seen, **given)
+    alone = calibrated(seen, marks=given["marks"])  # the recording's own pose, of which nothing is said
+    assert known["u_mm"] > 1.5 * alone["u_mm"]
+    assert any("hand-eye" in words for words in alone["warnings"])
+    assert not alone["good_enough"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (["ball,0,0", "ball,0,1", "ball,60,4", "ball,60,5", "ball,60,6"], "line 2: expected 3 postures or more"),
+        (["ball,0,0", "ball,0,1", "ball,0,2", "ball,2,4", "ball,2,5"], "expected angles 5 deg or more apart"),
+    ],
+)
+def test_too_little_is_refused(tmp_path: Path, rows: list[str], words: str) -> None:
+    given = files(tmp_path)
+    given["marks"].write_text("\n".join(["marker,angle_deg,pass", *rows]) + "\n")
+    with pytest.raises(InputError, match=words):
+        calibrated(scanned(np.random.default_rng(5)), **given)

@@ -1,0 +1,96 @@
+"""Where a sphere stands in the base, by a hand-eye pose that is known: what a marker or a reference is, if scanned."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.api import Float, HandEye, HandEyeFile, InputError, InputFile, Recording, Shaped
+from workbench.plugins.calibration import bundle
+from workbench.plugins.calibration.model import SIZE, Estimate, Noise, linearise
+from workbench.plugins.calibration.observations import Observations, by_pass
+from workbench.plugins.calibration.values import SphereProfiles
+from workbench.plugins.calibration.verdicts import Sensor, rescaled
+
+LEAST_POSTURES = 3  # of a sphere: one circle does not tell its side of the laser plane, and a third one checks two
+STEPS = 10
+RIGID = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A sphere's centre in the base."""
+
+    center_mm: Shaped[Float, " 3"]
+    covariance: Shaped[Float, "3 3"]  # of profiles and robot
+    by_hand_eye: Shaped[Float, "3 6"]  # its change with the hand-eye pose, as HandEye.covariance counts
+
+
+def known_hand_eye(path: InputFile | None, recording: Recording) -> HandEye:
+    """The pose from a handeye.json, or the recording's own, of which nobody says how well it is known.
+
+    Raises:
+        InputError: there is none, or it is no rigid motion.
+    """
+    if path is None:
+        if recording.flange_from_profiler is None:
+            raise InputError(f"{recording.source}: /hand_eye", "missing, and no handeye.json is given (hand_eye)")
+        return HandEye(recording.flange_from_profiler, source=recording.source)
+    found = HandEyeFile.read(path)
+    pose = np.array(found.flange_from_profiler)
+    turn = pose[:3, :3]
+    if np.abs(turn @ turn.T - np.eye(3)).max() > RIGID or np.linalg.det(turn) < 0.0:
+        raise InputError(f"{path}: $.flange_from_profiler", "expected a rigid motion")
+    covariance = None if found.covariance is None else np.array(found.covariance)
+    scale, middle = found.sensor_scale or (1.0, 1.0), found.sensor_middle_mm or (0.0, 0.0)
+    return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
+
+
+def seen_by(hand_eye: HandEye, profiles: SphereProfiles, recording: Recording) -> Observations:
+    """The circles of a recording's postures, the errors of the profiler's scales taken out."""
+    sensor = Sensor(np.array(hand_eye.sensor_scale) - 1.0, np.array(hand_eye.sensor_middle_mm))
+    seen = by_pass(rescaled(profiles, recording, sensor), recording).place()
+    if seen.scans:
+        raise InputError(f"{recording.source}: /robot", "expected postures held still (one pose a pass)")
+    return seen
+
+
+def sphere_place(hand_eye: HandEye, seen: Observations, noise: Noise, where: str) -> Place:
+    """Maximum likelihood of the centre, and of the radius with its prior; larger residuals make a larger covariance.
+
+    Raises:
+        InputError: too few postures see it.
+    """
+    if len(seen) < LEAST_POSTURES:
+        raise InputError(where, f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}")
+    pose = hand_eye.flange_from_profiler
+    at = start_center(Estimate(pose[:3, :3], pose[:3, 3], np.zeros(3), noise.radius_mm), seen, noise)
+    for _ in range(STEPS):
+        linear = linearise(at, seen, noise)
+        weighted = np.linalg.solve(linear.covariance, linear.jacobian)
+        matrix = np.einsum("kip,kiq->pq", linear.jacobian[..., 6:SIZE], weighted)
+        side = np.einsum("kip,ki->p", weighted[..., 6:SIZE], linear.residual)
+        matrix[3, SIZE - 1] += noise.radius_u_mm**-2
+        side[3] += (noise.radius_mm - at.radius_mm) / noise.radius_u_mm**2
+        at = at.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix[:, 6:], side)]))
+    inverse = np.linalg.inv(matrix[:, 6:])
+    chi2 = np.einsum("ki,ki->", linear.residual, np.linalg.solve(linear.covariance, linear.residual[..., None])[..., 0])
+    misfit = float(chi2) / (3 * len(seen) - 3)
+    return Place(at.center_mm, inverse[:3, :3] * max(1.0, misfit), -(inverse @ matrix[:, :6])[:3])
+
+
+def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
+    """Where a sphere stood, roughly: of all frames and both signs of y the centre that fits all best."""
+    h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
+    best: tuple[float, Estimate] | None = None
+    for sign in (1.0, -1.0):
+        centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
+        for point in bundle.to_base(centre, estimate, seen):
+            one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
+            off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
+            if best is None or off < best[0]:
+                best = float(off), one
+    assert best is not None
+    return best[1]

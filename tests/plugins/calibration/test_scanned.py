@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.plugins.calibration.conftest import TRUE, Cell, postures, recording
+from tests.plugins.calibration.test_tool import NOISE_MM, REFERENCES, SHANK, TIP, touch_file, touch_rows
 from workbench.api import DEG, Float, InputError, Recording, pose_from, rotation_from_vector, strict_json
 from workbench.plugins.calibration import circles
+from workbench.plugins.calibration import tcp as tcp_stage
 from workbench.plugins.calibration import turntable as turntable_stage
 
 AXIS = np.array([0.02, -0.03, 1.0]) / np.linalg.norm([0.02, -0.03, 1.0])
@@ -21,11 +24,15 @@ ANGLES, EACH = (0.0, 60.0, 140.0), 4  # deg; postures
 SPREAD = np.repeat([0.15, 0.05 * DEG], 3)  # of the hand-eye pose
 
 
-def scanned(rng: np.random.Generator) -> Recording:
-    """A ball on a table at three angles, seen in four postures each, robot and profiler as noisy as stated."""
+def on_table() -> list[Float]:
+    """Where the ball stands in the base at each angle."""
+    return [CENTRE + rotation_from_vector(angle * DEG * AXIS[None])[0] @ BALL for angle in ANGLES]
+
+
+def scanned(rng: np.random.Generator, places: Sequence[Float]) -> Recording:
+    """A ball at these places, seen in four postures each, robot and profiler as noisy as stated."""
     parts = []
-    for angle in ANGLES:
-        at = CENTRE + rotation_from_vector(angle * DEG * AXIS[None])[0] @ BALL
+    for at in places:
         turns, centre = postures(rng, EACH)
         position = at - np.einsum("kij,kj->ki", turns, centre @ TRUE[:3, :3].T + TRUE[:3, 3])
         noise = Rotation.from_rotvec(rng.normal(0, 0.01 * DEG, (EACH, 3))).as_matrix()
@@ -59,7 +66,7 @@ def test_the_axis_lies_within_what_scans_and_hand_eye_say(tmp_path: Path) -> Non
     chi = []
     for seed in range(16):
         rng = np.random.default_rng([seed, 3])
-        found = calibrated(scanned(rng), **files(tmp_path, rng))
+        found = calibrated(scanned(rng, on_table()), **files(tmp_path, rng))
         off = off_axis(found)
         chi.append(off @ np.linalg.solve(np.array(found["covariance"]), off))
         assert found["points"] == 3
@@ -67,7 +74,7 @@ def test_the_axis_lies_within_what_scans_and_hand_eye_say(tmp_path: Path) -> Non
 
 
 def test_what_the_hand_eye_leaves_open_is_in_u(tmp_path: Path) -> None:
-    seen, given = scanned(np.random.default_rng(5)), files(tmp_path)
+    seen, given = scanned(np.random.default_rng(5), on_table()), files(tmp_path)
     known = calibrated(seen, **given)
     alone = calibrated(seen, marks=given["marks"])  # the recording's own pose, of which nothing is said
     assert known["u_mm"] > 1.5 * alone["u_mm"]
@@ -86,4 +93,35 @@ def test_too_little_is_refused(tmp_path: Path, rows: list[str], words: str) -> N
     given = files(tmp_path)
     given["marks"].write_text("\n".join(["marker,angle_deg,pass", *rows]) + "\n")
     with pytest.raises(InputError, match=words):
-        calibrated(scanned(np.random.default_rng(5)), **given)
+        calibrated(scanned(np.random.default_rng(5), on_table()), **given)
+
+
+def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
+    """The flange turns about one axis only: nothing but the references' places tells the tool along it."""
+    chi, known = [], np.array([0.0, 0.0, 1.0])
+    for seed in range(16):
+        rng = np.random.default_rng([seed, 7])
+        seen, given = scanned(rng, REFERENCES), files(tmp_path, rng)
+        rows = [f"ball {k},{k * EACH + i}" for k in range(2) for i in range(EACH)]
+        (tmp_path / "references.csv").write_text("\n".join(["reference,pass", *rows]) + "\n")
+        touches = touch_file(tmp_path, touch_rows(rng, about=known))
+        noise = {"robot_noise_mm": NOISE_MM, "touch_noise_mm": 0.0, "max_u_mm": 10.0}
+        with pytest.raises(InputError, match="nothing determines the tool point"):
+            tcp_stage(touches=touches, **noise)
+        given = {"references": tmp_path / "references.csv", "hand_eye": given["hand_eye"]}
+        document, _ = tcp_stage(circles(seen), seen, touches=touches, **given, **noise)
+        found = json.loads(document.content)
+        places = [np.array(point["position_mm"]) for point in found["points"]]
+        off = np.concatenate([place - true for place, true in zip(places, (TIP, SHANK), strict=True)])
+        chi.append(off @ np.linalg.solve(np.array(found["covariance_mm2"]), off))
+    assert 4.0 < np.mean(chi) < 8.2  # six degrees of freedom, sixteen tools: 6 +- 0.9
+
+
+def test_references_that_no_touch_names(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    seen, touches = scanned(rng, REFERENCES), touch_file(tmp_path, touch_rows(rng))
+    (tmp_path / "references.csv").write_text("reference,pass\nbal 0,0\nbal 0,1\nbal 0,2\n")
+    with pytest.raises(InputError, match="'bal 0' is no reference of the touches; did you mean 'ball 0'"):
+        tcp_stage(circles(seen), seen, touches=touches, references=tmp_path / "references.csv")
+    with pytest.raises(InputError, match="expected a recording that shows them"):
+        tcp_stage(touches=touches, references=tmp_path / "references.csv")

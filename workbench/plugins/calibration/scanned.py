@@ -17,6 +17,7 @@ from workbench.plugins.calibration.verdicts import Sensor, rescaled
 LEAST_POSTURES = 3  # of a sphere: one circle does not tell its side of the laser plane, and a third one checks two
 STEPS = 10
 RIGID = 1e-6
+BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, for what it is off is in the result"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -14,20 +15,28 @@ from workbench.api import (
     Chapter,
     Document,
     Float,
+    HandEye,
     InputError,
     InputFile,
     Int,
+    Recording,
     Shaped,
     ToolFile,
+    nearest,
     pieces,
     stage,
 )
 from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, shared, studentised, without_gross
+from workbench.plugins.calibration.model import Noise
+from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.rows import POSE, Table, poses
+from workbench.plugins.calibration.scanned import BELIEVED, LEAST_POSTURES, Place, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.values import SphereProfiles
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
 ASKED = "are poses the flange's, in mm, with the quaternion's w first?"
 LEAST_TOUCHES = 4
+ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 
 
@@ -41,6 +50,7 @@ class Touches:
     tool_names: tuple[str, ...]
     reference_names: tuple[str, ...]
     known_mm: Shaped[Float, "r 3"]  # references as measured in the base; NaN: unknown
+    known_covariance: Float  # (3 k, 3 k) of those that are known, in their order, mm^2
     lines: tuple[int, ...]  # of the file
 
     def only(self, keep: Int) -> Touches:
@@ -69,8 +79,16 @@ class ToolPoints:
 
 @stage("calibrate.tcp")
 def tcp(
+    profiles: SphereProfiles | None = None,
+    recording: Recording | None = None,
     *,
     touches: Annotated[InputFile, Field(description="a CSV of touches (docs/howto/calibrate_tool.md)")],
+    references: Annotated[
+        InputFile | None, Field(description="a CSV of the passes that show a reference, of scanned spheres")
+    ] = None,
+    hand_eye: Annotated[
+        InputFile | None, Field(description="a handeye.json, of scanned spheres; null: the recording's own")
+    ] = None,
     robot_noise_mm: Annotated[float, Field(gt=0, le=5, description="of a flange position, each axis")] = 0.05,
     robot_noise_deg: Annotated[float, Field(ge=0, le=1, description="of its orientation, each axis")] = 0.01,
     touch_noise_mm: Annotated[float, Field(ge=0, le=5, description="of a touch, each axis")] = 0.02,
@@ -87,16 +105,21 @@ def tcp(
     """Determine the tool's points on the flange from touches, and its axis from two points on it.
 
     Touch i says R_i p + t_i = c: linear in the tool point p and in the reference c, which may be unknown (then at least
-    three orientations are needed) or measured with the scanner (sphere centre, corner). Weighted least squares; the
-    weights hold the robot's position and, with the lever |p|, its orientation. Where the residuals are larger than the
-    stated noise says, the covariance grows with them, never the other way. Touches of one point in postures less than
-    1 deg apart weigh as much as one. A touch that all others contradict by 5 standard deviations is left out, with the
-    cause. `tcp.json` holds points, axis, covariance.
+    three orientations are needed) or measured with the scanner: typed, or by the passes of a recording that show a
+    sphere there, three postures or more, and the known hand-eye pose. Weighted least squares; the weights hold the
+    robot's position and, with the lever |p|, its orientation. Where the residuals are larger than the stated noise
+    says, the covariance grows with them, never the other way. Touches of one point in postures less than 1 deg apart
+    weigh as much as one. A touch that all others contradict by 5 standard deviations is left out, with the cause.
+    `tcp.json` holds points, axis, covariance.
 
     The first tool point of the table is the tip; the axis runs to it from the last one.
 
     Args:
+        profiles: of scanned references: circles from `calibrate.circles`.
+        recording: of scanned references: their postures.
         touches: the table.
+        references: the table of scanned references: reference, pass.
+        hand_eye: the pose of the profiler that scanned them.
         robot_noise_mm: standard deviation of a flange position, each axis.
         robot_noise_deg: of its orientation, each axis.
         touch_noise_mm: of a touch, each axis.
@@ -115,8 +138,16 @@ def tcp(
         >>> chapter.title
         'Tool calibration'
     """
-    every = read_touches(touches)
-    noise = (math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG, reference_u_mm)
+    every = read_touches(touches, reference_u_mm)
+    believed: tuple[str, ...] = ()
+    if references is not None:
+        if profiles is None or recording is None:
+            raise InputError(str(references), "expected a recording that shows them (scan.read, calibrate.circles)")
+        eye = known_hand_eye(hand_eye, recording)
+        shown = Noise(robot_noise_mm, robot_noise_deg, profiles.sphere_diameter_mm / 2)
+        every = with_scanned(every, references, seen_by(eye, profiles, recording), recording, eye, shown)
+        believed = () if eye.covariance is not None else (BELIEVED,)
+    noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
     found, kept, left_out = without_gross(
         len(every.lines),
         lambda rows: solve(every.only(rows), noise),
@@ -134,7 +165,9 @@ def tcp(
     good, verdict = enough(
         u[0], bevel_deg, root_tolerance_mm, "the tool", "touch in more orientations, or with less noise"
     )
-    warnings = tuple(left_out.values()) + apart + _tip_nearest(found, every.tool_names)
+    if believed:
+        good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
+    warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(found, every.tool_names)
     document = {
         "format": "tool-calibration",
         "version": 1,
@@ -164,7 +197,33 @@ def tcp(
     return Document(ToolFile.NAME, ToolFile.written(document)), _chapter(found, every, u, axis, verdict, warnings)
 
 
-def read_touches(path: InputFile) -> Touches:
+def with_scanned(
+    touches: Touches, path: InputFile, seen: Observations, recording: Recording, hand_eye: HandEye, noise: Noise
+) -> Touches:
+    """The touches with the references that the scanner saw in the place of those that are typed."""
+    table = Table(path, ("reference", "pass"), LEAST_POSTURES)
+    names, which = table.labels("reference", "?")
+    number, passes = table.numbers(("pass",))[:, 0], np.array([recording.pass_index[f[0]] for f in seen.frames])
+    unknown = [name for name in names if name not in touches.reference_names]
+    if unknown:
+        raise InputError(
+            str(path), f"'{unknown[0]}' is no reference of the touches{nearest(unknown[0], touches.reference_names)}"
+        )
+    known_mm = np.full_like(touches.known_mm, np.nan)
+    blocks: dict[int, Place] = {}
+    for k, name in enumerate(names):
+        r, line = touches.reference_names.index(name), table.lines[int(np.flatnonzero(which == k)[0])]
+        shown = seen.subset(np.isin(passes, number[which == k]))
+        blocks[r] = sphere_place(hand_eye, shown, noise, f"{path}: line {line}")
+        known_mm[r] = blocks[r].center_mm
+    places = [blocks[r] for r in sorted(blocks)]
+    moved = np.concatenate([one.by_hand_eye for one in places])
+    shared = 0.0 if hand_eye.covariance is None else moved @ hand_eye.covariance @ moved.T
+    covariance = scipy.linalg.block_diag(*(one.covariance for one in places)) + shared
+    return replace(touches, known_mm=known_mm, known_covariance=covariance)
+
+
+def read_touches(path: InputFile, reference_u_mm: float) -> Touches:
     """The table: reference, flange pose; optional: tool_point, and the reference as measured in the base."""
     table = Table(path, ("reference", *POSE), LEAST_TOUCHES)
     known = table.numbers(KNOWN, blank=True)
@@ -177,25 +236,23 @@ def read_touches(path: InputFile) -> Touches:
         if (np.isfinite(said).any(axis=1) & ~full).any() or (full.any() and np.ptp(said[full], axis=0).max() > 1e-9):
             raise InputError(str(path), f"expected one px_mm, py_mm, pz_mm for reference '{name}', or none")
         measured[k] = said[full][0] if full.any() else np.nan
-    return Touches(poses(table)[:, :3], tool, reference, tools, references, measured, tuple(table.lines))
+    count = int(np.isfinite(measured).all(axis=1).sum())
+    # One error for all of them, as of a hand-eye pose: it displaces nothing but them, and the tool carries it in full.
+    shared = reference_u_mm**2 * np.kron(np.ones((count, count)), np.eye(3)) + ALONE_MM**2 * np.eye(3 * count)
+    return Touches(poses(table)[:, :3], tool, reference, tools, references, measured, shared, tuple(table.lines))
 
 
-def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
-    """Weighted least squares. `noise`: of position (mm), orientation (rad) and measured references (mm), each axis.
-
-    What the measured references share, one error for all of them as of a hand-eye pose, displaces nothing but them:
-    the tool points then carry it in full, and so it is modelled.
-    """
+def solve(touches: Touches, noise: tuple[float, float]) -> ToolPoints:
+    """Weighted least squares. `noise`: of position (mm) and orientation (rad), each axis."""
     rotation, position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
     n, tools, refs = len(rotation), len(touches.tool_names), len(touches.reference_names)
-    known = np.flatnonzero(np.isfinite(touches.known_mm).all(axis=1))
-    size = 3 * (tools + refs) + (3 if len(known) else 0)
+    size = 3 * (tools + refs)
     rows, right = np.zeros((3 * n, size)), -position.reshape(-1)
     for i in range(n):
         a, b = 3 * touches.tool_point[i], 3 * (tools + touches.reference[i])
         rows[3 * i : 3 * i + 3, a : a + 3] = rotation[i]
         rows[3 * i : 3 * i + 3, b : b + 3] = -np.eye(3)
-    prior, prior_right, prior_sigma = _prior(touches, known, size, noise[2])
+    prior, prior_right = _prior(touches, size)
     points = np.zeros((tools, 3))
     turn = np.arccos(np.clip((np.einsum("nij,mij->nm", rotation, rotation) - 1.0) / 2.0, -1.0, 1.0))
     once = np.sqrt(shared(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE))[:, None, None]
@@ -204,8 +261,8 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
         root = _whitening(lever, noise[0], noise[1]) / once
         white = np.einsum("nij,njk->nik", root, rows.reshape(n, 3, size)).reshape(3 * n, size)
         seen = np.einsum("nij,nj->ni", root, right.reshape(n, 3)).reshape(-1)
-        whole = np.concatenate([white, prior / prior_sigma])
-        target = np.concatenate([seen, prior_right / prior_sigma])
+        whole = np.concatenate([white, prior])
+        target = np.concatenate([seen, prior_right])
         information = whole.T @ whole
         inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
         answer = inverse @ whole.T @ target
@@ -222,18 +279,14 @@ def solve(touches: Touches, noise: tuple[float, float, float]) -> ToolPoints:
     )
 
 
-def _prior(touches: Touches, known: Int, size: int, u_mm: float) -> tuple[Float, Float, float]:
-    """Rows (p, size) that hold the measured references, their right side, and its standard deviation."""
-    tools, count = len(touches.tool_names), len(known)
-    rows, right = np.zeros((3 * (count + 1) if count else 0, size)), np.zeros(3 * (count + 1) if count else 0)
-    for j, k in enumerate(known):
-        at = slice(3 * j, 3 * j + 3)
-        rows[at, 3 * (tools + k) : 3 * (tools + k) + 3] = np.eye(3) * 1e3  # to a thousandth, but for what is shared
-        rows[at, -3:] = np.eye(3) * 1e3
-        right[at] = touches.known_mm[k] * 1e3
-    if count:
-        rows[-3:, -3:] = np.eye(3)
-    return rows, right, u_mm
+def _prior(touches: Touches, size: int) -> tuple[Float, Float]:
+    """Whitened rows (p, size) that hold the measured references, and their right side."""
+    known = np.flatnonzero(np.isfinite(touches.known_mm).all(axis=1))
+    first = 3 * (len(touches.tool_names) + known)
+    rows = np.zeros((3 * len(known), size))
+    rows[np.arange(3 * len(known)), (first[:, None] + np.arange(3)).ravel()] = 1.0
+    factor = np.linalg.inv(np.linalg.cholesky(touches.known_covariance))
+    return factor @ rows, factor @ touches.known_mm[known].ravel()
 
 
 def _whitening(lever: Float, sigma_mm: float, sigma: float) -> Float:

@@ -37,7 +37,7 @@ from workbench.plugins.calibration.blunders import (
 )
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.rows import Table
-from workbench.plugins.calibration.scanned import known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
 from workbench.plugins.calibration.values import SphereProfiles
 
 POINT = ("x_mm", "y_mm", "z_mm")
@@ -45,7 +45,6 @@ ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
-BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, what it is off displaces the axis"
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 
 
@@ -180,7 +179,8 @@ def turntable(
             str(marks),
             f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
             f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: "
-            + "; ".join(apart or ("measure at angles farther apart, or markers farther from the axis",)),
+            + "; ".join(apart or ("measure at angles farther apart, or markers farther from the axis",))
+            + ("; or know the hand-eye pose better" if every.shared.size else ""),
         )
     good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
     warnings = tuple(left_out.values()) + apart + believed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import pytest
@@ -14,12 +15,14 @@ from workbench.batch.record import Record
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.inspect import groove as inspect_groove
+from workbench.pipeline import Pipeline
 from workbench.report import closed_loop, html, inspection, plan
 from workbench.report import groove as report_groove
 from workbench.scan import fuse, read
 
 A4_WIDTH_PX, A4_HEIGHT_PX = round((210 - 2 * 13) / 25.4 * 96), (297 - 2 * 14) / 25.4 * 96
-GROOVE = Path(__file__).parents[2] / "data" / "synthetic" / "groove.h5"
+ROOT = Path(__file__).parents[2]
+GROOVE = ROOT / "data" / "synthetic" / "groove.h5"
 LONG = "a name of a part that is much longer than names of parts are in most shops, revision 12"
 
 WIDER = """() => [...document.querySelectorAll("body *")].filter((e) => {
@@ -163,3 +166,21 @@ def test_no_heading_stands_over_nothing(page, media):
 
 def test_every_text_is_dark_enough(page):
     assert page.evaluate(CONTRAST) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs", "most"),
+    [
+        ("inspect_bevel", {}, 4),
+        ("closed_loop", {}, 8),
+        ("measured_loop", {"tool_error_mm": [0.25, -0.2, 0.25]}, 8),  # as `make demo`
+    ],
+)
+def test_a_report_prints_on_few_pages(name, inputs, most, browser, tmp_path):
+    """The shipped pipelines as they run, pictures and provenance included."""
+    Pipeline.load(ROOT / "pipelines" / f"{name}.json").run(tmp_path / "out", inputs=inputs)
+    opened = browser.new_page()
+    opened.goto((tmp_path / "out" / "report.html").as_uri())
+    printed = opened.pdf(prefer_css_page_size=True)
+    opened.close()
+    assert 1 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= most

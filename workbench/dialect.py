@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from workbench.artefacts import Document, Judgement, Moves, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
+from workbench.artefacts import Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
 from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
@@ -177,7 +177,7 @@ def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | Non
     gate = dataclasses.replace(gate, loosened=gate.loosened + silent, unchecked=gate.unchecked + cell.unseen)
     files = program_files(dialect, gate)
     judgement = cell.judge(dialect.read(files), moves, gate.tolerance_mm, dialect.configuration)
-    record = Document("program_check.json", judgement_document(judgement))
+    record = Document("program_check.json", judgement_document(judgement, moves.toolpath.part))
     if judgement.passed:
         reason = f"{gate.reason}; the program was driven through its cell: {_least(judgement)}"
         programs = tuple(Document(file, content.encode("ascii")) for file, content in files.items())
@@ -216,12 +216,13 @@ def _least(judgement: Judgement) -> str:
     )
 
 
-def judgement_document(judgement: Judgement) -> bytes:
+def judgement_document(judgement: Judgement, part: Part) -> bytes:
     """`program_check.json`: what was driven, how near it came to anything, and what is wrong."""
     return strict_json(
         {
             "format": "program-check",
             "version": 1,
+            "part": dataclasses.asdict(part),
             "dialect": judgement.program.dialect,
             "program": judgement.program.name,
             "passed": judgement.passed,

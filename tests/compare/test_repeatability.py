@@ -113,6 +113,16 @@ def test_inspections_of_directories(tmp_path: Path) -> None:
     assert result["characteristics"][0]["components"][0]["sd"] == pytest.approx(0.01)
 
 
+def test_what_all_inspections_agree_on_is_the_study_s_identity(tmp_path: Path) -> None:
+    for k, part_id in enumerate(("A-7", "A-8")):
+        part = {"part_id": part_id, "sensor": "LPS 36", "robot": None}
+        written(tmp_path, json.dumps(inspection(1.5 + 0.01 * k, part=part)), f"{k}.json")
+    document, chapter = repeatability(study(study=written(tmp_path, "inspection\n0.json\n1.json\n")))
+    said = json.loads(document.content)["part"]
+    assert (said["part_id"], said["sensor"], said["robot"]) == (None, "LPS 36", None)
+    assert chapter.about == "instruments"
+
+
 def test_a_hidden_section_is_left_out_and_told(tmp_path: Path) -> None:
     for k, value in enumerate((1.5, 1.51)):
         document = inspection(value)

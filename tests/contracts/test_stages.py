@@ -12,6 +12,8 @@ from pydantic_core import to_jsonable_python
 
 from workbench.pipeline.describe import parameter_texts, summary, unit_of
 from workbench.pipeline.registry import every_stage, families
+from workbench.pipeline.run import run_files
+from workbench.result_files import RESULT_FILES
 from workbench.stage import Role, Stage
 
 STAGES = every_stage()[0]
@@ -81,3 +83,14 @@ def test_digest_sees_a_single_bit(chain: Any) -> None:
     changed.view(np.uint32)[0, 0] ^= 1
     assert digest(chain, recording) == digest(chain, dataclasses.replace(recording))
     assert digest(chain, recording) != digest(chain, dataclasses.replace(recording, x_mm=changed))
+
+
+def test_every_result_file_says_whose_it_is(chains) -> None:
+    """Each that a shipped pipeline makes, unless its model says why it is nobody's."""
+    found = {}
+    for chain in chains.chains:
+        for name, content in run_files(chain.plan, chain.results).items():
+            if name in RESULT_FILES and "part" in RESULT_FILES[name].model_fields:
+                found[name] = found.get(name, True) and {"part_id", "robot"} <= {*json.loads(content).get("part", {})}
+    assert [name for name, said in found.items() if not said] == []
+    assert {"correction.json", "tcp.json", "deviation.json", "program_check.json", "stiffness.json"} <= {*found}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from workbench.artefacts import Check, EdgeProfile, Inspection, Part, Requiremen
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.pipeline.results import result_files
-from workbench.result_files import RESULT_FILES, HandEyeFile, InspectionFile, result_schema
+from workbench.result_files import RESULT_FILES, HandEyeFile, InspectionFile, ResultFile, result_schema
 
 
 @pytest.fixture
@@ -88,3 +89,8 @@ def test_keys_may_be_added(tmp_path: Path) -> None:
 def test_what_the_model_refuses_is_not_written() -> None:
     with pytest.raises(ValidationError):
         HandEyeFile.written({"flange_from_profiler": [[1]]})
+
+
+@pytest.mark.parametrize(("name", "model"), RESULT_FILES.items())
+def test_a_result_file_says_whose_it_is_or_why_not(name: str, model: type[ResultFile]) -> None:
+    assert ("part" in model.model_fields) != bool(re.search(r"\bOf no\b", model.__doc__ or "")), name

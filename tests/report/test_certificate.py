@@ -21,6 +21,16 @@ def test_what_is_unknown_is_said_and_how_to_set_it(elements):
     assert dict((name, value) for name, value, _ in identity_rows(Part()))["Operator"] == "unknown"
 
 
+def test_of_a_calibration_only_the_instruments_are_told(elements, provenance):
+    asked = dataclasses.replace(provenance, pipeline={"inputs": {"robot": None, "operator": None}})
+    text = elements(identity_html(Part(robot_serial="77"), "instruments", asked)).text
+    assert "serial number 77" in text
+    assert "Drawing" not in text
+    assert "--input operator=" in text
+    assert "--input recorded_at=" not in text  # no input of this pipeline
+    assert "recording" not in text
+
+
 @pytest.mark.parametrize(
     ("day", "of", "text"),
     [

@@ -49,6 +49,7 @@ class Rework:
     too_little_material: tuple[Stretch, ...]
     reason: str
     warnings: tuple[str, ...] = ()
+    part: Part = UNKNOWN_PART
 
 
 CANCELS = (
@@ -92,3 +93,4 @@ class PathCorrection:
     refused: str | None = None  # where and by how much the allowance does not allow it; None: it does
     checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()
+    part: Part = UNKNOWN_PART

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from datetime import date, datetime
 from typing import Any, ClassVar
@@ -66,6 +67,17 @@ class Part(PartNames):
             for name, own, given in both
             if own is not None and given is not None and own != given
         ]
+
+
+def shared(parts: Sequence[Part]) -> Part:
+    """What several measurements agree on; None where they differ, or one of them says nothing.
+
+    >>> found = shared([Part(part_id="A-7", robot="R1"), Part(part_id="A-8", robot="R1")])
+    >>> found.part_id, found.robot
+    (None, 'R1')
+    """
+    said = {f.name: {getattr(one, f.name) for one in parts} for f in fields(Part)}
+    return Part(**{name: next(iter(found)) for name, found in said.items() if len(found) == 1})
 
 
 UNKNOWN_PART = Part()

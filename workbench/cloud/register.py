@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -74,6 +74,7 @@ def register(
     content = {
         "format": "points-registration",
         "version": 1,
+        "part": asdict(points.part),
         "reference": str(reference),
         "source": points.source,
         "reference_from_cloud": pose,

@@ -135,6 +135,7 @@ def deviation_document(
     content = {
         "format": "bevel-deviation",
         "version": 1,
+        "part": dataclasses.asdict(scan.part),
         "frame": "base",
         "scan": scan.source,
         "reference": reference.source,

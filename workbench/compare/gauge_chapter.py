@@ -47,6 +47,8 @@ def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
         "Repeatability and reproducibility",
         "\n".join(parts),
         summary="; ".join(_summary(one) for one in results),
+        part=study.part,
+        about="instruments",
         warnings=(*study.warnings, *(words for one in results for words in one.warnings)),
     )
 

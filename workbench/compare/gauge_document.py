@@ -20,6 +20,7 @@ def gauge_document(study: Study, results: Sequence[Characteristic]) -> Document:
     content = {
         "format": "bevel-repeatability",
         "version": 1,
+        "part": dataclasses.asdict(study.part),
         "parts": list(study.parts),
         "operators": list(study.operators),
         "trials": study.trials,

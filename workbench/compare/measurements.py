@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from workbench.artefacts import UNKNOWN_PART, Part
 from workbench.compare.values import CHARACTERISTICS
 from workbench.errors import InputError
 
@@ -35,6 +36,7 @@ class Measurement:
     where: str  # for messages
     sections: dict[int, Mapping[str, float]]
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    identity: Part = UNKNOWN_PART
     digest: str = ""  # SHA-256 of the file; '': the values stand in the study
 
 
@@ -99,9 +101,8 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
         for row in file.sections
     }
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Measurement(
-        part, operator, str(path), sections, _limits(file.requirements, f"{path}: $.requirements"), digest
-    )
+    limits = _limits(file.requirements, f"{path}: $.requirements")
+    return Measurement(part, operator, str(path), sections, limits, file.part or UNKNOWN_PART, digest)
 
 
 def _limits(wanted: RequirementsRow, where: str) -> dict[str, tuple[float, float]]:

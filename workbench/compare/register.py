@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Annotated, Literal
 
 import numpy as np
@@ -185,6 +186,7 @@ def _document(found: Registration, scan: Surface, reference: Surface) -> Documen
     content = {
         "format": "cloud-registration",
         "version": 1,
+        "part": asdict(scan.part),
         "scan": scan.source,
         "reference": reference.source,
         "reference_from_scan": found.reference_from_scan,

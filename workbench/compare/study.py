@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from workbench.artefacts import shared
 from workbench.compare.measurements import measurements_of, plain_measurements, read_inspection
 from workbench.compare.study_tables import (
     apart,
@@ -124,5 +125,6 @@ def study(
         limits={name: held for name in names if (held := limits_of(given.get(name), mine, name, where)) is not None},
         unit=unit,
         files=tuple((one.where, one.digest) for one in found if one.digest),
+        part=shared([one.identity for one in found]),
         warnings=apart(table["arc_length_mm"]),
     )

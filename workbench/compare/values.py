@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from workbench.artefacts import UNKNOWN_PART, Part
 from workbench.units import Float, Shaped
 
 CHARACTERISTICS = {"root_mm": "root_u_mm", "bevel_deg": "bevel_u_deg"}  # and their standard uncertainties
@@ -36,6 +37,7 @@ class Study:
     limits: Mapping[str, tuple[float, float]]  # lower and upper limit of the value, where known
     files: tuple[tuple[str, str], ...]  # path as given and SHA-256 of every inspection
     warnings: tuple[str, ...] = ()
+    part: Part = UNKNOWN_PART  # what all inspections agree on
     unit: str = "mm"  # of characteristics whose names do not end in one
 
     def unit_of(self, name: str) -> str:

@@ -185,6 +185,7 @@ def correct(
         moved_mm=moved,
         variation_mm=shift.variation,
         comes=comes,
+        part=inspection.part,
         reason=_reason(shift, made, turn, by, tilt, finish.cutting),
         warnings=finishing.warnings
         + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm)

@@ -150,7 +150,7 @@ def rework(
             path, warnings = (path, warnings) if gate.passed else (None, (*warnings, gate.reason))
         except InputError as refused:  # the rest of the answer holds
             path, warnings = None, (*warnings, f"no path for the rework: {refused}")
-    return Rework(path, *told, _reason(*told), warnings)
+    return Rework(path, *told, _reason(*told), warnings, inspection.part)
 
 
 def _left_out(edge: MilledEdge, mask: Bool) -> tuple[str, ...]:

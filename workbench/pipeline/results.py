@@ -123,6 +123,7 @@ def rework_document(rework: Rework) -> dict[str, Any]:
     return {
         "format": "bevel-rework",
         "version": 1,
+        "part": dataclasses.asdict(rework.part),
         "reason": rework.reason,
         "too_much_material": [dataclasses.asdict(stretch) for stretch in rework.too_much_material],
         "too_little_material": [dataclasses.asdict(stretch) for stretch in rework.too_little_material],
@@ -154,6 +155,7 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
     return {
         "format": "path-correction",
         "version": 1,
+        "part": dataclasses.asdict(found.part),
         "frame": "section",
         "allowance_mm": found.allowance_mm,
         "refused": found.refused,

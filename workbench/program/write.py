@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from workbench import pieces
-from workbench.artefacts import Chapter, Document, Judgement, Moves, PathGate, RobotCell
+from workbench.artefacts import Chapter, Document, Judgement, Moves, Part, PathGate, RobotCell
 from workbench.dialect import Dialect, MillingTool, ProgramJob, place, released, write_program
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
@@ -129,7 +129,12 @@ def write(
     written = write_program(dialect, gate, cell)
     if written.judgement is None:
         return (written.gate,)
-    return (*written.documents, written.gate, written.judgement, program_chapter(written.judgement, written.gate, cell))
+    return (
+        *written.documents,
+        written.gate,
+        written.judgement,
+        program_chapter(written.judgement, written.gate, cell, moves.toolpath.part),
+    )
 
 
 def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:
@@ -145,7 +150,7 @@ TOLD = 10  # violations in the report; all are in program_check.json
 STRETCHES = 600  # of the charts, each with its worst place
 
 
-def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell) -> Chapter:
+def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part) -> Chapter:
     """What came of driving the written program through its cell."""
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
     clearance = f"{judgement.clearance_mm:.1f} mm ({pair})" if np.isfinite(judgement.clearance_mm) else "no bodies"
@@ -174,7 +179,7 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell) -> Chapter
             "Clearance, distance from joint limits, wrist angle and condition number along the way",
             "Each place shows the worst of its stretch; dashed: what the cell file requires.",
         )
-    return Chapter(title="Program", html=text, summary=f"{name}: {released}")
+    return Chapter(title="Program", html=text, summary=f"{name}: {released}", part=part)
 
 
 def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:

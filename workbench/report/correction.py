@@ -190,5 +190,6 @@ def correction(
         html=correction_html(correction, finished),
         verdict="fail" if correction.refused else "",
         summary=correction_summary(correction, finished),
+        part=correction.part,
         warnings=tuple(map(one_line, correction.warnings)),
     )

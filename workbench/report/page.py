@@ -24,6 +24,7 @@ DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
     """The whole page."""
     parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
+    about = "part" if any(chapter.part and chapter.about == "part" for chapter in chapters) else "instruments"
     viewer = viewer_script() if any(chapter.scene for chapter in chapters) else Markup("")
     return render(
         "page.html.j2",
@@ -31,8 +32,8 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         viewer=viewer,
         policy=policy(viewer),
         scenes=_scenes(chapters),
-        heading=_heading(parts, provenance),
-        identity=Markup(identity_html(parts[0])) if parts else "",
+        heading=_heading(parts if about == "part" else (), provenance),
+        identity=Markup(identity_html(parts[0], about, provenance)) if parts else "",
         simulated=any(part.simulated for part in parts),
         certificate=next((Markup(chapter.certificate) for chapter in chapters if chapter.certificate), ""),
         title=provenance.title if provenance else "",
@@ -106,14 +107,23 @@ def _warnings(chapters: Sequence[Chapter]) -> list[str]:
 
 # Whose measurement it is, as the first page says it: part, people, instruments, calibrations.
 
+ALWAYS = ("Recorded", "Operator", "Robot")  # told of instruments, known or not
+OF_INSTRUMENTS = ("operator", "recorded_at", "robot", "robot_serial")  # what a calibration from a table may be given
 SHOWN = 60  # characters of a name
 DAYS_A_YEAR = 365.25
 
 
-def identity_html(part: Part) -> str:
-    """What is known of the part, what is not, and how to set it."""
-    missing = [field.name for field in fields(PartNames) if getattr(part, field.name) is None]
-    return render("identity.html.j2", rows=list(identity_rows(part)), missing=missing)
+def identity_html(part: Part, about: str = "part", provenance: Provenance | None = None) -> str:
+    """What is known of the part, or of the instruments alone, what is not, and how to set it."""
+    unknown = [field.name for field in fields(PartNames) if getattr(part, field.name) is None]
+    missing = [name for name in unknown if about == "part" or name in OF_INSTRUMENTS]
+    inputs = provenance.pipeline.get("inputs", {}) if provenance else missing
+    settable = [name for name in missing if name in inputs]
+    rows = [
+        (name, value, known) for name, value, known in identity_rows(part) if about == "part" or known or name in ALWAYS
+    ]
+    recorded = bool(missing) and (about == "part" or not settable)  # a calibration from a table has no recording
+    return render("identity.html.j2", rows=rows, settable=settable, recorded=recorded)
 
 
 def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:

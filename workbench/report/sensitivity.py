@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -205,6 +206,7 @@ def sensitivity(
     document = {
         "format": "bevel-sensitivity",
         "version": 1,
+        "part": dataclasses.asdict(toolpath.part),
         "bevel_deg": toolpath.bevel_deg,
         "links": [
             {
@@ -235,7 +237,7 @@ def sensitivity(
         ],
     }
     return (
-        Chapter("Error budget of the milled bevel", html, summary=summary),
+        Chapter("Error budget of the milled bevel", html, summary=summary, part=toolpath.part),
         Document("sensitivity.json", strict_json(document)),
     )
 

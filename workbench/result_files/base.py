@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
 
+from workbench.artefacts import UNKNOWN_PART, Part
 from workbench.errors import InputError
 from workbench.parameters import complaint
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
@@ -67,6 +68,12 @@ class ResultFile(Row):
             raise _refusal(error, document, path) from None
         made._document = document
         return made
+
+
+class PartFile(ResultFile):
+    """A result file that says whose result it is; of a robot, a tool or a table: by which robot, when, by whom."""
+
+    part: Part = Field(default=UNKNOWN_PART, description="null: unknown; absent in files of earlier versions")
 
 
 def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) -> InputError:

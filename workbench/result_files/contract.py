@@ -7,12 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_config
 
-from workbench.artefacts import UNKNOWN_PART, Check, Part, Uncertainty, UncertaintySource, Verdict
+from workbench.artefacts import Check, Part, Uncertainty, UncertaintySource, Verdict
 from workbench.result_files.base import (
     Matrix,
     Matrix6,
     NotNegative,
     Number,
+    PartFile,
     Positive,
     Quaternion,
     ResultFile,
@@ -199,15 +200,17 @@ class ToolpathFile(ResultFile):
 Scale = Annotated[float, Field(gt=0.5, lt=2)]
 
 
-class HandEyeFile(ResultFile):
-    """`handeye.json`: the pose of the profiler on the flange. Other programs may give the pose alone."""
+class HandEyeFile(PartFile):
+    """`handeye.json`: the pose of the profiler on the flange. Other programs may give the pose alone.
+
+    `part` has sensor, robot and date of the recording of the sphere.
+    """
 
     NAME: ClassVar[str] = "handeye.json"
     ANOTHER: ClassVar[dict[str, str]] = {
         "robot-calibration": "a robot.json: give the handeye.json that calibrate.robot writes beside it"
     }
     flange_from_profiler: Matrix
-    part: Part = Field(default=UNKNOWN_PART, description="sensor, robot and date of the recording of the sphere")
     translation_mm: Vector | None = None
     rotation_rpy_deg: Vector | None = None
     covariance: Matrix6 | None = Field(default=None, description="tx ty tz in mm, then a rotation vector in rad")
@@ -232,8 +235,8 @@ class HandEyeFile(ResultFile):
     warnings: list[str] = Field(default_factory=list)
 
 
-class StiffnessFile(ResultFile):
-    """`stiffness.json`: joint stiffness of a robot."""
+class StiffnessFile(PartFile):
+    """`stiffness.json`: joint stiffness of a robot, which `part` names."""
 
     NAME: ClassVar[str] = "stiffness.json"
     joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
@@ -262,7 +265,7 @@ class PostureMap(Row):
     cause: list[list[str | None]]
 
 
-class PostureFile(ResultFile):
+class PostureFile(PartFile):
     """`posture.json`: postures of every point of a path."""
 
     NAME: ClassVar[str] = "posture.json"
@@ -283,7 +286,7 @@ class StationRow(Row):
     tilt_u_deg: Unknown
 
 
-class CorrectionFile(ResultFile):
+class CorrectionFile(PartFile):
     """`correction.json`: what the finishing pass was moved and turned by."""
 
     NAME: ClassVar[str] = "correction.json"
@@ -314,7 +317,7 @@ class GrooveSection(Row):
     verdict: Verdict
 
 
-class GrooveFile(ResultFile):
+class GrooveFile(PartFile):
     """`groove.json`: a groove as measured."""
 
     NAME: ClassVar[str] = "groove.json"
@@ -331,7 +334,7 @@ class GrooveFile(ResultFile):
     reason: str
 
 
-class PreparationFile(ResultFile):
+class PreparationFile(PartFile):
     """`preparation.json`: the prepared edge of one plate as measured."""
 
     NAME: ClassVar[str] = "preparation.json"
@@ -364,7 +367,7 @@ class StageRow(Row):
 
 
 class RunFile(ResultFile):
-    """`run.json`: what a run did and what it rests on."""
+    """`run.json`: what a run did and what it rests on. Of no one part: a pipeline may read several."""
 
     NAME: ClassVar[str] = "run.json"
     pipeline: dict[str, Any]
@@ -386,7 +389,7 @@ class EngagementRow(Row):
     chip_area_mm2: list[Unknown]
 
 
-class EngagementFile(ResultFile):
+class EngagementFile(PartFile):
     """`engagement.json`: depths and chip area along each layer of a path."""
 
     NAME: ClassVar[str] = "engagement.json"
@@ -395,7 +398,7 @@ class EngagementFile(ResultFile):
     layers: list[EngagementRow]
 
 
-class ReworkFile(ResultFile):
+class ReworkFile(PartFile):
     """`rework.json`: where too much or too little material stands, and the path that removes the first."""
 
     NAME: ClassVar[str] = "rework.json"
@@ -416,7 +419,7 @@ class ViolationRow(Row):
     finding: str
 
 
-class ProgramCheckFile(ResultFile):
+class ProgramCheckFile(PartFile):
     """`program_check.json`: the written program as driven through its cell."""
 
     NAME: ClassVar[str] = "program_check.json"

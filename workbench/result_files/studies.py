@@ -11,6 +11,7 @@ from workbench.result_files.base import (
     Matrix6,
     NotNegative,
     Number,
+    PartFile,
     ResultFile,
     Row,
     Unknown,
@@ -33,7 +34,7 @@ class PlacesColumns(Row):
     changed: list[bool]
 
 
-class DeviationFile(ResultFile):
+class DeviationFile(PartFile):
     """`deviation.json`: signed distances of a scan from its reference."""
 
     NAME: ClassVar[str] = "deviation.json"
@@ -57,7 +58,7 @@ class DeviationFile(ResultFile):
     places: PlacesColumns
 
 
-class RegistrationFile(ResultFile):
+class RegistrationFile(PartFile):
     """`registration.json`: the pose of a scan in its reference, with its covariance."""
 
     NAME: ClassVar[str] = "registration.json"
@@ -75,7 +76,7 @@ class RegistrationFile(ResultFile):
     warnings: list[str]
 
 
-class CloudRegistrationFile(ResultFile):
+class CloudRegistrationFile(PartFile):
     """`cloud_registration.json`: the pose of a cloud in another one, without a covariance."""
 
     NAME: ClassVar[str] = "cloud_registration.json"
@@ -115,8 +116,8 @@ class CharacteristicRow(Row):
     bias: list[dict[str, Any]]
 
 
-class RepeatabilityFile(ResultFile):
-    """`repeatability.json`: a gauge study."""
+class RepeatabilityFile(PartFile):
+    """`repeatability.json`: a gauge study; `part` has what all its inspections agree on, such as the instruments."""
 
     NAME: ClassVar[str] = "repeatability.json"
     format: Literal["bevel-repeatability"]
@@ -142,7 +143,7 @@ class FitRow(Row):
 
 
 class ReferenceFitsFile(ResultFile):
-    """`reference_fits.json`: fits of reference data sets."""
+    """`reference_fits.json`: fits of reference data sets. Of no part: the data sets are computed."""
 
     NAME: ClassVar[str] = "reference_fits.json"
     format: Literal["reference-fits"]
@@ -165,7 +166,7 @@ class SensitivityRow(Row):
     links: list[dict[str, Any]]
 
 
-class SensitivityFile(ResultFile):
+class SensitivityFile(PartFile):
     """`sensitivity.json`: uncertainty of the milled bevel by link of the chain."""
 
     NAME: ClassVar[str] = "sensitivity.json"
@@ -192,7 +193,7 @@ class ToolAxisRow(Row):
     u_deg: NotNegative = Field(description="about the least certain direction")
 
 
-class Measured(ResultFile):
+class Measured(PartFile):
     """What a calibration says of itself. Other programs may leave it out."""
 
     residual_rms_mm: UnknownU = None
@@ -274,7 +275,7 @@ class ValidationRow(Row):
     u_mm: tuple[UnknownU, UnknownU, UnknownU]
 
 
-class CalibrationValidationFile(ResultFile):
+class CalibrationValidationFile(PartFile):
     """`calibration_validation.json`: errors of a hand-eye calibration on held-out postures."""
 
     NAME: ClassVar[str] = "calibration_validation.json"
@@ -295,7 +296,7 @@ class ForceRow(Row):
     peak_n: list[Any]
 
 
-class MillingForceFile(ResultFile):
+class MillingForceFile(PartFile):
     """`milling_force.json`: force on the cutter along each layer, N."""
 
     NAME: ClassVar[str] = "milling_force.json"
@@ -305,7 +306,7 @@ class MillingForceFile(ResultFile):
 
 
 class DeflectionFile(ResultFile):
-    """`deflection.json`: displacement of the tool under a wrench."""
+    """`deflection.json`: displacement of the tool under a wrench. Of no part: the model's answer for one posture."""
 
     NAME: ClassVar[str] = "deflection.json"
     format: Literal["deflection"]
@@ -325,7 +326,7 @@ class CompensationRow(Row):
     largest_bevel_error_deg: Unknown
 
 
-class CompensationFile(ResultFile):
+class CompensationFile(PartFile):
     """`compensation.json`: a part milled without and with compensation of deflection."""
 
     NAME: ClassVar[str] = "compensation.json"

@@ -191,6 +191,7 @@ def robot(
         found.errors,
         found.covariance[SIZE:, SIZE:],
         {
+            "part": asdict(recording.part),
             "flange_from_profiler": pose,
             "hand_eye_covariance": covariance,
             "volume_u_mm": u,
@@ -220,7 +221,14 @@ def robot(
         hand_eye,
         _hand_eye_document(hand_eye, document, recording, profiles, used, _causes(seen, kept, passes, left_out)),
         Document(RobotFile.NAME, RobotFile.written(document)),
-        Chapter("Robot calibration", html, summary=verdict, warnings=warnings + tuple(document["left_as_built"])),
+        Chapter(
+            "Robot calibration",
+            html,
+            summary=verdict,
+            part=recording.part,
+            about="instruments",
+            warnings=warnings + tuple(document["left_as_built"]),
+        ),
     )
 
 

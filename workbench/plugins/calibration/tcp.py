@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +12,8 @@ from pydantic import Field
 
 from workbench.api import (
     DEG,
+    NO_NAMES,
+    UNKNOWN_PART,
     Chapter,
     Document,
     Float,
@@ -19,6 +21,8 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    Part,
+    PartNames,
     Recording,
     Shaped,
     ToolFile,
@@ -101,6 +105,9 @@ def tcp(
     ] = 25.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the tool must serve")] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
+    part: Annotated[
+        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
+    ] = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine the tool's points on the flange from touches, and its axis from two points on it.
 
@@ -128,6 +135,7 @@ def tcp(
         least_reach_mm: no spindle is so short: positions in metres or inches make tools of some millimetres.
         root_tolerance_mm: tolerance of the root face that the tool is to serve.
         bevel_deg: angle of its bevel.
+        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
 
     Raises:
         InputError: an unusable table; touches that leave a direction open; more blunders than can be told apart.
@@ -168,9 +176,11 @@ def tcp(
     if believed:
         good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
     warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(found, every.tool_names)
+    who = UNKNOWN_PART.with_names(part)
     document = {
         "format": "tool-calibration",
         "version": 1,
+        "part": asdict(who),
         "frame": "flange",
         "points": [
             {
@@ -194,7 +204,7 @@ def tcp(
         "verdict": verdict,
         "warnings": warnings,
     }
-    return Document(ToolFile.NAME, ToolFile.written(document)), _chapter(found, every, u, axis, verdict, warnings)
+    return Document(ToolFile.NAME, ToolFile.written(document)), _chapter(found, every, u, axis, verdict, warnings, who)
 
 
 def with_scanned(
@@ -381,6 +391,7 @@ def _chapter(
     axis: dict[str, object] | None,
     verdict: str,
     warnings: tuple[str, ...],
+    who: Part,
 ) -> Chapter:
     rows = [
         (name, *(f"{v:.3f}" for v in found.position_mm[k]), f"{u[k]:.3f}") for k, name in enumerate(touches.tool_names)
@@ -391,4 +402,4 @@ def _chapter(
         f"{turned}Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. "
         f"{verdict[:1].upper() + verdict[1:]}."
     )
-    return Chapter("Tool calibration", html, summary=verdict, warnings=warnings)
+    return Chapter("Tool calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -12,12 +12,15 @@ from pydantic import Field
 
 from workbench.api import (
     DEG,
+    NO_NAMES,
+    UNKNOWN_PART,
     Chapter,
     Document,
     Float,
     InputError,
     InputFile,
     Int,
+    PartNames,
     RobotFile,
     Shaped,
     inverse,
@@ -104,6 +107,9 @@ def tracker(
     tilt_prior_deg: Annotated[float, Field(ge=0, le=1, description="of an axis' direction; 0: right")] = 0.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the robot must serve")] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
+    part: Annotated[
+        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
+    ] = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Register a robot to a laser tracker, and estimate what its joint offsets and lengths are off.
 
@@ -125,6 +131,7 @@ def tracker(
         tilt_prior_deg: of the direction of an axis; 0: not estimated.
         root_tolerance_mm: tolerance of the root face that the robot is to serve.
         bevel_deg: angle of its bevel.
+        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
 
     Raises:
         InputError: an unusable table or cell; too few postures; more blunders than can be told apart.
@@ -167,11 +174,13 @@ def tracker(
     )
     reasons = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
     reasons += _not_as_built(arm, found.errors)
+    who = UNKNOWN_PART.with_names(part)
     document = arm_document(
         arm,
         found.errors,
         found.covariance[-len(arm) :, -len(arm) :] if len(arm) else np.zeros((0, 0)),
         {
+            "part": asdict(who),
             "tracker_from_base": found.tracker_from_base,
             "registration_covariance": found.covariance[:6, :6],
             "targets": [
@@ -200,7 +209,14 @@ def tracker(
     )
     return (
         Document(RobotFile.NAME, RobotFile.written(document)),
-        Chapter("Robot calibration", html, summary=verdict, warnings=reasons + tuple(document["left_as_built"])),
+        Chapter(
+            "Robot calibration",
+            html,
+            summary=verdict,
+            part=who,
+            about="instruments",
+            warnings=reasons + tuple(document["left_as_built"]),
+        ),
     )
 
 

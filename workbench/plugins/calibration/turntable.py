@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +12,8 @@ from pydantic import Field
 
 from workbench.api import (
     DEG,
+    NO_NAMES,
+    UNKNOWN_PART,
     Chapter,
     Document,
     Float,
@@ -19,6 +21,7 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
+    PartNames,
     Recording,
     Shaped,
     TurntableFile,
@@ -114,6 +117,9 @@ def turntable(
     max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of the axis over that reach")] = 0.2,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the table must serve")] = 0.5,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is milled on it")] = 40.0,
+    part: Annotated[
+        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
+    ] = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
 
@@ -139,6 +145,7 @@ def turntable(
         max_u_mm: an axis that is less certain there is refused, and the direction named.
         root_tolerance_mm: tolerance of the root face that the table is to serve.
         bevel_deg: angle of its bevel.
+        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
 
     Raises:
         InputError: an unusable table; too few angles or markers; an axis that remains open.
@@ -192,9 +199,11 @@ def turntable(
             f"the table's angles are believed: the points tell them to {100.0 * found.scale_u:.2g} % only, and an "
             "error of them displaces the axis; measure at a third angle, or a marker farther from the others",
         )
+    who = UNKNOWN_PART.with_names(part)
     document = {
         "format": "turntable-calibration",
         "version": 1,
+        "part": asdict(who),
         "frame": "base",
         "base_from_turntable": _pose(found),
         "axis_point_mm": found.point_mm,
@@ -218,7 +227,7 @@ def turntable(
     ) + pieces.paragraph(f"{verdict[:1].upper() + verdict[1:]}.")
     return (
         Document(TurntableFile.NAME, TurntableFile.written(document)),
-        Chapter("Turntable calibration", html, summary=verdict, warnings=warnings),
+        Chapter("Turntable calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings),
     )
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, Int, Recording, Shaped, frozen, stage
+from workbench.api import Document, Float, InputError, Int, Part, Recording, Shaped, frozen, stage
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
@@ -176,7 +176,7 @@ def validate(
         how = f"a second recording, {recording.source}"
         held = second_recording(calibration, estimate, seen, noise, recording.source)
     found = _validation(how, seen, held)
-    return found, _document(found)
+    return found, _document(found, recording.part)
 
 
 def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
@@ -200,13 +200,14 @@ def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
     )
 
 
-def _document(found: Validation) -> Document:
+def _document(found: Validation, part: Part) -> Document:
     """`calibration_validation.json`: strict JSON."""
     rows = [
         {"frames": list(frames), "error_mm": _plain(error), "u_mm": _plain(u)}
         for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
     content = {
+        "part": dataclasses.asdict(part),
         "how": found.how,
         "rms_mm": found.rms_mm,
         "expected_mm": found.expected_mm,

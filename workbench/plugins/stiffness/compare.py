@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from workbench.api import (
@@ -56,9 +58,17 @@ def compare(without: Inspection, compensated: Inspection, bending: PathDeflectio
         "Root face and bevel angle along the edge, both parts",
         "Dotted: nominal values.",
     )
-    document = strict_json({"format": "compensation", "version": 1, "largest_deflection_mm": gave.max(), **errors})
+    document = strict_json(
+        {
+            "format": "compensation",
+            "version": 1,
+            "part": asdict(compensated.part),
+            "largest_deflection_mm": gave.max(),
+            **errors,
+        }
+    )
     return Document("compensation.json", document), Chapter(
-        "Deflection, without and with compensation", text, summary=summary
+        "Deflection, without and with compensation", text, summary=summary, part=compensated.part
     )
 
 

@@ -10,6 +10,8 @@ import scipy
 from pydantic import Field
 
 from workbench.api import (
+    NO_NAMES,
+    UNKNOWN_PART,
     AngleConvention,
     Bool,
     Cell,
@@ -20,6 +22,7 @@ from workbench.api import (
     InputError,
     InputFile,
     LoadingSetup,
+    PartNames,
     abb_angles,
     forward_kinematics,
     pieces,
@@ -138,6 +141,9 @@ def identify(
         float,
         Field(ge=0, le=0.2, description="standard uncertainty of the ratio of force sensor's to tracker's scale"),
     ] = 0.0,
+    part: Annotated[
+        PartNames, Field(description="whose loading tests they are: robot, robot_serial, recorded_at, operator")
+    ] = NO_NAMES,
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
 
@@ -152,6 +158,7 @@ def identify(
         angle_convention: of the file's angles; the contract has the controller's (abb).
         largest_relative_u: a joint less certain than this is refused, with the reason.
         scale_relative_u: what the calibration of force sensor and tracker leaves open, as a share; no load shows it.
+        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
 
     Raises:
         InputError: an unusable file; a mistake of signs, units, axes or conventions that explains the misfit; a joint
@@ -177,7 +184,9 @@ def identify(
     chapter = stiffness_chapter(
         found, tests.labels, notes["residual_over_noise_of_load"], notes["load_used"], scale_relative_u
     )
-    return found, chapter, stiffness_document(found, **notes)
+    who = UNKNOWN_PART.with_names(part)
+    chapter = dataclasses.replace(chapter, part=who, about="instruments")
+    return found, chapter, stiffness_document(found, part=dataclasses.asdict(who), **notes)
 
 
 def identify_from(

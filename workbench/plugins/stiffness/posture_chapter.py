@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, Cell, Chapter, Float, cell_triangles, pieces
+from workbench.api import DEG, AnyArray, Cell, Chapter, Float, Part, cell_triangles, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
 from workbench.plugins.stiffness.law_postures import Case, Found
 
 CELL_MM, CLOSE_UP_MM = 3600.0, 500.0  # what the pictures of the robot show
 
 
-def posture_chapter(cell: Cell, found: Found) -> Chapter:
+def posture_chapter(cell: Cell, found: Found, part: Part) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
     made = found.postures
     summary = (
@@ -33,7 +33,7 @@ def posture_chapter(cell: Cell, found: Found) -> Chapter:
         + pieces.heading("Displacement and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Displacement, margins and angles along the path")
     )
-    return Chapter("Postures", text, summary=summary, warnings=made.warnings)
+    return Chapter("Postures", text, summary=summary, part=part, warnings=made.warnings)
 
 
 def _how(found: Found) -> str:

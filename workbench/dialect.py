@@ -88,7 +88,7 @@ class ProgramJob:
         return tuple(
             plain(line)
             for line in (
-                f"Milling path of a {path.shape}, {path.bevel_deg:g} deg, root {path.root_mm:g} mm"
+                f"Milling path of a {path.shape}, {path.bevel_deg:g} deg, root face {path.root_mm:g} mm"
                 + (f", radius {path.root_radius_mm:g} mm" if path.root_radius_mm else "")
                 + f", {len(path.layers)} layers",
                 f"part: {path.part.part_id or 'unknown'}",

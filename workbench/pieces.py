@@ -90,9 +90,10 @@ def _key(colours: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def panels_html(pictures: Iterable[tuple[bytes, str]]) -> str:
-    """Small pictures beside each other, each with its words as caption."""
-    return f'<div class="panels">{"".join(figure_html(one, words, words) for one, words in pictures)}</div>'
+def panels_html(pictures: Iterable[tuple[bytes, str]], pairs: bool = False) -> str:
+    """Small pictures beside each other, in print three or in pairs, each with its words as caption."""
+    figures = "".join(figure_html(one, words, words) for one, words in pictures)
+    return f'<div class="panels{" pairs" if pairs else ""}">{figures}</div>'
 
 
 def minus(text: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.batch.fleet import MOST_PARTS, cover, fleet_files, page, worst_counts, worst_text
+from workbench.batch.fleet import MOST_PARTS, cover, fleet_files, page, without_folders, worst_counts, worst_text
 from workbench.batch.fleet_table import characteristics, least_margin, worst_first
 from workbench.batch.record import Record
 
@@ -91,6 +91,19 @@ def test_names_are_text() -> None:
     assert "script" not in made.tags
     assert sum("<script>alert(1)</script>" in word for word in made.words) == 5  # title twice, part twice and cause
     assert fleet_files(fleet, nasty)["fleet.parquet"][:4] == b"PAR1"
+
+
+@pytest.mark.parametrize(
+    ("recording", "cause", "shown"),
+    [
+        ("/data/my parts/a.h5", "/data/my parts/a.h5: /profiles/x: expected 2", "a.h5: /profiles/x: expected 2"),
+        ("a.h5", "/data/cell/handeye.json: $.pose: no matrix", "handeye.json: $.pose: no matrix"),
+        ("C:\\parts\\a.h5", "C:\\parts\\a.h5: torn", "a.h5: torn"),
+        ("parts/a.h5", "parts/a.h5: torn, see https://host/x/y.h5", "parts/a.h5: torn, see https://host/x/y.h5"),
+    ],
+)
+def test_a_cause_tells_nothing_of_the_machine(recording: str, cause: str, shown: str) -> None:
+    assert without_folders(cause, recording) == shown
 
 
 def test_the_page_needs_nothing_else() -> None:

@@ -40,7 +40,7 @@ def test_a_block_a_section_with_lines_of_its_values(drawing, inspected):
         assert math.isclose(math.degrees(angle), section.bevel_deg, abs_tol=1e-6)
         measured = [d.get_measurement() for d in block.query("DIMENSION")]
         assert np.allclose(measured, [section.root_mm, section.bevel_deg], atol=1e-6)
-        assert f"root {section.root_mm:.3f} mm" in " ".join(t.dxf.text for t in block.query("TEXT"))
+        assert f"root face {section.root_mm:.3f} mm" in " ".join(t.dxf.text for t in block.query("TEXT"))
 
 
 def test_points_lie_on_the_lines(drawing, inspected):

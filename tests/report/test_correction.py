@@ -53,7 +53,7 @@ def test_blind_and_corrected_stand_side_by_side() -> None:
     assert "Without and with correction" in chapter.html
     assert "+0.570" in chapter.html
     assert "+0.010" in chapter.html
-    assert "blind: root face off by +0.570 mm in the mean; corrected: root face off by +0.010 mm" in chapter.summary
+    assert "blind: mean root face deviation +0.570 mm; corrected: mean root face deviation +0.010 mm" in chapter.summary
     assert "hand-eye pose, tool setting" in chapter.html
     assert chapter.html.count("data:image/svg+xml") == 2
     assert chapter.verdict == ""

@@ -38,7 +38,7 @@ def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
     layer_section.stepping_drawing(p.cloud, p.edge, path, layer_section.stepped_section(p.edge, path))
     figure: Figure = figures[0]
     texts = {text.get_text() for text in figure.axes[0].texts}
-    assert {"root 1.500 ± 0.016 mm", "(41.000 ± 0.057)°", "thickness\n10.00 mm", "depth of cut 1 mm"} <= texts
+    assert {"root face 1.500 ± 0.016 mm", "(41.000 ± 0.057)°", "thickness\n10.00 mm", "depth of cut 1 mm"} <= texts
     assert {"1", "2", "3", "4", "5", "6"} <= texts
 
 

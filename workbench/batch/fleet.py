@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 from urllib.parse import quote
 
@@ -85,6 +87,16 @@ def page(records: Sequence[Record], title: str) -> str:
     )
 
 
+# An absolute path of a file: its last name has an ending, which places inside an HDF5 file (/profiles/x) have not.
+ABSOLUTE = re.compile(r"(?<![\w:/.\\])(?:[A-Za-z]:[\\/]|/)(?:[^\s:'\"/\\]+[\\/])+([^\s:'\"/\\]+\.\w+)")
+
+
+def without_folders(text: str, recording: str) -> str:
+    """A message with absolute paths shown by the file's name: a page that is passed on tells nothing of the machine."""
+    kind = next((one for one in (PurePosixPath, PureWindowsPath) if one(recording).is_absolute()), None)
+    return ABSOLUTE.sub(r"\1", text.replace(recording, kind(recording).name) if kind else text)
+
+
 def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]:
     """One part in the table."""
     report = next((name for name in ("report.html", "run.json") if name in record.files), "part.json")
@@ -97,7 +109,7 @@ def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]
         "verdict": record.verdict or "",
         "margin": "" if np.isnan(margin[place]) else f"{100 * margin[place]:.0f} %",
         "section": "" if section[place] < 0 else str(section[place] + 1),
-        "cause": one_line(record.cause),
+        "cause": without_folders(one_line(record.cause), record.recording),
     }
 
 

@@ -61,7 +61,7 @@ def register(
 
     The scan's local planes are matched with the reference's; places at corners do not count. A straight edge slides
     along itself: such open directions are named, and refused or held. The covariance comes from the normal equations
-    and from the residuals of stretches of the part, whose errors hang together.
+    and from the residuals of stretches of the part, whose errors are correlated.
 
     Args:
         scan: from `compare.surface`.

@@ -13,7 +13,7 @@ from skimage.morphology import closing
 from workbench.compare.surface_values import Deviations
 from workbench.units import Bool, Float, Int, Shaped
 
-# Where something changed: places that hang together on the map, as regions with a size and a mean.
+# Where something changed: adjoining places on the map, as regions with a size and a mean.
 
 LEAST_PLACES = 4  # fewer beside each other may be chance
 NEIGHBOURS = np.ones((3, 3), np.uint8)

@@ -169,7 +169,7 @@ def _texts(section: Section) -> list[str]:
         return [*lines, section.reason]
     return [
         *lines,
-        f"root {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
+        f"root face {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
         f"bevel {section.bevel_deg:.2f} deg, u {section.bevel_u_deg:.2f} deg",
     ]
 

@@ -155,10 +155,12 @@ def told(profile: Profile) -> list[str]:
         for k, one in enumerate(profile.lines, 1)
     ]
     rows += [
-        f"  corner {k}: x {c.x_mm:.3f} +- {2 * c.x_u_mm:.3f} mm, z {c.z_mm:.3f} +- {2 * c.z_u_mm:.3f} mm, "
+        f"  corner {k}: x {c.x_mm:.3f} ± {2 * c.x_u_mm:.3f} mm, z {c.z_mm:.3f} ± {2 * c.z_u_mm:.3f} mm, "
         f"turn {c.turn_deg:+.2f} deg"
         for k, c in enumerate(profile.corners, 1)
     ]
     if profile.corners:
-        rows.append("  (+- is U, coverage factor k = 2, of these points alone: no calibration of the sensor is in it)")
+        rows.append(
+            "  (± U: expanded uncertainty, k = 2, of these points alone: no calibration of the sensor is in it)"
+        )
     return rows

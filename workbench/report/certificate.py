@@ -113,7 +113,7 @@ def decision_rule(guard_factor: float) -> str:
     risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
     return (
         f"ISO 14253-1 with the guard band g = {guard_factor:g} u. Conformity of a value is verified inside the limits "
-        "by at least g (pass), nonconformity outside by at least g (fail). In between, in the uncertainty range, "
+        "by at least g (pass), nonconformity outside by at least g (fail). In between, in the uncertainty zone, "
         f"neither is verified (undecided). The risk of a wrong statement is at most {risk:.2g} % for each value. "
         "A part fails if any section fails; it passes if all sections pass."
     )

@@ -46,7 +46,7 @@ def closed_loop_summary(inspection: Inspection, toolpath: Toolpath, rework: Rewo
     bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
     done = f"; {one_line(rework.reason)}" if rework else ""
     return (
-        f"root {span(np.array(root), PLACES['root_mm'], ' mm')} (required {toolpath.root_mm:g} mm), "
+        f"root face {span(np.array(root), PLACES['root_mm'], ' mm')} (required {toolpath.root_mm:g} mm), "
         f"bevel {span(np.array(bevel), PLACES['bevel_deg'], '°')} (required {toolpath.bevel_deg:g}°){done}"
     )
 

@@ -46,7 +46,7 @@ def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]
     """The loop in one line."""
     said = [f"refused: {one_line(found.refused)}" if found.refused else found.reason]
     said += [
-        f"{name}: root face off by {signed(off[0], 3)} mm in the mean"
+        f"{name}: mean root face deviation {signed(off[0], 3)} mm"
         for name, one in finished.items()
         if (off := _off(one, "root_mm"))
     ]

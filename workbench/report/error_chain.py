@@ -76,5 +76,5 @@ def needs(
 
 
 def thermal_mm(kelvin: float, length_mm: float) -> float:
-    """Standard uncertainty of a length of steel over +- `kelvin` of any temperature (uniform)."""
+    """Standard uncertainty of a length of steel over ± `kelvin` of any temperature (uniform)."""
     return STEEL_PER_K * kelvin * length_mm / UNIFORM

@@ -187,7 +187,7 @@ def _named(stepped: Stepped, size: float) -> set[int]:
 def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
     root_u, bevel_u = planned_u(edge, toolpath)
     root = measured(stepped.root_mm, root_u, decimals([root_u]))
-    dimension_height(axes, stepped.root_mm, 0.05 * size, f"root {root} mm", size)
+    dimension_height(axes, stepped.root_mm, 0.05 * size, f"root face {root} mm", size)
     dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
     angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
     fillet, corner = toolpath.root_radius_mm, (0.0, stepped.root_mm)

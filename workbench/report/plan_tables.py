@@ -58,9 +58,9 @@ def plan_rows(toolpath: Toolpath, run: Run) -> Iterator[Row]:
     yield "Feed", f"{run.feed_mm_s.min():.3g} to {run.feed_mm_s.max():.3g} mm/s, cutting {toolpath.v_slow_mm_s:g} mm/s"
     yield "Time", duration(time)
     yield (
-        "Cutting share",
+        "Cutting",
         f"{100.0 * run.time_s[cut].sum() / time:.0f} % of the time, "
-        f"{100.0 * run.length_mm[cut].sum() / length:.0f} % of the way",
+        f"{100.0 * run.length_mm[cut].sum() / length:.0f} % of the path length",
     )
     yield f"Time at constant {toolpath.v_slow_mm_s:g} mm/s", duration(at_slow)
     yield "Time saved", f"{duration(at_slow - time)} ({100.0 * (1.0 - time / at_slow):.0f} %)"

@@ -128,7 +128,7 @@ def section_marks(
         facts = section_facts(s, places)
         if planned is not None:
             root, bevel = measured(planned[k].root_mm, None, 3), measured(planned[k].bevel_deg, None, 2)
-            facts = (*facts, ("Root planned", f"{root} mm"), ("Bevel planned", f"{bevel}°"))
+            facts = (*facts, ("Root face planned", f"{root} mm"), ("Bevel angle planned", f"{bevel}°"))
         outline = corners[k][[0, 1, 2, 3, 0]]
         marks.append(Mark(f"{s.index}", corners[k][[2, 3]].mean(axis=0), outline, VERDICTS[s.verdict], facts))
     return tuple(marks)

@@ -54,7 +54,7 @@ def accuracy(summaries: list[StiffnessSummary]) -> Iterable[str]:
         "covers, %",
         "95 % interval",
         "goal",
-        "sound loads put aside",
+        "sound loads rejected",
         "identification, ms (median)",
     ]
     rows = []

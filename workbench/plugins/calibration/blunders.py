@@ -111,7 +111,7 @@ def enough(
     """
     expanded = 2.0 * u_mm / math.sin(bevel_deg * DEG)
     good = expanded <= ENOUGH * root_tolerance_mm
-    takes = f"{what} alone takes U = {expanded:.3f} mm of a root tolerance of ± {root_tolerance_mm:g} mm"
+    takes = f"{what} alone takes U = {expanded:.3f} mm of a root face tolerance of ± {root_tolerance_mm:g} mm"
     if turn is not None:
         good = good and 2.0 * turn[0] <= ENOUGH * turn[1]
         takes += f" and {2.0 * turn[0]:.3f} deg of a bevel tolerance of ± {turn[1]:g} deg"

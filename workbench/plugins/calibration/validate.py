@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Annotated
 
 import numpy as np
@@ -207,7 +207,7 @@ def _document(found: Validation, part: Part) -> Document:
         for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
     content = {
-        "part": dataclasses.asdict(part),
+        "part": asdict(part),
         "how": found.how,
         "rms_mm": found.rms_mm,
         "expected_mm": found.expected_mm,

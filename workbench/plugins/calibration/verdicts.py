@@ -194,7 +194,7 @@ def warnings(
         said.append(_misfit(answer, stated, systematic_mm))
     for axis, free, error, variance in zip(AXES, scales.free, scales.error, np.diag(scales.covariance), strict=True):
         if free:
-            size = f"{abs(100 * error):.1f} +- {100 * math.sqrt(variance):.1f} % too {'long' if error > 0 else 'short'}"
+            size = f"{abs(100 * error):.1f} ± {100 * math.sqrt(variance):.1f} % too {'long' if error > 0 else 'short'}"
             said.append(
                 f"the profiler's {axis} is {size}: taken out here, and of scans that use this calibration; check the "
                 "sensor's scale in that axis"

@@ -1,4 +1,4 @@
-"""Weighted least squares for the joints' compliance, with gross errors found and put aside."""
+"""Weighted least squares for the joints' compliance, with gross errors found and rejected."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def excess(found: Estimate, use: Float) -> Float:
 
 
 def robust(eq: Equations) -> tuple[Estimate, Float]:
-    """The estimate, and which loads it rests on (L,): the worst is put aside as long as chance does not explain it.
+    """The estimate, and which loads it rests on (L,): the worst is rejected as long as chance does not explain it.
 
     At most a fifth of them: where one more contradicts the rest, see `excess`.
     """

@@ -56,7 +56,7 @@ def check_rigid(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> tuple
     """The tests without points that contradict the others, and a line on each.
 
     A load's points are fitted with a small rigid motion (six unknowns). Where the misfit is no chance, the point
-    without which the others agree is put aside; where three points disagree and none can be told, all of them are.
+    without which the others agree is rejected; where three points disagree and none can be told, all of them are.
     """
     if tests.targets_mm is None:
         return tests, ()
@@ -149,7 +149,7 @@ def identify(
 
     Weighted least squares for the compliance, with the noise of displacement and wrench out of the cell file, the
     sensor's wrench brought to the joints by (27) and (28) put right, and the second order of the deflection. Gross
-    errors are put aside: tracked points that leave the rigid body, loads that contradict the rest. What six springs do
+    errors are rejected: tracked points that leave the rigid body, loads that contradict the rest. What six springs do
     not explain, such as a sensor that stands elsewhere or a base that gives, is named and stands in u.
 
     Args:
@@ -237,7 +237,7 @@ def _refuse_mistakes(
     points_out: int,
     largest_relative_u: float,
 ) -> None:
-    """A mistake that explains a bad fit is an error. Where many loads were put aside, they are looked at with it."""
+    """A mistake that explains a bad fit is an error. Where many loads were rejected, they are looked at with it."""
     points = 0 if tests.targets_mm is None else tests.targets_mm.size / 3
     if points_out > MANY * points or (use == 0).sum() > MANY * len(use):
         found = solve(equations(chain, setup, tests), np.ones(len(use)))

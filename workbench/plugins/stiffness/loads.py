@@ -111,6 +111,6 @@ def _number(row: _Row, name: str, path: Path) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= MOST:
-        expected = "a number" if math.isnan(value) else f"a number within +-{MOST:g}"
+        expected = "a number" if math.isnan(value) else f"a number within ±{MOST:g}"
         raise InputError(f"{path}: line {row.line}: {name}", f"expected {expected}, found {row.cells[name]!r}")
     return value

@@ -47,12 +47,12 @@ def reason(joint: int, found: Estimate, eq: Equations, chain: Chain, setup: Load
     u = found.u[joint] * np.sqrt(max(found.scale2, 1.0))
     if found.compliance[joint] < -SURE * u:
         return (
-            f"it would give way against its load, compliance {found.compliance[joint]:.2g} +- {u:.2g} rad/Nm: the axes "
+            f"it would give way against its load, compliance {found.compliance[joint]:.2g} ± {u:.2g} rad/Nm: the axes "
             "of wrench and displacement do not belong together"
         )
     return (
         f"its loads are too small for the noise: torques up to {torque.max():.3g} Nm, compliance "
-        f"{found.compliance[joint]:.2g} +- {u:.2g} rad/Nm"
+        f"{found.compliance[joint]:.2g} ± {u:.2g} rad/Nm"
     )
 
 

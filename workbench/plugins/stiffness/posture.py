@@ -179,7 +179,7 @@ def posture(
         made,
         _gate(gate, found, force),
         Document("posture.json", posture_document(found)),
-        posture_chapter(cell, found, toolpath.part),
+        posture_chapter(cell, found, toolpath),
     )
 
 

@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from workbench.api import DEG, AnyArray, Cell, Chapter, Float, Part, cell_triangles, pieces
+from workbench.api import DEG, AnyArray, Cell, Chapter, Toolpath, pieces
 from workbench.plugins.stiffness.feasible import CAUSES, COLLISION
 from workbench.plugins.stiffness.law_postures import Case, Found
+from workbench.plugins.stiffness.posture_pictures import robots_html
 
-CELL_MM, CLOSE_UP_MM = 3600.0, 500.0  # what the pictures of the robot show
 
-
-def posture_chapter(cell: Cell, found: Found, part: Part) -> Chapter:
+def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
     made = found.postures
     summary = (
@@ -22,18 +21,18 @@ def posture_chapter(cell: Cell, found: Found, part: Part) -> Chapter:
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
     )
     text = (
-        pieces.paragraph(_how(found))
+        pieces.paragraph(pieces.minus(_how(found)))
         + pieces.list_html(made.warnings)
         + _table(found)
         + _causes(found)
         + pieces.heading("Mean displacement over cutter rotation and turntable angle")
         + pieces.figure_html(map_picture(found), "Map of the mean displacement, with the chosen postures")
         + pieces.heading("The robot at the middle of the path")
-        + _robots(cell, found)
+        + robots_html(cell, found, toolpath)
         + pieces.heading("Displacement and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Displacement, margins and angles along the path")
     )
-    return Chapter("Postures", text, summary=summary, part=part, warnings=made.warnings)
+    return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
 
 
 def _how(found: Found) -> str:
@@ -81,83 +80,6 @@ def _causes(found: Found) -> str:
     if not parts:
         return pieces.paragraph("The whole map is feasible.")
     return pieces.paragraph(f"Infeasible share of the map: {', '.join(parts + pairs)}.")
-
-
-def _robots(cell: Cell, found: Found) -> str:
-    """Before and after, from the same point of view."""
-    made, n = found.postures, len(found.points.layer)
-    at = found.points.loaded[len(found.points.loaded) // 2]
-    before = found.cases["as planned"]
-    views = [] if before is None else [("as planned", before.joints[at], before.table, np.full(n, before.table))]
-    views.append(("as chosen", made.joints[at], float(made.turntable[at]), made.turntable))
-    middle = (
-        np.array([1000.0, 0.0, 900.0])
-        if cell.turntable is None
-        else np.append(cell.turntable.base_from_turntable[:2, 3] / 2, 1000.0)
-    )
-    drawn = []
-    for name, joints, table, _ in views:
-        path = (found.points.turned(cell, np.array([table])) @ found.points.base_from_point)[found.points.cutting]
-        way = path[:, :3, 3]
-        near = (way.min(axis=0) + way.max(axis=0)) / 2
-        close_up = max(CLOSE_UP_MM, 1.6 * float(np.ptp(way, axis=0).max()))
-        drawn.append((robot_picture(cell, joints, table, way, middle, CELL_MM), name.capitalize()))
-        drawn.append(
-            (robot_picture(cell, joints, table, way, near, close_up), f"{name.capitalize()}, close to the path")
-        )
-    return pieces.panels_html(drawn) + pieces.key_html(key_of(cell))
-
-
-# Pictures of the robot cell in a posture, for the chapter of postures (Fig. 17c, d). mm, in the base.
-
-COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#7a8b99", "workpiece": "#b59b6a"}  # as view-cell's
-ROBOT, AROUND, PATH = "#e8a33d", "#b9c2c9", "#d11f1f"
-NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
-HUGE_MM = 7200.0  # a body that is larger, a floor or an envelope, is left out: it hides the others
-
-
-def key_of(cell: Cell) -> list[tuple[str, str]]:
-    """Colours and what they mean, of what stands in the cell."""
-    bodies = {shape.body for shape in cell.shapes}
-    others = bodies - _robot(cell) - set(COLOURS) - {"envelope", "floor"}
-    found = [(ROBOT, "robot"), *((COLOURS[body], name) for body, name in NAMES.items() if body in bodies)]
-    return [*found, *([(AROUND, ", ".join(sorted(others)))] if others else []), (PATH, "path")]
-
-
-def _robot(cell: Cell) -> set[str]:
-    return {shape.body for shape in cell.shapes if 0 <= shape.link <= 6 and shape.body not in COLOURS}
-
-
-def robot_picture(
-    cell: Cell, joints: Float, turntable: float, path_mm: Float, middle_mm: Float, size_mm: float
-) -> bytes:
-    """A PNG of the cell; the path (n, 3) is drawn through everything. What is huge is left out."""
-    from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    robot = _robot(cell)
-    figure = Figure(figsize=(4.6, 4.2))
-    axes: Any = figure.add_axes((0, 0, 1, 1), projection="3d")
-    faces, colours = [], []
-    made = cell_triangles(cell, joints, turntable)
-    huge = {body for body, triangles in made if np.ptp(triangles.reshape(-1, 3), axis=0).max() > HUGE_MM}
-    for body, triangles in made:
-        away = np.abs(triangles - middle_mm).max(axis=2).min(axis=1)  # of each triangle's nearest corner
-        triangles = triangles[away < 0.75 * size_mm]
-        if not len(triangles) or body in huge:
-            continue
-        faces.append(triangles)
-        colour = COLOURS.get(body, ROBOT if body in robot else AROUND)
-        colours += [colour] * len(triangles)
-    if faces:  # a cell may give no bodies: nothing of it is checked then, and the program says so
-        axes.add_collection3d(Poly3DCollection(np.concatenate(faces), facecolors=colours, shade=True, linewidths=0))
-    axes.plot(*path_mm.T, color=PATH, lw=1.4, zorder=1e6)
-    for name, at in zip(("xlim", "ylim", "zlim"), middle_mm, strict=True):
-        getattr(axes, f"set_{name}")(at - size_mm / 2, at + size_mm / 2)
-    axes.set_box_aspect((1, 1, 1), zoom=1.5)
-    axes.view_init(elev=22, azim=-60)
-    axes.set_axis_off()
-    return pieces.png(figure)
 
 
 # Pictures of the posture optimiser: its map (Fig. 17a), and what comes along the path.

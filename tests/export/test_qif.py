@@ -92,6 +92,21 @@ def test_it_names_part_instruments_and_uncertainty(named, provenance):
     assert max(int(one.get("id")) for one in found.iter() if one.get("id")) == int(found.get("idMax"))
 
 
+def test_its_traceability_is_told_or_said_to_be_unknown(named, provenance):
+    def trace(document):
+        found = read(document).find(".//q:InspectionTraceability", Q)
+        told = {one.get("name"): one.get("value") for one in found.findall("q:Attributes/*", Q)}
+        return found.findtext("q:InspectionOperator/q:Name", namespaces=Q), told
+
+    operator, told = trace(qif(named, provenance))
+    assert (operator, told["measurement procedure"]) == ("A. Smith", provenance.title)
+    other = replace(provenance, pipeline={**provenance.pipeline, "seed": 8})
+    assert trace(qif(named, other))[1]["measurement procedure SHA-256"] != told["measurement procedure SHA-256"]
+    unknown = trace(qif(replace(named, part=Part())))
+    assert unknown == ("unknown", {"measurement procedure": "unknown", "inspection start": "unknown"})
+    assert "meanError" not in qif(named).content.decode()  # nobody has estimated it
+
+
 def test_the_same_inspection_gives_the_same_bytes(named, provenance):
     assert qif(named, provenance).content == qif(named, provenance).content
     other = replace(named, part=replace(named.part, part_id="B"))

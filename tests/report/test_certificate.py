@@ -19,6 +19,9 @@ def test_what_is_unknown_is_said_and_how_to_set_it(elements):
     assert "--input drawing=" in text
     assert "--input sensor_serial=" not in text
     assert dict((name, value) for name, value, _ in identity_rows(Part()))["Operator"] == "unknown"
+    known = Part(sensor_calibrated_at="2026-03-01", recorded_at="2026-03-31T10:00")
+    told = dict((name, value) for name, value, _ in identity_rows(known))
+    assert told["Sensor calibrated"] == "2026-03-01, 30 days before; interval unknown"
 
 
 def test_of_a_calibration_only_the_instruments_are_told(elements, provenance):

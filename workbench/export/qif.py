@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from workbench.artefacts import Document, Inspection, Part, Provenance, conformity
 from workbench.errors import one_line
 from workbench.stage import stage
+from workbench.strict_json import content_digest
 from workbench.units import DEG
 
 NAMESPACE = "http://qifstandards.org/xsd/qif3"
@@ -37,8 +38,9 @@ def qif(inspection: Inspection, provenance: Provenance | None = None) -> Documen
 
     Each has its limits, nominal value, measured value with combined standard uncertainty, status, and the instruments
     it was measured with; lengths in mm, angles in degrees, as the units of the file say. An undecided value is UNKNOWN,
-    a hidden one NOT_MEASURED. Budget, decision rule and inputs are attributes of the results. The same inspection gives
-    the same bytes.
+    a hidden one NOT_MEASURED. Start, operator and procedure (title and SHA-256 of the pipeline) are the inspection's
+    traceability, unknown where nobody said them; budget, decision rule and inputs are attributes of the results. The
+    same inspection gives the same bytes.
 
     Args:
         inspection: the judged part.
@@ -192,12 +194,7 @@ def _results(
     component, part = next(ids), inspection.part
     made = SubElement(SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(next(ids)))
     _attributes(made, dict(_context(inspection, provenance)))
-    if part.recorded_at or part.operator:
-        trace = SubElement(made, "InspectionTraceability")
-        if part.recorded_at:
-            _text(trace, "InspectionStart", date_time(part.recorded_at))
-        if part.operator:
-            _text(SubElement(trace, "InspectionOperator"), "Name", part.operator)
+    _traceability(made, part, provenance)
     _text(made, "ThisResultsInstanceQPId", _unique(inspection, provenance, "results"))
     measured = SubElement(
         SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements", n=str(sum(map(len, items)))
@@ -215,7 +212,7 @@ def _results(
                 judged = conformity(value, u, one.nominal, one.tolerance, inspection.guard_factor)
                 _text(status, "CharacteristicStatusEnum", STATUS[judged])
                 number = _text(element, "Value", _decimal(value))
-                number.attrib |= {"combinedUncertainty": _decimal(u), "meanError": "0"}
+                number.set("combinedUncertainty", _decimal(u))
     _text(SubElement(made, "InspectionStatus"), "InspectionStatusEnum", STATUS[inspection.verdict])
     _ids(made, "ActualComponentIds", [component])
     whole = SubElement(SubElement(results, "ActualComponentSets", n="1"), "ActualComponentSet", n="1")
@@ -223,6 +220,23 @@ def _results(
     if part.part_id:
         _text(actual, "SerialNumber", part.part_id)
     _text(SubElement(actual, "Status"), "InspectionStatusEnum", STATUS[inspection.verdict])
+
+
+def _traceability(parent: Element, part: Part, provenance: Provenance | None) -> None:
+    """When, by whom and by which procedure it was measured; unknown is said, but for the start, which must be a time.
+
+    QIF's own InspectionProgram must name an author and a formal standard, which nobody states here: the procedure is
+    an attribute.
+    """
+    trace = SubElement(parent, "InspectionTraceability")
+    if part.recorded_at:
+        _text(trace, "InspectionStart", date_time(part.recorded_at))
+    _text(SubElement(trace, "InspectionOperator"), "Name", part.operator or "unknown")
+    told = {"measurement procedure": "unknown"}
+    if provenance:
+        digest = content_digest(provenance.pipeline)
+        told = {"measurement procedure": provenance.title or "pipeline", "measurement procedure SHA-256": digest}
+    _attributes(trace, told | ({} if part.recorded_at else {"inspection start": "unknown"}))
 
 
 def _context(inspection: Inspection, provenance: Provenance | None) -> Iterator[tuple[str, str]]:

@@ -137,7 +137,7 @@ def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
         yield name, shortened(value) if value else "unknown", bool(value)
     yield "Sensor", instrument(part.sensor, part.sensor_serial), part.sensor is not None
     calibrated = dated(part.sensor_calibrated_at, part.recorded_at)
-    yield "Sensor calibrated", calibrated or "unknown", bool(calibrated)
+    yield "Sensor calibrated", f"{calibrated}; interval unknown" if calibrated else "unknown", bool(calibrated)
     yield "Robot", instrument(part.robot, part.robot_serial), part.robot is not None
     yield "Hand-eye calibration", hand_eye(part), part.hand_eye is not None
     if part.simulated is not None:

@@ -42,7 +42,7 @@ def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
         way = (turned @ found.points.base_from_point[found.points.cutting])[:, :3, 3]
         bodies = cell_triangles(cell, joints, table)
         if not any(body == "workpiece" for body, _ in bodies):
-            bodies.append((PLATE_BODY, seen(plate_triangles(toolpath) @ turned[:3, :3].T + turned[:3, 3])))
+            bodies.append((PLATE_BODY, plate_triangles(toolpath) @ turned[:3, :3].T + turned[:3, 3]))
         size = max(CLOSE_UP_MM, BESIDE * float(np.ptp(way, axis=0).max()))
         colours = colours_of(cell, [body for body, _ in bodies])
         drawn.append((robot_picture(bodies, colours, way), name))
@@ -110,7 +110,7 @@ def robot_picture(
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     shown = [
-        (triangles, colour)
+        (seen(triangles), colour)
         for (_, triangles), colour in zip(bodies, colours, strict=True)
         if np.ptp(triangles.reshape(-1, 3), axis=0).max() <= HUGE_MM
     ]

@@ -49,7 +49,7 @@ from workbench.artefacts.inspections import (
 )
 from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
-from workbench.artefacts.parts import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Part, PartNames, shared
+from workbench.artefacts.parts import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import ChainU, Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
 from workbench.artefacts.programs import (
     EventKind,
@@ -140,7 +140,6 @@ __all__ = [
     "Violation",
     "conformity",
     "frozen",
-    "shared",
     "u_name",
 ]
 

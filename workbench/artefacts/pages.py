@@ -72,10 +72,10 @@ class Chapter:
     verdict: Verdict | Literal[""] = ""  # '': the chapter decides nothing
     summary: str = ""  # one line for the top of the page, plain text
     part: Part | str | None = None  # that it is about, or its name alone
-    about: Literal["part", "instruments"] = "part"  # instruments: of `part` only they, when and by whom count
     warnings: tuple[str, ...] = ()
     scene: Scene | None = None
     certificate: str = ""  # HTML of the first page, above the signature: one A4 side with the part's identity
+    about: Literal["part", "instruments"] = "part"  # instruments: of `part` only they, when and by whom count
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import shared
+from workbench.artefacts.parts import shared
 from workbench.compare.measurements import measurements_of, plain_measurements, read_inspection
 from workbench.compare.study_tables import (
     apart,

@@ -9,25 +9,28 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from workbench.pipeline import Pipeline as Pipeline
+    from workbench.pipeline import Results as Results
     from workbench.scan import read as read
 
 __version__ = "0.2.0"
-FAMILIES = ("scan", "cloud", "edge", "inspect", "path", "program", "twin", "report", "compare", "export")
-__all__ = ["Pipeline", "__version__", "read", *FAMILIES]
+_PLAIN = ("scan", "cloud", "edge", "inspect", "path", "program", "twin", "report", "compare", "export", "robot")
+FAMILIES = {  # of stages, and where they are: as the entry points say
+    **{name: f"workbench.{name}" for name in _PLAIN},
+    "calibrate": "workbench.plugins.calibration",
+    "stiffness": "workbench.plugins.stiffness",
+}
+_OTHERS = ("api", "artefacts", "batch", "checks", "errors", "look", "synthetic", "view")
+OTHERS = {name: f"workbench.{name}" for name in _OTHERS}
+NAMES = {"Pipeline": "workbench.pipeline", "Results": "workbench.pipeline", "read": "workbench.scan"}
+__all__ = ["__version__", *FAMILIES, *OTHERS, *NAMES]
 
 
 def __getattr__(name: str) -> Any:
-    """Import `Pipeline`, `read` and the families of stages on first use, so that `import workbench` stays cheap."""
-    if name == "Pipeline":
-        from workbench.pipeline import Pipeline
-
-        return Pipeline
-    if name == "read":
-        from workbench.scan import read
-
-        return read
-    if name in FAMILIES:
-        return importlib.import_module(f"workbench.{name}")
+    """Import what is for users on first use, so that `import workbench` stays cheap."""
+    if name in NAMES:
+        return getattr(importlib.import_module(NAMES[name]), name)
+    if place := FAMILIES.get(name) or OTHERS.get(name):
+        return importlib.import_module(place)
     raise AttributeError(f"module 'workbench' has no attribute {name!r}")
 
 

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from workbench.artefacts import Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
+from workbench.artefacts.showing import shown
 from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
@@ -28,6 +29,7 @@ LONGEST_REMARK = 70  # characters
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
 
 
+@shown
 @dataclass(frozen=True, slots=True, eq=False)
 class MillingTool:
     """The cutter in its spindle on the robot's flange."""
@@ -42,6 +44,7 @@ class MillingTool:
         return np.asarray(self.position_mm + radius_mm * rotation_from_quaternion(self.quaternion_wxyz)[:, 0])
 
 
+@shown
 @dataclass(frozen=True, slots=True, eq=False)
 class ProgramJob:
     """All that a program says: k moves with a tool in a work object."""

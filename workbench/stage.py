@@ -55,12 +55,16 @@ class Source:
     nullable: bool = False  # its stage can do without the value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stage:
     """A registered stage: its function and what its signature says (read on first use)."""
 
     name: str
     function: Callable[..., Any]
+
+    def __repr__(self) -> str:
+        """Its name alone."""
+        return f"Stage({self.name!r})"
 
     @property
     def doc(self) -> str:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import inspect
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import workbench
-from workbench import artefacts
+from workbench import api, artefacts
 from workbench.artefacts import Document
 from workbench.errors import PipelineError
+from workbench.stage import GROUP, REGISTRY
 
 ROOT = Path(__file__).parents[2]
 PART = ROOT / "data" / "synthetic" / "milled_edge.h5"
@@ -29,7 +32,7 @@ def made():
 
 def test_names_complete():
     names = dir(workbench)
-    assert {"Pipeline", "read", "scan", "cloud", "edge", "inspect", "path", "report"} <= set(names)
+    assert {"Pipeline", "Results", "read", "artefacts", "synthetic", "look", "errors"} <= set(names)
     assert not {"Any", "TYPE_CHECKING", "importlib"} & set(names)
     for name in names:
         assert getattr(workbench, name) is not None
@@ -37,10 +40,34 @@ def test_names_complete():
         _ = workbench.nothing
 
 
-def test_import_stays_cheap():
-    code = "import sys, workbench; print(sorted({'numpy', 'pydantic', 'h5py', 'open3d'} & set(sys.modules)))"
+def test_every_family_of_stages_completes():
+    ours = {one.name: one.value for one in entry_points(group=GROUP) if one.value.startswith("workbench.")}
+    assert ours == workbench.FAMILIES
+    for family, place in ours.items():
+        module = getattr(workbench, family)
+        assert module is sys.modules[place]
+        stages = {name for name, one in REGISTRY.items() if one.function.__module__.startswith(f"{place}.")}
+        assert stages
+        assert {name.partition(".")[2] for name in stages} <= set(dir(module))
+    assert {"robot", "calibrate", "stiffness"} <= set(dir(workbench))
+
+
+def in_a_process_of_its_own(code: str) -> str:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
-    assert done.stdout == "[]\n"
+    return done.stdout.strip()
+
+
+def test_import_stays_cheap():
+    code = "import sys, workbench; dir(workbench); print(sorted(set(sys.modules) - before))"
+    brought = in_a_process_of_its_own(f"import sys, importlib, typing; before = set(sys.modules); {code}")
+    assert brought == "['workbench']"
+
+
+@pytest.mark.parametrize("name", ["robot", "calibrate", "stiffness"])
+def test_families_load_on_first_use(name):
+    place = workbench.FAMILIES[name]
+    code = f"import sys, workbench; print('{place}' in sys.modules, workbench.{name}.__name__)"
+    assert in_a_process_of_its_own(code) == f"False {place}"
 
 
 def test_files_stand_behind_the_artefacts(tmp_path):
@@ -69,6 +96,36 @@ def test_reprs_are_short(made):
         assert page.startswith("<table>")
         assert page.count("<tr>") <= len(dataclasses.fields(one))
     assert "array 309x600 float32" in repr(made[0])
+
+
+def test_nothing_public_shows_an_address(made):
+    """No class keeps Python's own repr, `<... object at 0x...>`; what a session holds is told in a few lines."""
+    packages = [getattr(workbench, name) for name in workbench.FAMILIES | workbench.OTHERS]
+    public = [
+        workbench.Pipeline,
+        workbench.Results,
+        *(getattr(p, n) for p in packages for n in getattr(p, "__all__", ())),
+    ]
+    own = {one for one in public if isinstance(one, type) and one.__module__.startswith("workbench.")}
+    assert len(own) > 80
+    assert [one for one in own if one.__repr__ is object.__repr__ and not inspect.isabstract(one)] == [api.Dialect]
+    pipeline = workbench.Pipeline.load(ROOT / "pipelines" / "inspect_bevel.json")
+    plan = pipeline.plan()
+    cell = workbench.robot.cell(cell=ROOT / "data" / "robot" / "cell.json")
+    screen = workbench.robot.CollisionScreen(cell)
+    truth = workbench.synthetic.read_truth(PART.with_suffix(".truth.json"))
+    seen = workbench.look.command.seen(PART)
+    reading = workbench.checks.known_conventions()[0]
+    shown = (pipeline, pipeline.document, plan, *plan.steps, *(step.stage for step in plan.steps), cell, cell.chain)
+    for one in (*shown, screen, screen.model, truth, seen, reading, *made[1].faces.values()):
+        assert repr(one).startswith(type(one).__name__ + "(")
+        assert " at 0x" not in repr(one)
+        assert len(repr(one)) < 1000
+    assert repr(pipeline).endswith(
+        "inspect_bevel.json': 'Inspect a milled bevel'; stages scan.read, scan.fuse, cloud.denoise, edge.segment, "
+        "inspect.sections, inspect.gate, export.qif, report.inspection, report.html; "
+        f"inputs {', '.join(pipeline.document.inputs)})"
+    )
 
 
 def test_reprs_escape_what_comes_out_of_files():

@@ -61,7 +61,8 @@ from workbench.artefacts.programs import (
     Violation,
 )
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
-from workbench.artefacts.showing import shown
+from workbench.artefacts.showing import shown_all
+from workbench.geometry.faces import FaceLines
 from workbench.units import frozen
 
 __all__ = [
@@ -143,7 +144,5 @@ __all__ = [
     "u_name",
 ]
 
-for _name in __all__:
-    if hasattr(globals()[_name], "__dataclass_fields__") and isinstance(globals()[_name], type):
-        shown(globals()[_name])
-del shown
+shown_all(FaceLines, *(globals()[_name] for _name in __all__))
+del shown_all, FaceLines

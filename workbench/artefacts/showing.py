@@ -1,6 +1,6 @@
 """How artefacts show themselves in a notebook: a line instead of arrays, a small table, charts.
 
-`shown` gives an artefact a short `repr` and `_repr_html_`; `rows_table` and the charts serve `.table()` and `.plot()`.
+`shown` gives a dataclass a short `repr` and `_repr_html_`; `rows_table` and the charts serve `.table()` and `.plot()`.
 """
 
 from __future__ import annotations
@@ -31,6 +31,13 @@ def shown(cls: T) -> T:
     return cls
 
 
+def shown_all(*values: Any) -> None:
+    """`shown` for every dataclass among the values, such as those of a module."""
+    for one in values:
+        if isinstance(one, type) and is_dataclass(one):
+            shown(one)
+
+
 def brief(value: Any) -> str:
     """A value in a few words: an array by its shape, a sequence by its length, an artefact by its name."""
     if isinstance(value, np.ndarray):
@@ -46,6 +53,8 @@ def brief(value: Any) -> str:
         return "{" + ", ".join([*told, *(["..."] if len(value) > MOST_KEYS else [])]) + "}"
     if isinstance(value, tuple | list) and any(is_dataclass(one) or isinstance(one, np.ndarray) for one in value):
         return f"{len(value)} x {type(value[0]).__name__}"
+    if callable(value) or repr(value) == object.__repr__(value):
+        return str(getattr(value, "__name__", type(value).__name__))
     text = repr(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, TextIO
 
+from workbench.artefacts.showing import shown
 from workbench.batch.part import RECORDING, Job
 from workbench.batch.processes import Workers, here
 from workbench.batch.record import OUTCOMES, Record
@@ -104,6 +105,7 @@ TIME_LIMIT_S = 600.0
 FLEET_FILES = ("fleet.html", "fleet.parquet")
 
 
+@shown
 @dataclass(frozen=True, slots=True)
 class Batch:
     """What became of the parts, in the order given."""

@@ -1,5 +1,6 @@
 """What a recording can disprove of itself, before anything is measured: docs/checks.md."""
 
+from workbench.artefacts.showing import shown_all
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.judge import (
     NOT_JUDGED,
@@ -29,3 +30,6 @@ __all__ = [
     "refuse_failed",
     "refuse_unsound",
 ]
+
+shown_all(Consistency, Convention, Limit)
+del shown_all

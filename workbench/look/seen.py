@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 from workbench.artefacts import Strokes
 from workbench.artefacts.checks import Check
+from workbench.artefacts.showing import shown
 from workbench.edge.groove_rows import Rows
 from workbench.look.single import Profile
 from workbench.units import Float, Shaped
 
 
+@shown
 @dataclass(frozen=True, slots=True, eq=False)
 class Shade:
     """A value a point, by which the view may be coloured."""
@@ -19,6 +21,7 @@ class Shade:
     values: Shaped[Float, " n"]
 
 
+@shown
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
     """A file as it was understood."""

@@ -20,10 +20,11 @@ from typing import Any, TypeVar
 
 from workbench import __version__
 from workbench.artefacts import Gate, PathGate, Provenance
+from workbench.artefacts.showing import brief, shown
 from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
 from workbench.pipeline.cache import Made, StageCache
-from workbench.pipeline.document import check_document, parse_json, read_document
+from workbench.pipeline.document import PipelineDocument, check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.registry import FILES
@@ -75,6 +76,9 @@ class Results:
         return all(artefact.clean for artefact in self if isinstance(artefact, Gate))
 
 
+shown(PipelineDocument)
+
+
 class Pipeline:
     """A pipeline document (docs/pipelines.md): `Pipeline.load("inspect.json").run(out="result")`."""
 
@@ -92,6 +96,13 @@ class Pipeline:
         pipeline = cls.__new__(cls)
         pipeline.document = read_document(Path(path))
         return pipeline
+
+    def __repr__(self) -> str:
+        """Its file, title, stages and inputs, in a line a notebook can show."""
+        document = self.document
+        stages = ", ".join(str(one["stage"]) for one in document.stages)
+        inputs = ", ".join(document.inputs)
+        return f"Pipeline({document.name!r}: {brief(document.title)}; stages {stages}; inputs {inputs or 'none'})"
 
     def plan(
         self,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.artefacts import Chapter, Document, Provenance
+from workbench.artefacts.showing import shown
 from workbench.errors import ArgumentError, InputError, PipelineError, nearest
 from workbench.pipeline.document import PipelineDocument
 from workbench.pipeline.registry import find
@@ -25,6 +26,7 @@ class InputRecord:
     path: Path
 
 
+@shown
 @dataclass(frozen=True)
 class Step:
     """One stage of a pipeline, ready to run. `sources`: by parameter, the ids of the steps that supply it."""
@@ -38,6 +40,7 @@ class Step:
     write: bool = True  # False: what it makes is for later stages only, no result file
 
 
+@shown
 @dataclass(frozen=True)
 class Plan:
     """A pipeline in which everything that can be checked without running has been checked."""

@@ -4,6 +4,7 @@ Kinematics come from the URDF by pinocchio; the kernels here are vectorised over
 tests. Collision is python-fcl's.
 """
 
+from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
@@ -58,3 +59,6 @@ __all__ = [
     "within_limits",
     "within_margins",
 ]
+
+shown_all(*(globals()[_name] for _name in __all__))
+del shown_all

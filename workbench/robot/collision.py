@@ -37,6 +37,10 @@ class CollisionModel:
         self._objects = [fcl.CollisionObject(_geometry(shape)) for shape in cell.shapes]
         self.pairs = checked_pairs(cell)
 
+    def __repr__(self) -> str:
+        """The cell, and how much is looked at."""
+        return f"CollisionModel({self._cell.title!r}, {len(self._objects)} bodies, {len(self.pairs)} pairs)"
+
     def collision(self, joints: Float, turntable: float = 0.0) -> tuple[str, str] | None:
         """The first pair of bodies nearer than the margin at joint angles (6,), rad; None: the posture is free."""
         self._place(joints, turntable)

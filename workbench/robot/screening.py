@@ -24,6 +24,10 @@ class CollisionScreen:
         self.model = CollisionModel(cell)
         self.cell, self._volumes = cell, bounding_volumes(cell)
 
+    def __repr__(self) -> str:
+        """What it asks."""
+        return f"CollisionScreen({self.model!r})"
+
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is nearer than the margin, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workbench.artefacts.showing import shown_all
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
@@ -63,3 +64,6 @@ __all__ = [
     "truth_path",
     "write_simulation",
 ]
+
+shown_all(*(globals()[_name] for _name in __all__))
+del shown_all

@@ -145,6 +145,10 @@ class ResultServer(http.server.ThreadingHTTPServer):
         except OSError as error:
             raise OutputError(f"--port {port}", f"expected a free port of {LOOPBACK}: {error.strerror}") from None
 
+    def __repr__(self) -> str:
+        """What it serves, without the token that opens it."""
+        return f"ResultServer({str(self.root)!r}, port {self.server_port})"
+
     @property
     def hosts(self) -> set[str]:
         """What a request may call this server."""

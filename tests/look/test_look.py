@@ -171,9 +171,45 @@ def test_the_unit_that_makes_it_consistent_is_named_alone(place, scale, unit, co
         else:
             value *= scale
         file[place][...] = value
-    lines = command("look", path).out.splitlines()
+    assert lines_named(command("look", path)) == [unit]
+
+
+def lines_named(got) -> list[str]:
+    lines = got.out.splitlines()
     at = lines.index("conventions that would make this consistent:")
-    assert [line.strip() for line in lines[at + 1 :] if line.startswith("  ")] == [unit]
+    return [line.strip() for line in lines[at + 1 :] if line.startswith("  ")]
+
+
+@pytest.mark.parametrize("name", ["milled_edge", "milled_arc", "raw_edge"])
+@pytest.mark.parametrize(
+    ("places", "scale", "unit"),
+    [
+        (("profiles/x", "profiles/z"), 1e3, "the profiles' x and z are in micrometres"),
+        (("profiles/z",), 1e3, "the profiles' z, but not their x, are in micrometres"),
+        (("profiles/x", "profiles/z"), 1e-3, "the profiles' x and z are in metres"),
+    ],
+)
+def test_the_unit_of_profiles_is_named_alone(name, places, scale, unit, command, tmp_path):
+    """Micrometres are more than any length in mm may be: no stage reads them, and the unit is named all the same."""
+    path = tmp_path / "scaled.h5"
+    shutil.copy(SYNTHETIC / f"{name}.h5", path)
+    with h5py.File(path, "r+") as file:
+        for place in places:
+            file[place][...] = file[place][...] * scale
+    got = command("look", path)
+    assert ("FAIL recording_read" in got.out) is (scale > 1)
+    assert lines_named(got) == [unit]
+
+
+def test_a_code_for_no_return_is_no_unit(command, tmp_path):
+    path = tmp_path / "coded.h5"
+    shutil.copy(SYNTHETIC / "milled_edge.h5", path)
+    with h5py.File(path, "r+") as file:
+        z = file["profiles/z"][...]
+        file["profiles/z"][...] = np.where(np.isnan(z), 999999.0, z)
+    got = command("look", path)
+    assert "FAIL recording_read" in got.out
+    assert "conventions that would" not in got.out
 
 
 def test_joint_angles_are_told_as_such(command, tmp_path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import numpy as np
 from workbench.artefacts import Check, Recording, Strokes
 from workbench.checks import AS_READ, consistent_conventions, judge_recording
 from workbench.checks.judge import UNITS_MM
+from workbench.checks.limits import most
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
@@ -23,10 +26,12 @@ from workbench.look.tell import box, failed
 from workbench.scan.fuse import flange_poses, pass_after_pass
 from workbench.scan.hdf5 import opened, whole
 from workbench.scan.layout import FIELDS, data_sets
-from workbench.units import AnyArray, Float
+from workbench.scan.read import ON_THE_GRID, read_in
+from workbench.units import AnyArray, Float, Float32
 
 MOST_SUGGESTIONS = 5
 OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "way_mm", "frame_step_mm", "speed_mm_s", "hand_eye_mm")
+NEARLY_ALL = 1.0  # percentile of the returns' |z| from which on they count
 SCANNERS = 24  # scanner poses drawn
 BASE_AXES_MM = 200.0
 RED, GREEN, BLUE, WAY, SCANNER_WAY = (200, 60, 20), (0, 130, 90), (0, 90, 180), (27, 31, 36), (150, 90, 160)
@@ -91,26 +96,73 @@ def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
     )
 
 
+PROFILES = "the profiles' x and z"
+LENGTHS = {  # what may be in another unit, and the recording's fields that hold it
+    "the robot's positions": ("robot_position_mm",),
+    PROFILES: ("x_mm", "z_mm"),
+    "the hand-eye pose's translation": ("flange_from_profiler",),
+}
+RARER = {  # tried where none of these explains it
+    "all lengths": ("robot_position_mm", "x_mm", "z_mm", "flange_from_profiler"),
+    "the profiles' z, but not their x,": ("z_mm",),
+    "the profiles' x, but not their z,": ("x_mm",),
+}
+
+
 def consistent_units(recording: Recording, checks: tuple[Check, ...]) -> tuple[str, ...]:
     """Units of lengths under which every check passes, where one of a length failed; nothing else needs trying then."""
     if all(check.passed for check in checks if check.name in OF_LENGTHS):
         return ()
-    found = []
-    for unit, scale in UNITS_MM.items():
-        hand_eye = recording.flange_from_profiler
-        tried = {
-            "the robot's positions": replace(recording, robot_position_mm=recording.robot_position_mm * scale),
-            "the profiles' x and z": replace(recording, x_mm=recording.x_mm * scale, z_mm=recording.z_mm * scale),
-        }
-        if hand_eye is not None:
-            moved = pose_from(hand_eye[:3, :3], hand_eye[:3, 3] * scale)
-            tried["the hand-eye pose's translation"] = replace(recording, flange_from_profiler=moved)
-        found += [
-            f"{what} are in {unit}" if "pose" not in what else f"{what} is in {unit}"
-            for what, changed in tried.items()
-            if all(check.passed for check in judge_recording(changed))
-        ]
-    return tuple(found)
+
+    def fitting(kinds: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+        return tuple(
+            _in(what, unit)
+            for unit, scale in UNITS_MM.items()
+            for what, names in kinds.items()
+            if _sound(_scaled(recording, names, scale))
+        )
+
+    return fitting(LENGTHS) or fitting(RARER)
+
+
+def consistent_profile_units(file: Path, z_mm: Float32) -> tuple[str, ...]:
+    """Units of x and z under which a recording that is refused as it stands is read, and every check passes.
+
+    Asked only where nearly all returns z (N, M) are too far: some that are may be a code for 'no return'.
+    """
+    returns = np.abs(z_mm[np.isfinite(z_mm)])
+    if not len(returns) or np.percentile(returns, NEARLY_ALL) < most("range_mm"):
+        return ()
+    kinds = {PROFILES: LENGTHS[PROFILES], **RARER}
+    small = {unit: scale for unit, scale in UNITS_MM.items() if scale < 1}  # what is refused is too large
+    for what, names in kinds.items():
+        for unit, scale in small.items():
+            with suppress(InputError):
+                recording = read_in(file, {name: scale for name in names if name in ON_THE_GRID})
+                others = [name for name in names if name not in ON_THE_GRID]
+                if _sound(_scaled(recording, others, scale)):
+                    return (_in(what, unit),)
+    return ()
+
+
+def _sound(recording: Recording) -> bool:
+    return all(check.passed for check in judge_recording(replace(recording, not_confirmed=())))
+
+
+def _in(what: str, unit: str) -> str:
+    return f"{what} {'is' if what.endswith('translation') else 'are'} in {unit}"
+
+
+def _scaled(recording: Recording, names: Iterable[str], scale: float) -> Recording:
+    """The recording with some of its lengths times `scale`."""
+    changed: dict[str, AnyArray] = {}
+    for name in names:
+        value = getattr(recording, name)
+        if name != "flange_from_profiler":
+            changed[name] = value * scale
+        elif value is not None:
+            changed[name] = pose_from(value[:3, :3], value[:3, 3] * scale)
+    return replace(recording, **changed)  # type: ignore[arg-type]
 
 
 def placed(x_mm: AnyArray, z_mm: AnyArray, base_from_profiler: Float) -> Float:
@@ -211,6 +263,7 @@ def unchecked(file: Path, error: InputError) -> Seen:
             raise error from None
     frames, columns = z_mm.shape
     shown = stacked(x_mm, z_mm, None)
+    units = consistent_profile_units(file, z_mm)
     finding = failed("recording_read", None, "what scan.read refuses, nothing may measure", error.expected)
     place = error.where.removeprefix(f"{where}: ").removeprefix(where)
     lines = [f"profiles: {frames} frames of {columns} columns", f"refused by scan.read: {place}: {error.expected}"]
@@ -224,5 +277,6 @@ def unchecked(file: Path, error: InputError) -> Seen:
         shown.shades,
         strokes=(_lines("robot's way (flange)", [way], WAY),) if len(way) > 1 and np.isfinite(way).all() else (),
         checks=(finding,),
+        suggestions=units,
         profile=profile,
     )

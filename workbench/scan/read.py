@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import warnings
 import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,16 +46,25 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
         >>> read(recording="data/synthetic/milled_edge.h5").z_mm.shape
         (309, 600)
     """
+    found = read_in(recording, {}, progress)
+    for said in found.part.contradicted(part):
+        warnings.warn(f"{said}, which is taken", stacklevel=1)
+    return replace(found, part=found.part.with_names(part))
+
+
+def read_in(recording: Path, unit_mm: Mapping[str, float], progress: Progress = None) -> Recording:
+    """As `read`, of a file whose `x_mm` or `z_mm` are in another unit of so many mm: what `workbench look` tries.
+
+    Raises:
+        InputError: as `read`.
+    """
     where = str(recording)
     with opened(recording) as file:
         if not survives(lambda: _tables(file, where)):
             raise InputError(where, "expected a complete HDF5 file: its tables or texts are damaged")
         sets, values, header = _tables(file, where)
-        values |= _grid(sets, where, progress)
+        values |= _grid(sets, where, progress, unit_mm)
     fields: dict[str, Any] = {name: frozen(array) for name, array in values.items()}
-    for said in header["part"].contradicted(part):
-        warnings.warn(f"{said}, which is taken", stacklevel=1)
-    header["part"] = header["part"].with_names(part)
     return Recording(source=where, **fields, **header)
 
 
@@ -74,7 +86,7 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
     )
 
 
-def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, AnyArray]:
+def _grid(sets: dict[str, Any], where: str, progress: Progress, unit_mm: Mapping[str, float]) -> dict[str, AnyArray]:
     """x, z and intensity, read and checked in blocks of frames; a block is whole chunks, so each is unpacked once."""
     grid = {name: np.empty(sets[name].shape, FIELDS[name].dtype) for name in ON_THE_GRID if name in sets}
     frames, columns = grid["x_mm"].shape
@@ -84,6 +96,8 @@ def _grid(sets: dict[str, Any], where: str, progress: Progress) -> dict[str, Any
     def fill(first: int, last: int) -> int:
         for name, array in grid.items():
             read_frames(sets[name], array, first, last)
+            if name in unit_mm:
+                array[first:last] *= unit_mm[name]
         return _count_returns(grid["x_mm"][first:last], grid["z_mm"][first:last], first, where)
 
     seen = 0

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,7 +11,11 @@ import pytest
 
 from tests.importing.makers import write_gocator, write_gopxl
 from workbench.look.command import seen
+from workbench.look.recorded import consistent_axes, judged
 from workbench.look.single import measured
+from workbench.scan import read
+from workbench.synthetic import simulate_swept
+from workbench.synthetic.swept.conditions import random_swept_recipe
 
 ROOT = Path(__file__).parents[2]
 SYNTHETIC = ROOT / "data" / "synthetic"
@@ -210,6 +215,54 @@ def test_a_code_for_no_return_is_no_unit(command, tmp_path):
     got = command("look", path)
     assert "FAIL recording_read" in got.out
     assert "conventions that would" not in got.out
+
+
+@pytest.mark.parametrize("name", ["milled_edge", "milled_arc", "raw_wavy", "groove"])
+def test_swapped_axes_are_named_alone(name, command, tmp_path):
+    """Checks of the profiles alone fail, which no reading of the poses mends; none is named."""
+    path = tmp_path / "swapped.h5"
+    shutil.copy(SYNTHETIC / f"{name}.h5", path)
+    with h5py.File(path, "r+") as file:
+        x, z = file["profiles/x"][...], file["profiles/z"][...]
+        file["profiles/x"][...], file["profiles/z"][...] = z, x
+    got = command("look", path)
+    assert "FAIL" in got.out
+    assert lines_named(got) == ["the profiles' x and z are swapped (nothing tells their signs)"]
+
+
+@pytest.mark.parametrize("signs", [(-1, 1), (1, -1)])
+@pytest.mark.parametrize("name", ["milled_edge", "milled_arc", "raw_wavy"])
+def test_of_a_mirrored_axis_that_nothing_shows_nothing_is_claimed(name, signs):
+    recording = read(recording=SYNTHETIC / f"{name}.h5")
+    checks, named = judged(replace(recording, x_mm=recording.x_mm * signs[0], z_mm=recording.z_mm * signs[1]))
+    assert all(check.passed for check in checks)
+    assert named == ()
+
+
+@pytest.mark.parametrize(
+    ("signs", "named"),
+    [
+        ((-1, 1), "the sign of x of the profiles is wrong"),
+        ((1, -1), "the sign of z of the profiles is wrong"),
+    ],
+)
+def test_a_mirrored_axis_is_named_where_the_flange_sways(signs, named):
+    """The section then seems to turn with the wrist; data/synthetic has no such motion, so one is simulated."""
+    recording, _ = simulate_swept(random_swept_recipe("swept_sway", 1))
+    assert all(check.passed for check in judged(recording)[0])
+    changed = replace(recording, x_mm=recording.x_mm * signs[0], z_mm=recording.z_mm * signs[1])
+    checks, found = judged(changed)
+    assert "unsteady_twist_deg" in {check.name for check in checks if not check.passed}
+    assert named in found
+    assert not any("swapped" in one for one in found)
+
+
+def test_no_axes_are_blamed_for_what_is_wrong_with_poses():
+    recording = read(recording=SYNTHETIC / "milled_arc.h5")
+    quaternion = np.roll(recording.robot_quaternion_wxyz, -1, axis=1)
+    assert consistent_axes(replace(recording, robot_quaternion_wxyz=quaternion)) == ()
+    assert consistent_axes(replace(recording, robot_position_mm=recording.robot_position_mm[:, [1, 0, 2]])) == ()
+    assert consistent_axes(replace(recording, flange_from_profiler=np.eye(4))) == ()
 
 
 def test_joint_angles_are_told_as_such(command, tmp_path):

@@ -1,7 +1,7 @@
 """What a recording can disprove of itself, before anything is measured: docs/checks.md."""
 
 from workbench.artefacts.showing import shown_all
-from workbench.checks.conventions import AS_READ, Convention, known_conventions
+from workbench.checks.conventions import AS_READ, Convention, ProfileReading, known_conventions, known_profile_readings
 from workbench.checks.judge import (
     NOT_JUDGED,
     consistent_conventions,
@@ -21,15 +21,17 @@ __all__ = [
     "Consistency",
     "Convention",
     "Limit",
+    "ProfileReading",
     "checked_limits",
     "consistent_conventions",
     "judge_recording",
     "judged",
     "known_conventions",
+    "known_profile_readings",
     "loosened",
     "refuse_failed",
     "refuse_unsound",
 ]
 
-shown_all(Consistency, Convention, Limit)
+shown_all(Consistency, Convention, Limit, ProfileReading)
 del shown_all

@@ -1,4 +1,4 @@
-"""Known mistakes in poses and hand-eye, and which of them would make poses and profiles agree."""
+"""Known mistakes in poses, hand-eye and profiles, and which of them would make poses and profiles agree."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from workbench.geometry.poses import inverse, pose_from
-from workbench.units import Float
+from workbench.units import Float, Float32
 
 Quaternions = Callable[[Float], Float]
 Positions = Callable[[Float], Float]
@@ -36,6 +36,35 @@ class Convention:
             position_mm if self.position is None else self.position(position_mm),
             flange_from_profiler if self.hand_eye is None else self.hand_eye(flange_from_profiler),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileReading:
+    """One way to read the profiles' axes otherwise."""
+
+    name: str  # what would be wrong with the recording
+    swapped: bool
+    signs: tuple[int, int]  # of x and z, as they would then be
+
+    def read(self, x_mm: Float32, z_mm: Float32) -> tuple[Float32, Float32]:
+        """x and z as they would be, if this were what is wrong."""
+        x, z = (z_mm, x_mm) if self.swapped else (x_mm, z_mm)
+        return x * np.float32(self.signs[0]), z * np.float32(self.signs[1])
+
+
+def known_profile_readings() -> tuple[ProfileReading, ...]:
+    """Axes of a profiler that are known to go wrong, the likeliest first."""
+    x, z, both = ((-1, 1), (1, -1), (-1, -1))
+    swapped = "the profiles' x and z are swapped"
+    return (
+        ProfileReading(swapped, True, (1, 1)),
+        ProfileReading(f"{swapped}, and the sign of x is wrong", True, x),
+        ProfileReading(f"{swapped}, and the sign of z is wrong", True, z),
+        ProfileReading(f"{swapped}, and both signs are wrong", True, both),
+        ProfileReading("the sign of x of the profiles is wrong", False, x),
+        ProfileReading("the sign of z of the profiles is wrong", False, z),
+        ProfileReading("the signs of x and z of the profiles are wrong", False, both),
+    )
 
 
 AS_READ = Convention("as it is read")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.artefacts import Check, Recording, Strokes
-from workbench.checks import AS_READ, consistent_conventions, judge_recording
+from workbench.checks import AS_READ, Convention, consistent_conventions, judge_recording, known_profile_readings
 from workbench.checks.judge import UNITS_MM
 from workbench.checks.limits import most
 from workbench.errors import InputError
@@ -29,7 +29,7 @@ from workbench.scan.layout import FIELDS, data_sets
 from workbench.scan.read import ON_THE_GRID, read_in
 from workbench.units import AnyArray, Float, Float32
 
-MOST_SUGGESTIONS = 5
+MOST_SUGGESTIONS, MOST_TRIED = 5, 12  # conventions named; those, the likeliest first, that every check is tried on
 OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "way_mm", "frame_step_mm", "speed_mm_s", "hand_eye_mm")
 NEARLY_ALL = 1.0  # percentile of the returns' |z| from which on they count
 SCANNERS = 24  # scanner poses drawn
@@ -87,13 +87,34 @@ def judged(recording: Recording) -> tuple[tuple[Check, ...], tuple[str, ...]]:
         return checks, ()
     if units := consistent_units(recording, checks):
         return checks, units
-    fits = consistent_conventions(recording)
-    return checks, tuple(
+    axes = consistent_axes(recording)
+    fits = [(reading, fit) for reading, fit in consistent_conventions(recording) if reading is not AS_READ]
+    sound = [(reading, fit) for reading, fit in fits[:MOST_TRIED] if _sound(_read_by(recording, reading))]
+    named = tuple(
         f"{reading.name} (laser plane {fit.obliquity_deg:.1f} deg off the edge's normal plane, sections turn by "
         f"{fit.twist_deg:.2f} deg unexplained)"
-        for reading, fit in fits[:MOST_SUGGESTIONS]
-        if reading is not AS_READ
+        for reading, fit in (sound if sound or axes else fits)[:MOST_SUGGESTIONS]
     )
+    return checks, (*named, *axes)
+
+
+def _read_by(recording: Recording, reading: Convention) -> Recording:
+    """The recording as it would be if `reading` were right."""
+    assert recording.flange_from_profiler is not None  # nothing is tried without
+    quaternion, position, hand_eye = reading.read(
+        recording.robot_quaternion_wxyz, recording.robot_position_mm, recording.flange_from_profiler
+    )
+    changed = replace(
+        recording, robot_quaternion_wxyz=quaternion, robot_position_mm=position, flange_from_profiler=hand_eye
+    )
+    if not reading.frames_reversed:
+        return changed
+    numbers = np.unique(recording.pass_index)
+    order = np.concatenate([np.flatnonzero(recording.pass_index == number)[::-1] for number in numbers])
+    into = np.concatenate([np.flatnonzero(recording.pass_index == number) for number in numbers])
+    x_mm, z_mm = np.empty_like(recording.x_mm), np.empty_like(recording.z_mm)
+    x_mm[into], z_mm[into] = recording.x_mm[order], recording.z_mm[order]
+    return _with_profiles(changed, x_mm, z_mm)
 
 
 PROFILES = "the profiles' x and z"
@@ -125,6 +146,20 @@ def consistent_units(recording: Recording, checks: tuple[Check, ...]) -> tuple[s
     return fitting(LENGTHS) or fitting(RARER)
 
 
+def consistent_axes(recording: Recording) -> tuple[str, ...]:
+    """What may be wrong with the profiles' axes: the readings of them under which every check passes."""
+    readings = known_profile_readings()
+    found = [
+        reading
+        for reading in readings
+        if _sound(_with_profiles(recording, *reading.read(recording.x_mm, recording.z_mm)))
+    ]
+    swapped = [reading.name for reading in found if reading.swapped]
+    if len(swapped) == sum(reading.swapped for reading in readings):
+        swapped = [f"{swapped[0]} (nothing tells their signs)"]
+    return (*swapped, *(reading.name for reading in found if not reading.swapped))
+
+
 def consistent_profile_units(file: Path, z_mm: Float32) -> tuple[str, ...]:
     """Units of x and z under which a recording that is refused as it stands is read, and every check passes.
 
@@ -143,6 +178,10 @@ def consistent_profile_units(file: Path, z_mm: Float32) -> tuple[str, ...]:
                 if _sound(_scaled(recording, others, scale)):
                     return (_in(what, unit),)
     return ()
+
+
+def _with_profiles(recording: Recording, x_mm: Float32, z_mm: Float32) -> Recording:
+    return replace(recording, x_mm=x_mm, z_mm=z_mm)
 
 
 def _sound(recording: Recording) -> bool:

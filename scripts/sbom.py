@@ -8,6 +8,7 @@ same packages give the same bytes.
 
 import hashlib
 import json
+import os
 import re
 import sys
 import uuid
@@ -66,8 +67,10 @@ def document(text: str) -> dict[str, Any]:
 
 def main() -> int:
     text = (ROOT / "requirements.lock").read_text()
-    json.dump(document(text), sys.stdout, indent=1)
-    print()
+    try:
+        print(json.dumps(document(text), indent=1), flush=True)
+    except BrokenPipeError:  # `| head`: whoever reads has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for Python's own flush at its end
     return 0
 
 

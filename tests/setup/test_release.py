@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import subprocess
 import sys
@@ -20,6 +21,14 @@ LOCK = (ROOT / "requirements.lock").read_text()
 
 def test_one_version_everywhere() -> None:
     assert re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == __version__  # type: ignore[index]
+
+
+def test_a_reader_of_the_bill_may_have_enough() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    made = subprocess.run([sys.executable, "-m", "scripts.sbom"], stdout=writer, stderr=subprocess.PIPE, cwd=ROOT)
+    os.close(writer)
+    assert (made.stderr, made.returncode) == (b"", 0)
 
 
 def test_the_bill_names_every_locked_package() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.machinery
 import importlib.util
 import inspect
 import subprocess
 import sys
+import types
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -147,6 +149,30 @@ def test_tables(made):
     assert rows[0]["root_mm"] == inspection.sections[0].root_mm
     stations = edge.table()
     assert len(stations) == len(edge.arc_length_mm)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_tables_are_data_frames_where_pandas_is_there(made, there, monkeypatch):
+    """A stand-in, since the project does not need pandas."""
+
+    class DataFrame:
+        def __init__(self, rows):
+            self.rows = rows
+
+    pandas = types.ModuleType("pandas")
+    pandas.__spec__ = importlib.machinery.ModuleSpec("pandas", None)
+    pandas.DataFrame = DataFrame
+    if there:
+        monkeypatch.setitem(sys.modules, "pandas", pandas)
+    else:
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    _, edge, inspection = made
+    for one, count in ((inspection, 9), (edge, len(edge.arc_length_mm))):
+        table = one.table()
+        assert isinstance(table, DataFrame) is there
+        rows = table.rows if there else table
+        assert len(rows) == count
+        assert all(row.keys() == rows[0].keys() for row in rows)
 
 
 def test_charts(made):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +15,8 @@ from typing import Any, TypeVar
 from workbench.errors import InputError, one_line
 
 T = TypeVar("T")
+UNLOADABLE = 3  # exit status of a reader whose library cannot be loaded
+MISSING = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
 HOME = Path(__file__).resolve().parents[1]
 
 
@@ -21,6 +24,29 @@ def environment(**more: str) -> dict[str, str]:
     """That of this process, with the package where a child finds it."""
     home = os.pathsep.join(each for each in (str(HOME), os.environ.get("PYTHONPATH")) if each)
     return {**os.environ, "PYTHONPATH": home, **more}
+
+
+def library(name: str) -> Any:
+    """A library, imported in a reader's process; where it cannot be, its words are said and the process ends so."""
+    try:
+        return importlib.import_module(name)
+    except (ImportError, OSError) as error:  # OSError: a shared library, loaded by ctypes
+        print(f"{name}: {one_line(str(error))}")
+        sys.exit(UNLOADABLE)
+
+
+def refuse_unloadable(status: int, said: str) -> None:
+    """Raise for a reader's process that ended because a library could not be loaded; the file is not to blame.
+
+    Raises:
+        InputError: with the library, and the shared library that is missing.
+    """
+    if status != UNLOADABLE:
+        return
+    name, _, why = (said.strip().splitlines() or ["a library: "])[-1].partition(": ")
+    lacking = MISSING.match(why)
+    told = f"the shared library {lacking[1]} is missing" if lacking else why
+    raise InputError(name, f"cannot be loaded: {told}; scripts/setup.sh installs it")
 
 
 def in_one_thread(function: Callable[..., T], *arguments: Any) -> T:

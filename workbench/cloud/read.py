@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, frozen
-from workbench.children import environment
+from workbench.children import environment, refuse_unloadable
 from workbench.cloud import readers
 from workbench.cloud.readers import READERS
 from workbench.errors import InputError
@@ -103,6 +103,7 @@ def in_process(file: Path) -> Float:
             env=environment(),
         )
         said = child.stdout.decode(errors="replace")
+        refuse_unloadable(child.returncode, said)
         complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]
         if child.returncode == 0 and not complaints:
             return np.asarray(np.load(out), dtype=np.float64).reshape(-1, 3)

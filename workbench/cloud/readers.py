@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.children import library
 from workbench.units import Float
 
 CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, and for each so many bytes one more
@@ -55,14 +56,14 @@ def _confine(size: int) -> None:
 
 
 def _point_cloud(file: str) -> Float:
-    import open3d as o3d
+    o3d = library("open3d")
 
     return np.asarray(o3d.io.read_point_cloud(Path(file), remove_nan_points=True, remove_infinite_points=False).points)
 
 
 def _pcd(file: str) -> Float:
     """By Open3D's newer reader, since the older one misreads double coordinates beside other fields."""
-    import open3d as o3d
+    o3d = library("open3d")
 
     _check_pcd(file)
     points = o3d.t.io.read_point_cloud(Path(file), remove_infinite_points=False).point
@@ -89,7 +90,7 @@ def _check_pcd(file: str) -> None:
 
 def _mesh_vertices(file: str) -> Float:
     """Each vertex once: STL repeats it for every triangle."""
-    import open3d as o3d
+    o3d = library("open3d")
 
     points = np.asarray(o3d.io.read_triangle_mesh(Path(file)).vertices)
     return points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
@@ -115,7 +116,7 @@ def _table(file: str) -> Float:
 
 
 def _las(file: str) -> Float:
-    import laspy
+    laspy = library("laspy")
 
     with laspy.open(file) as reader:
         whole, points = reader.header.point_count, reader.read()
@@ -126,7 +127,7 @@ def _las(file: str) -> Float:
 
 def _e57(file: str) -> Float:
     """All scans, each placed by its own pose; points marked as invalid left out."""
-    import pye57
+    pye57 = library("pye57")
 
     scans = pye57.E57(file)
     found = [scans.read_scan(i, ignore_missing_fields=True) for i in range(scans.scan_count)]

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.children import library
+
 MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
 
 
@@ -17,7 +19,7 @@ def main() -> int:
     """Read FILE, write its vertices (n, 3) and triangles (k, 3) to OUT.npz."""
     file, out = sys.argv[1:]
     _confine(Path(file).stat().st_size)
-    import open3d as o3d
+    o3d = library("open3d")
 
     read = o3d.io.read_triangle_mesh(Path(file))
     np.savez(out, points=np.asarray(read.vertices, float), triangles=np.asarray(read.triangles, np.int64))

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, PointSet, Toolpath
+from workbench.children import environment, refuse_unloadable
 from workbench.compare import mesh_reader
 from workbench.compare.surface_values import Surface
 from workbench.errors import InputError
@@ -234,10 +235,17 @@ def _in_process(path: Path, seconds: float) -> tuple[Float, Int]:
         command = [sys.executable, "-P", mesh_reader.__file__, str(path.absolute()), str(out)]
         try:
             child = subprocess.run(
-                command, stdin=subprocess.DEVNULL, capture_output=True, check=False, cwd=folder, timeout=seconds
+                command,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                check=False,
+                cwd=folder,
+                env=environment(),
+                timeout=seconds,
             )
         except subprocess.TimeoutExpired:
             raise InputError(str(path), f"expected a whole mesh: not read within {seconds:.0f} s") from None
+        refuse_unloadable(child.returncode, child.stdout.decode(errors="replace"))
         if child.returncode or not out.exists():
             raise InputError(str(path), f"expected a complete {path.suffix[1:].upper()} file: its reader crashed")
         with np.load(out) as found:

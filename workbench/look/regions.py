@@ -1,8 +1,10 @@
 """A height map measured as an image, by scikit-image: smooth regions, their holes and outlines.
 
 Regions are connected pixels without a step (`measure.label`); small gaps in them are filled (`morphology`); a region's
-plane is fitted robustly; outlines are level contours at sub-pixel places (`measure.find_contours`); circles and sides
-are found by `measure.ransac` and fitted to what agrees.
+plane is fitted robustly; circles and sides are found by `measure.ransac` and fitted to what agrees. At a step an
+outline is the contour of the heights midway between its two sides (`measure.find_contours`), at sub-pixel places where
+the sensor's spot blends them; where nothing came back beyond, it lies half a pixel beside the last height. No height is
+ever filled in: only gaps of the region's mask are closed, and they count in no area, plane or number of pixels.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ NEAR_PITCHES = 0.35  # how far points of an outline may lie off the circle or si
 AGREE = 0.8  # share of a hole's outline that must lie on its circle
 DENSE = 0.7  # share of a side that must be outline
 MOST_SIDES, SEED = 4, 0
+CLEAR, REACH = 2, 5  # pixels off a region's mask: from where to where the other side of a step is looked for
+BESIDE = 0.5  # share of the pixels there that must have a height
 
 
 def _skimage(module: str) -> Any:
@@ -73,8 +77,9 @@ def regions_of(x_mm: Float, y_mm: Float, z_mm: Float) -> tuple[Region, ...]:
         if one.area < LEAST_SHARE * z_mm.size:
             continue
         mask = _skimage("morphology").remove_small_holes(numbers == one.label, max_size=GAP_PIXELS)
-        tilt_x, tilt_y, rms = _plane(x_mm, y_mm, z_mm, numbers == one.label)
-        holes, sides = _outlines(mask, x_mm, y_mm, pitch)
+        slopes, off_mm, rms = _plane(x_mm, y_mm, z_mm, numbers == one.label)
+        tilt_x, tilt_y = (math.degrees(math.atan(slope)) for slope in slopes)
+        holes, sides = _outlines(mask, off_mm, x_mm, y_mm, pitch)
         made.append(Region(int(one.area), float(one.area) * pitch[0] * pitch[1], tilt_x, tilt_y, rms, holes, sides))
     return tuple(made)
 
@@ -92,8 +97,8 @@ def _without_steps(z_mm: Float, pitch_mm: float) -> Bool:
     return np.asarray(_skimage("morphology").opening(smooth, _skimage("morphology").disk(1)))
 
 
-def _plane(x_mm: Float, y_mm: Float, z_mm: Float, mask: Bool) -> tuple[float, float, float]:
-    """Tilt of the robust plane along x and y, deg, and the RMS off it."""
+def _plane(x_mm: Float, y_mm: Float, z_mm: Float, mask: Bool) -> tuple[Float, Float, float]:
+    """Slopes (2,) of the robust plane along x and y, all heights (N, M) off it, and the RMS of the region's."""
     row, column = np.nonzero(mask)
     rows = np.stack([x_mm[column], y_mm[row], np.ones(len(row))], axis=1)
     z, use = z_mm[row, column], np.ones(len(row), bool)
@@ -103,16 +108,17 @@ def _plane(x_mm: Float, y_mm: Float, z_mm: Float, mask: Bool) -> tuple[float, fl
         off = np.abs(z - rows @ plane)
         use = off <= 4.0 * 1.4826 * max(float(np.median(off)), 1e-9)
     rms = float(np.sqrt(np.mean((z - rows @ plane)[use] ** 2)))
-    return math.degrees(math.atan(plane[0])), math.degrees(math.atan(plane[1])), rms
+    return plane[:2], z_mm - (plane[0] * x_mm + plane[1] * y_mm[:, None] + plane[2]), rms
 
 
 def _outlines(
-    mask: Bool, x_mm: Float, y_mm: Float, pitch: tuple[float, float]
+    mask: Bool, off_mm: Float, x_mm: Float, y_mm: Float, pitch: tuple[float, float]
 ) -> tuple[tuple[Circle, ...], tuple[Side, ...]]:
     """Round holes, and straight sides of the outer outline."""
     padded = np.pad(mask.astype(float), 1)
-    lines = [_in_mm(line - 1.0, x_mm, y_mm) for line in _skimage("measure").find_contours(padded, 0.5)]
-    lines.sort(key=lambda line: -abs(_area(line)))
+    pixels = [line - 1.0 for line in _skimage("measure").find_contours(padded, 0.5)]
+    pixels.sort(key=lambda line: -abs(_area(line)))
+    lines = [_in_mm(_at_step(line, mask, off_mm, max(pitch)), x_mm, y_mm) for line in pixels]
     if not lines:
         return (), ()
     near = NEAR_PITCHES * max(pitch) * math.sqrt(2.0)
@@ -120,6 +126,41 @@ def _outlines(
         circle for line in lines[1:] if len(line) >= LEAST_CIRCLE and (circle := _circle(line, near)) is not None
     ]
     return tuple(circles), _sides(lines[0], near)
+
+
+def _at_step(line: Float, mask: Bool, off_mm: Float, pitch_mm: float) -> Float:
+    """An outline, where it is a step the contour of the heights midway between its sides: (n, 2) row and column.
+
+    Args:
+        line: (n, 2) row and column of the mask's outline.
+        mask: (N, M) the region.
+        off_mm: (N, M) heights off the region's plane.
+        pitch_mm: of the pixels.
+    """
+    first = np.maximum(np.floor(line.min(axis=0)).astype(int) - 2 * REACH, 0)
+    last = np.ceil(line.max(axis=0)).astype(int) + 2 * REACH + 1
+    part = (slice(first[0], last[0]), slice(first[1], last[1]))
+    own, off = mask[part], off_mm[part]
+    at, morphology = np.zeros(own.shape, bool), _skimage("morphology")
+    row, column = np.clip(np.round(line - first).astype(int), 0, np.array(own.shape) - 1).T
+    at[row, column] = True
+    near = morphology.dilation(at, morphology.disk(REACH))
+    beyond = near & ~morphology.dilation(own, morphology.disk(CLEAR))
+    there = beyond & np.isfinite(off)
+    if there.sum() <= BESIDE * beyond.sum():
+        return line
+    height = float(np.median(off[there]))
+    if abs(height) <= STEP_PITCHES * pitch_mm:
+        return line
+    found = _skimage("measure").find_contours(off, height / 2.0, mask=near & np.isfinite(off))
+    long = [one for one in found if len(one) >= LEAST_CIRCLE] or found
+    if not long:
+        return line
+    contour = np.concatenate(long)
+    told = np.zeros(own.shape, bool)
+    told[tuple(np.round(contour).astype(int).T)] = True
+    rest = ~morphology.dilation(told, morphology.disk(REACH))[row, column]  # no step there: a border of the map, a loss
+    return np.concatenate([contour + first, line[rest]])
 
 
 def _in_mm(line: Float, x_mm: Float, y_mm: Float) -> Float:
@@ -170,7 +211,9 @@ def _sides(line: Float, near_mm: float) -> tuple[Side, ...]:
 
 def told(regions: tuple[Region, ...]) -> list[str]:
     """The regions as text."""
-    rows = [f"regions: {len(regions)} smooth one(s), largest first; outlines lie within two pitches"]
+    rows = [
+        f"regions: {len(regions)} smooth one(s), largest first; they end midway up a step, or beside the last height"
+    ]
     for k, one in enumerate(regions, 1):
         rows.append(
             f"  region {k}: {one.pixels} pixels, {one.area_mm2:.1f} mm2, tilt {one.tilt_x_deg:+.2f} deg along x, "

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from workbench.artefacts import Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
+from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.artefacts.showing import shown
 from workbench.errors import InputError
 from workbench.geometry.corners import rounding_mm
@@ -24,7 +25,6 @@ from workbench.geometry.poses import quaternion_from_rotation, rotation_from_qua
 from workbench.strict_json import strict_json
 from workbench.units import DEG, Bool, Float, Shaped
 
-NOT_CHECKED = "NOT CHECKED: "
 LONGEST_REMARK = 70  # characters
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Gate, Moves, PathGate, Toolpath
+from workbench.artefacts import Chapter, Gate, Moves, PathGate, Toolpath
 from workbench.dialect import program_files
 from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
@@ -22,7 +23,9 @@ from workbench.program import csv, write
 from workbench.program.rapid import Rapid
 from workbench.program.rapid_reader import parse_rapid
 from workbench.program.write import program_job
+from workbench.report import html
 from workbench.robot import Cell
+from workbench.robot.cell_file import HomePart, ProcessPart
 from workbench.robot.shapes import Shape as Shape_
 
 from .conftest import passed, rejected
@@ -111,6 +114,49 @@ def test_what_the_cell_does_not_say_ends_in_exit_1(moves: Moves, irb6700: Cell) 
     assert (gate.passed, gate.clean) == (True, False)
     assert b"! NOT CHECKED: the load of the tool" in files[0].content
     assert "NOT CHECKED: the load of the tool" in chapter.html
+
+
+def first_page(made: tuple[Any, ...]) -> str:
+    chapters = tuple(one for one in made if isinstance(one, Chapter))
+    return html(chapters).content.decode().partition("<footer>")[0]
+
+
+def test_the_first_page_says_what_was_not_checked(moves: Moves, irb6700: Cell) -> None:
+    """Before the signature, with a verdict that is no `pass`: whoever signs reads no further."""
+    *_, gate, _, chapter = made = write(moves, passed(moves.toolpath), irb6700)
+    page = first_page(made)
+    assert '<div class="verdict undecided">' in page
+    listed = unescape(page.partition("NOT CHECKED:</p>")[2])
+    for text in (*gate.loosened, *gate.unchecked):
+        assert f"<li>{text.removeprefix('NOT CHECKED: ')}</li>" in listed
+    assert chapter.summary == f"BevelPath.mod (abb): released with {listed.count('<li>')} items NOT CHECKED"
+
+
+def test_the_first_page_of_a_program_that_was_checked(moves: Moves, irb6700: Cell) -> None:
+    page = first_page(write(moves, passed(moves.toolpath), replace(irb6700, unchecked=())))
+    assert '<div class="verdict pass">' in page
+    assert (
+        "<li>collision with the workpiece: the cell file gives none" in page
+    )  # in the head only, and told all the same
+
+
+def test_the_first_page_of_a_program_that_is_refused(moves: Moves, irb6700: Cell) -> None:
+    low = replace(irb6700, margins=replace(irb6700.margins, limit=1.5))
+    assert '<div class="verdict fail">' in first_page(write(moves, passed(moves.toolpath), low))
+
+
+@pytest.mark.parametrize("controller", ["kuka", "trajectory"])
+def test_what_another_controller_reads_ends_in_exit_1(moves: Moves, irb6700: Cell, controller: Any) -> None:
+    """The cell is an ABB's: nothing of its process can be said, and nobody knows whether the controller takes it."""
+    home = ProcessPart(home=HomePart(joints_deg=(0, 0, 10, 10, 45, 0)), coolant_signal="doCoolant", mechanical_unit="S")
+    made = write(moves, passed(moves.toolpath), replace(irb6700, unchecked=(), process=home), controller=controller)
+    gate = next(one for one in made if isinstance(one, PathGate))
+    assert not gate.clean
+    assert (
+        f"NOT CHECKED: that the controller takes it: the cell names abb, and this is for {controller}" in gate.loosened
+    )
+    assert any("spindle and coolant: the program does none of it" in text for text in gate.loosened)
+    assert "<li>that the controller takes it: the cell names abb" in first_page(made)
 
 
 def test_a_program_that_fails_is_not_left(moves: Moves, irb6700: Cell) -> None:

@@ -135,6 +135,7 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
         (lambda t: t["tool"]["flange_from_cutter"][0].__setitem__(3, 360), "shapes end 100 mm from its tip"),
         (lambda t: t["tool"]["shapes"].pop(), "collision of the cutter: the tool's shapes end"),
         (lambda t: t.update(may_touch=[["cutter", "workpiece"], ["tool", "workpiece"]]), "lets them touch"),
+        (lambda t: t.pop("process"), "the way to the first posture and back home, spindle and coolant"),
     ],
 )
 def test_what_a_tool_leaves_open_is_named(tmp_path: Path, change: Change, words: str) -> None:

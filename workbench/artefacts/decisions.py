@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from workbench.artefacts.inspections import Verdict
     from workbench.artefacts.paths import Moves
     from workbench.artefacts.programs import Judgement, ProgramMoves
+
+
+NOT_CHECKED = "NOT CHECKED: "  # begins what of `Gate.loosened` was not looked at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +41,16 @@ class Gate:
     def clean(self) -> bool:
         """Passed, with every check in full force."""
         return self.passed and not self.loosened
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the report's first page: `pass` only where the exit status is 0."""
+        return "fail" if not self.passed else "undecided" if self.loosened else "pass"
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """What was not checked, or with less force than the rule; first what the exit status is 1 for."""
+        return tuple(dict.fromkeys(text.removeprefix(NOT_CHECKED) for text in (*self.loosened, *self.unchecked)))
 
     @property
     def cause(self) -> str:

@@ -76,6 +76,7 @@ class Chapter:
     scene: Scene | None = None
     certificate: str = ""  # HTML of the first page, above the signature: one A4 side with the part's identity
     about: Literal["part", "instruments"] = "part"  # instruments: of `part` only they, when and by whom count
+    not_checked: tuple[str, ...] = ()  # what the run left open: on the first page, before the signature
 
 
 @dataclass(frozen=True, slots=True, eq=False)

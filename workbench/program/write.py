@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field
 
 from workbench import pieces
 from workbench.artefacts import Chapter, Document, Judgement, Moves, Part, PathGate, RobotCell
+from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.dialect import Dialect, MillingTool, ProgramJob, place, released, write_program
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
@@ -117,11 +118,8 @@ def write(
         return (gate,)
     if known not in (None, chosen):
         said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
-        gate = dataclasses.replace(gate, unchecked=(*gate.unchecked, said))
-    if cell.process is not None:
-        told = chosen != "trajectory"
-        open_ = not_seen(cell.process, chosen) if told else (f"{NO_PROCESS} (a trajectory has no words for it)",)
-        cell = dataclasses.replace(cell, process=cell.process if told else None, unseen=(*cell.unseen, *open_))
+        gate = dataclasses.replace(gate, loosened=(*gate.loosened, f"{NOT_CHECKED}{said}"))
+    cell = _told(cell, chosen)
     job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
     dialect = (
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)
@@ -135,6 +133,17 @@ def write(
         written.judgement,
         program_chapter(written.judgement, written.gate, cell, moves.toolpath.part),
     )
+
+
+def _told(cell: Cell, chosen: str) -> Cell:
+    """The cell with what a program of this controller can say of its process: signals are named as its maker does."""
+    process, known = cell.process, cell.controller.dialect if cell.controller else chosen
+    if process is None:
+        return cell
+    if chosen == known and chosen != "trajectory":
+        return dataclasses.replace(cell, unseen=(*cell.unseen, *not_seen(process, chosen)))
+    why = "a trajectory has no words for it" if chosen == "trajectory" else f"the cell file's words are for {known}"
+    return dataclasses.replace(cell, process=None, unchecked=(*cell.unchecked, f"{NO_PROCESS} ({why})"))
 
 
 def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_object_name: str) -> Rapid:
@@ -155,7 +164,9 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
     clearance = f"{judgement.clearance_mm:.1f} mm ({pair})" if np.isfinite(judgement.clearance_mm) else "no bodies"
     name = f"{judgement.program.name} ({judgement.program.dialect})"
-    released = "released" if judgement.passed else "not released: it was not written"
+    left_open, items = gate.left_open, "item" if len(gate.left_open) == 1 else "items"
+    free = f"released with {len(left_open)} {items} NOT CHECKED" if left_open else "released"
+    released = free if gate.passed else "not released: it was not written"
     facts = [
         ("Program", name),
         ("Release", released),
@@ -179,7 +190,14 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
             "Clearance, distance from joint limits, wrist angle and condition number along the way",
             "Each place shows the worst of its stretch; dashed: what the cell file requires.",
         )
-    return Chapter(title="Program", html=text, summary=f"{name}: {released}", part=part)
+    return Chapter(
+        title="Program",
+        html=text,
+        verdict=gate.verdict,
+        summary=f"{name}: {released}",
+        part=part,
+        not_checked=left_open,
+    )
 
 
 def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:

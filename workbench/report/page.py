@@ -19,6 +19,7 @@ from workbench.report.template import render, source
 WORST_FIRST: tuple[Verdict, ...] = ("fail", "undecided", "pass")
 SCENE_POINTS = 300_000  # on the page, all scenes together
 DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
+MOST_OPEN = 6  # of what was not checked, beside a certificate
 
 
 def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
@@ -40,6 +41,7 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         verdict=overall(chapters),
         chapters=chapters,
         warnings=_warnings(chapters),
+        not_checked=_not_checked(chapters),
         provenance=provenance,
         inputs=[(name, shown_path(path), digest) for name, path, digest in provenance.inputs] if provenance else [],
         data=_data(provenance) if provenance else [],
@@ -97,6 +99,14 @@ def overall(chapters: Sequence[Chapter]) -> str:
     """The worst verdict of the chapters that decide something; '' where none does."""
     given = {chapter.verdict for chapter in chapters}
     return next((verdict for verdict in WORST_FIRST if verdict in given), "")
+
+
+def _not_checked(chapters: Sequence[Chapter]) -> list[str]:
+    """What was not checked, each once; beside a certificate, what its page has room for."""
+    told = list(dict.fromkeys(one_line(text) for chapter in chapters for text in chapter.not_checked))
+    if len(told) <= MOST_OPEN or not any(chapter.certificate for chapter in chapters):
+        return told
+    return [*told[:MOST_OPEN], f"and {len(told) - MOST_OPEN} more: toolpath.json and the program's head"]
 
 
 def _warnings(chapters: Sequence[Chapter]) -> list[str]:

@@ -145,9 +145,10 @@ def plan(
     return Chapter(
         title="Plan",
         html=plan_html(cloud, edge, toolpath, run, moves, gate, stepped, drawn),
-        verdict="" if gate is None else "pass" if gate.passed else "fail",
+        verdict="" if gate is None else gate.verdict,
         summary=plan_summary(toolpath, run, gate),
         part=toolpath.part,
         warnings=tuple(dict.fromkeys(map(one_line, [*edge.warnings, *toolpath.warnings]))),
         scene=scene,
+        not_checked=gate.left_open if gate is not None and gate.passed else (),
     )

@@ -286,7 +286,9 @@ class CellPart(_Part):
     title: str = ""
     robot: RobotPart
     tool: ToolPart
-    controller: ControllerPart | None = Field(default=None, description="needed by programs; null: ABB's")
+    controller: ControllerPart | None = Field(
+        default=None, description="needed by programs; null: the pipeline's input names it"
+    )
     turntable: TurntablePart | None = None
     workpiece: WorkpiecePart = WorkpiecePart()
     fixtures: list[FixturePart] = []
@@ -299,7 +301,9 @@ class CellPart(_Part):
     uncertainty: UncertaintyPart | None = Field(default=None, description="null: not stated, and programs say so")
     envelope: EnvelopePart | None = Field(default=None, description="null: not stated, and programs say so")
     work_object: WorkObjectPart | None = Field(default=None, description="null: not stated: targets are in the base")
-    process: ProcessPart | None = Field(default=None, description="null: a program mills only, and says so")
+    process: ProcessPart | None = Field(
+        default=None, description="null: a program mills only, and says NOT CHECKED (exit status 1)"
+    )
 
 
 def matrix_of(pose: Pose) -> Float | None:

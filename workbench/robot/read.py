@@ -99,7 +99,7 @@ def read_cell(path: Path) -> Cell:
         controller_tools=tools,
         controller_frames=frames,
         unchecked=tuple(_not_said(part, shapes)),
-        unseen=(*(() if part.workpiece.mesh else (NO_WORKPIECE,)), *(() if part.process else (NO_PROCESS,))),
+        unseen=() if part.workpiece.mesh else (NO_WORKPIECE,),
         process=part.process,
         tool_mass_kg=part.tool.mass_kg,
         tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
@@ -157,6 +157,7 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
             part.uncertainty is None,
             "robustness against the uncertainty of tool, base and turntable: none is stated ($.uncertainty)",
         ),
+        (part.process is None, f"{NO_PROCESS} ($.process)"),
         (
             part.robot.acceleration_deg_s2 is None,
             "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)",

@@ -87,7 +87,8 @@ class Judge:
             targets.append((flange @ flange_from_tool)[:3, 3])
             faults += self._limits(row) + self._hits(flange, np.radians(row["turntable_deg"]))
             faults += self._below(flange, np.radians(row["turntable_deg"]), radius_mm, flute_mm)
-        away = cKDTree(np.array(targets)).query(program.poses[0])[0]
+        last = -1 if self.cell.get("process") else None  # the last target is the retract
+        away = cKDTree(np.array(targets)).query(program.poses[0][:last])[0]
         faults += [f"a target lies {away.max():.3f} mm from every posture"] if away.max() > 0.02 else []
         return faults
 

@@ -13,13 +13,14 @@ from scipy.spatial.transform import Rotation
 from workbench.artefacts import Moves, Part
 from workbench.dialect import program_files
 from workbench.errors import InputError, PipelineError
+from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.rapid import Rapid
 from workbench.program.rapid_program import RapidProgram
 from workbench.program.rapid_reader import parse_rapid
 from workbench.program.write import program_job
-from workbench.robot import Cell, forward_kinematics
+from workbench.robot import Cell, forward_kinematics, inverse_kinematics
 
 from .conftest import passed, rejected
 from .paths import Shape, all_points, deviations
@@ -118,6 +119,27 @@ def test_every_target_says_its_configuration(moves: Moves, irb6700: Cell) -> Non
     for move, q in zip(program.moves[1:], joints, strict=True):
         assert move.target.configuration[:3] == tuple(np.floor(np.round(q[[0, 3, 5]], 3) / 90))
         assert move.target.configuration[3] in range(8)
+
+
+def test_configurations_are_monitored_those_on_arcs_too(moves: Moves, irb6700: Cell) -> None:
+    """A restart in another branch is stopped by the controller, so what a via point says must be the robot's there."""
+    written = text(moves)
+    assert "ConfL\\On;" in written
+    assert "ConfL\\Off" not in written
+    program = parse_rapid(written)
+    tool = program.tools["tMill"].frame
+    from_tool = inverse(pose_from(rotation_from_quaternion(np.array(tool.quaternion_wxyz)), np.array(tool.position_mm)))
+    arcs = [i for i, move in enumerate(program.moves[1:]) if move.via is not None]
+    assert len(arcs) > 3
+    for i in arcs:
+        via = program.moves[1 + i].via
+        place = pose_from(rotation_from_quaternion(np.array(via.quaternion_wxyz)), np.array(via.position_mm))
+        branches = inverse_kinematics(irb6700.chain, place @ from_tool)
+        there = moves.joints_deg[i]
+        near = np.degrees(branches)
+        near += 360 * np.round((there - near) / 360)
+        q = near[np.nanargmin(np.abs(near - there).max(axis=1))]
+        assert via.configuration[:3] == tuple(np.floor(q[[0, 3, 5]] / 90))
 
 
 def test_every_target_is_reached_at_the_ends_and_blended_between(moves: Moves) -> None:
@@ -231,7 +253,7 @@ def test_the_text_is_what_abb_writes(moves: Moves) -> None:
         r"  CONST speeddata feed1:=\[1,50,5000,1000\];",
         r"  CONST robtarget p1:=\[\[(-?\d+\.\d{4},?){3}\],\[(-?[01]\.\d{8},?){4}\],\[(-?\d,?){4}\],"
         r"\[0\.0000,(9E\+09,?){5}\]\];",
-        r"    ConfL\\Off;",
+        r"    ConfL\\On;",
         r"    CirPathMode\\ObjectFrame;",
         r"    MoveAbsJ jStart\\NoEOffs,feed\d,fine,tMill\\WObj:=woEdge;",
         r"    MoveL p\d+,feed\d,zonePath,tMill\\WObj:=woEdge;",

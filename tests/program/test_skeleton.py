@@ -95,6 +95,10 @@ def test_all_that_the_process_says_comes_back(layers: Moves, cell: Cell) -> None
         "wait_speed",
         "coolant_on",
     ]
+    written = text(layers, cell)
+    assert all(
+        written.partition(f"{label}:\n")[2].partition("Move")[0].count("ConfL\\On") for label in ("layer1", "layer2")
+    )
     home, start, *path, retract, last = program.moves
     assert [move.kind for move in (home, start, last)] == ["J", "J", "J"]
     for move in (home, last):
@@ -178,6 +182,15 @@ def test_what_is_changed_is_refused(layers: Moves, cell: Cell, old: str, new: st
     assert old in written
     with pytest.raises(InputError, match=finding):
         back(written.replace(old, new), layers, cell)
+
+
+def test_the_turntable_waits_where_the_path_has_it(tmp_path: Path, cell: Cell) -> None:
+    """Unless the cell file says where it stands at home."""
+    moves = postured(cell, "irb6700", Shape(bend=1 / 300, length_mm=60), turned=0.1)
+    for said, angle in (({}, moves.turntable_deg[0]), ({"turntable_deg": 7.0}, 7.0)):
+        here = cell_with(tmp_path, {"home": {"joints_deg": HOME, **said}})
+        home, *_, last = back(text(moves, here), moves, here).moves
+        assert np.degrees([home.turntable, last.turntable]) == pytest.approx([angle, angle], abs=1e-3)
 
 
 def test_home_by_the_controllers_name(tmp_path: Path, layers: Moves) -> None:

@@ -4,9 +4,8 @@ Targets in mm and quaternions w x y z, in the work object; unused external axes 
 quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
 Feeds have 3 significant digits, one speeddata each. Where the moves rest on postures the program begins with MoveAbsJ
 to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Every
-target says its axis configuration, so that a restart in the middle takes the same posture; it is not monitored
-(ConfL\\Off), since the robot keeps it from its first posture on. Circular moves turn the tool in the frame of the work
-object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
+target says its axis configuration, and the controller monitors it (ConfL\\On): a restart in another posture is stopped.
+Circular moves turn the tool in the frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramMoves
+from workbench.artefacts import EventKind, Moves, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.program.rapid_reader import read_rapid
@@ -29,7 +28,7 @@ from workbench.units import DEG, Float, Int
 
 TURN_DEG_S = 50  # where the orientation alone moves
 UNUSED = "9E+09"  # an external axis that is not there
-MODES = ("    ConfJ\\Off;", "    ConfL\\Off;", "    CirPathMode\\ObjectFrame;")
+MODES = ("    ConfJ\\Off;", "    ConfL\\On;", "    CirPathMode\\ObjectFrame;")
 UNLIMITED = "    VelSet 100,5000;"  # as the controller starts with it
 
 
@@ -135,6 +134,7 @@ class Rapid:
             said,
         )
         arcs = np.flatnonzero(job.moves.circular)
+        said = configurations(self.cell, _joints_on_arcs(job.moves))
         yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
         skeleton = self.skeleton
         if skeleton is None:
@@ -199,7 +199,7 @@ class Rapid:
                 *([UNLIMITED] if skeleton.process.feed else []),
             ]
         )
-        return [*back, "    CirPathMode\\PathFrame;", "    ConfL\\On;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+        return [*back, "    CirPathMode\\PathFrame;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
@@ -231,6 +231,13 @@ def joint_target(name: str, joints_deg: Float, turntable_deg: float | None) -> s
     axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints_deg, 4) + 0.0).tolist())
     first = UNUSED if turntable_deg is None else f"{round(turntable_deg, 4) + 0.0:.4f}"
     return f"  CONST jointtarget {name}:=[[{axes}],[{first},{','.join([UNUSED] * 5)}]];"
+
+
+def _joints_on_arcs(moves: Moves) -> Float:
+    """Joint angles (k, 6) at the point of the path that is the middle one of each move, rad."""
+    assert moves.postures is not None
+    assert moves.point is not None
+    return moves.postures.joints[(moves.point + np.append(moves.point[:1], moves.point[:-1])) // 2]
 
 
 def _halfway(job: ProgramJob) -> Float | None:

@@ -21,7 +21,7 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.names import NUMBERED, RESERVED
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart, Signal
+from workbench.robot.cell_file import HomePart, ProcessPart, Signal
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float
@@ -64,8 +64,8 @@ class Skeleton:
     @functools.cached_property
     def home_deg(self) -> tuple[Float, float | None]:
         """Joint angles (6,) and the turntable's."""
-        home = self.process.home
-        return np.array(home.joints_deg), None if self.job.turntable_deg is None else home.turntable_deg
+        home, table = self.process.home, self.job.turntable_deg
+        return np.array(home.joints_deg), None if table is None else _turntable_at_home(home, table)
 
     @functools.cached_property
     def start_deg(self) -> tuple[Float, float | None]:
@@ -204,11 +204,18 @@ def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
             f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why} "
             "(stiffness.posture: turntable_moves false)",
         )
-    if process is not None and abs(process.home.turntable_deg - table[0]) > STANDS_DEG:
+    if process is not None and abs(_turntable_at_home(process.home, table) - table[0]) > STANDS_DEG:
         raise InputError(
             f"{cell.source}: $.process.home.turntable_deg",
             f"expected the angle at which the turntable stands along the path, {table[0]:.4f}",
         )
+
+
+def _turntable_at_home(home: HomePart, table: Float) -> float:
+    """Where it stands at home, deg: as stated, or where the path has it first; a home of the controller has it at 0."""
+    if home.turntable_deg is not None:
+        return home.turntable_deg
+    return 0.0 if home.controller_name else float(table[0])
 
 
 def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:

@@ -233,7 +233,10 @@ class HomePart(_Part):
     """Where programs begin and end."""
 
     joints_deg: tuple[Length, Length, Length, Length, Length, Length] = Field(description="of the robot, at home")
-    turntable_deg: Length = Field(default=0.0, description="likewise, where the cell has one")
+    turntable_deg: Length | None = Field(
+        default=None,
+        description="of the turntable, at home; null: where the path has it first, or 0 with a controller_name",
+    )
     controller_name: Place | None = Field(
         default=None, description="of the joint target on the controller; null: the program declares it"
     )

@@ -42,7 +42,9 @@ def placed(program: ProgramMoves, process: ProcessPart | None) -> ProgramMoves:
     def filled(move: ProgramMove) -> ProgramMove:
         if move.place.lower() != name:
             return move
-        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=home.turntable_deg * DEG)
+        return dataclasses.replace(
+            move, joints=np.array(home.joints_deg) * DEG, turntable=(home.turntable_deg or 0.0) * DEG
+        )
 
     return dataclasses.replace(program, moves=tuple(filled(move) for move in program.moves))
 

@@ -61,7 +61,9 @@ def made(
 
 @pytest.fixture(scope="module")
 def program(made: Postures, path: Toolpath, cell: Cell) -> RapidProgram:
-    document, record, gate, judgement, _ = write(simplify(path, made), free(path), cell)
+    document, record, gate, judgement, _ = write(
+        simplify(path, made), free(path), dataclasses.replace(cell, process=None)
+    )
     assert (record.name, gate.passed, judgement.violations) == ("program_check.json", True, ())
     return parse_rapid(document.content.decode())
 

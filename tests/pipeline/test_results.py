@@ -12,6 +12,7 @@ from workbench.artefacts import Cutter, Engagement, Layer, LayerEngagement, Rewo
 from workbench.pipeline.results import result_files
 from workbench.pipeline.run import Results
 from workbench.pipeline.tables import print_findings
+from workbench.result_files.contract import EngagementFile
 
 ROOT = Path(__file__).parents[2]
 
@@ -70,6 +71,8 @@ def test_rework_and_engagement(path: Toolpath) -> None:
     files = {name: json.loads(content) for name, content in result_files([path, engagement, rework]).items()}
     assert files["engagement.json"]["layers"][0]["chip_area_mm2"] == [0.0, None]
     assert set(files["engagement.json"]["part"]) >= {"part_id", "drawing", "simulated"}
+    assert "part" in EngagementFile.model_json_schema()["properties"]
+    assert EngagementFile.model_validate(files["engagement.json"]).part is not None
     assert files["rework.json"]["too_much_material"] == [{"from_mm": 3.0, "to_mm": 9.5, "reason": "root 2.1 mm"}]
     assert files["rework.json"]["toolpath"] == files["toolpath.json"]
     nothing = Rework(None, (), (), "nothing to rework")

@@ -70,8 +70,12 @@ def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     blind = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.0))
     told = plate(blind, cloud_of(None))
     assert told is not None
-    assert any("hand-eye" in text for text in told.unchecked)
+    assert any("neither the calibration states it" in text for text in told.unchecked)
     stated = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.1))
     told = plate(stated, cloud_of(None))
     assert told is not None
     assert told.unchecked == cell.unchecked
+    assert any("the calibration states no covariance" in text for text in told.unseen)
+    sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
+    assert sure is not None
+    assert not any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))

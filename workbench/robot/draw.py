@@ -19,6 +19,7 @@ INK, PAPER, GRID = "#1b1f24", "#ffffff", "#a4adb8"
 AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z
 FORWARD_MM = 2e4  # what lies this far in front is drawn over all bodies; a parallel projection leaves its place
 FONT_PX, LETTER_PX = 22, 12.5
+WIDTH_PX, HEIGHT_PX = 2000, 1500
 ABOVE_MM = 2.0  # the grid above the floor, or else they flicker
 NAMES_AT = {
     "base": (-0.06, -0.05),
@@ -43,15 +44,21 @@ def add_grid(plotter: Any, low: Float, high: Float, spacing: float, look: Float)
 
 
 class Notes:
-    """Texts of one view, none on top of another."""
+    """Texts of one view, none on top of another, and none beyond its edges."""
 
-    def __init__(self, plotter: Any, screen: Float, px_mm: float) -> None:
-        """`screen`: rows right, up, to the viewer; `px_mm`: of a pixel."""
-        self.plotter, self.screen, self.px_mm = plotter, screen, px_mm
+    def __init__(self, plotter: Any, screen: Float) -> None:
+        """`screen`: rows right, up, to the viewer."""
+        self.plotter, self.screen = plotter, screen
+        half = plotter.camera.parallel_scale  # mm, of the view's height
+        self.px_mm = 2 * half / (HEIGHT_PX / 2)  # two views stand on top of each other
+        middle = screen[:2] @ np.array(plotter.camera.focal_point)
+        size = half * np.array([WIDTH_PX / HEIGHT_PX, 1.0])
+        self._edges = np.concatenate([middle - size, middle + size])
         self._taken: list[Float] = []  # left, low, right, high on the screen, mm
 
     def on(self, place: Float, text: str, colour: str) -> None:
-        """A text at a place."""
+        """A text at a place, or as near as the view's edges let it."""
+        place = self._kept(place, text)
         self._taken.append(self._box(place, text))
         look = {"font_size": FONT_PX, "text_color": colour, "bold": False, "shape_color": PAPER, "shape_opacity": 0.75}
         self.plotter.add_point_labels(
@@ -60,12 +67,18 @@ class Notes:
 
     def beside(self, at: Float, aside: Float, text: str, colour: str) -> None:
         """A text beside a place, with a line to it: at (right, up) `aside`, or where there is room around."""
-        ways = [at + turned @ self.screen[:2] for turned in _around(aside)]
+        ways = [self._kept(at + turned @ self.screen[:2], text) for turned in _around(aside)]
         free = (place for place in ways if not any(_overlap(self._box(place, text), one) for one in self._taken))
         place = next(free, ways[0])
         line = pv.Line(at, place)
         self.plotter.add_mesh(line, color=colour, line_width=1.0, lighting=False, reset_camera=False)
         self.on(place, text, colour)
+
+    def _kept(self, place: Float, text: str) -> Float:
+        """The place, moved across the screen until its text lies in the view."""
+        box = self._box(place, text)
+        out = np.maximum(self._edges[:2] - box[:2], 0) - np.maximum(box[2:] - self._edges[2:], 0)
+        return np.asarray(place + out @ self.screen[:2])
 
     def _box(self, place: Float, text: str) -> Float:
         """About: a text stands to the right of its place and above it."""
@@ -118,7 +131,6 @@ def add_names(notes: Notes, view: CellPicture, size: Float) -> None:
         notes.on(top + FORWARD_MM * notes.screen[2], str(view.names[index]), INK)
 
 
-WIDTH_PX, HEIGHT_PX = 2000, 1500
 HUGE = 1.6  # a body this many times as large as robot and turntable together is cut off around them
 TOOL = ("flange", "cutter", "sensor")  # what the close-up shows
 VIEWS: tuple[tuple[str, tuple[float, float, float], tuple[float, float, float]], ...] = (
@@ -147,7 +159,7 @@ def draw(view: CellPicture, path: Path) -> None:
         note = f"{name}; grid {spacing:.0f} mm"
         _scene(plotter, view, low, high, f"{view.caption}\n{note}" if i == 0 else note)
         add_grid(plotter, low, high, spacing, screen[2])
-        notes = Notes(plotter, screen, 4 * plotter.camera.parallel_scale / HEIGHT_PX)
+        notes = Notes(plotter, screen)
         add_frames(notes, view, ("base", "turntable", "cutter"), float((high - low).max()))
         add_gaps(notes, view, float((high - low).max()))
         if i == 0:
@@ -156,7 +168,7 @@ def draw(view: CellPicture, path: Path) -> None:
     near, far = _tool_bounds(view)
     screen = _look(plotter, np.array(VIEWS[0][1]), np.array(VIEWS[0][2]), near, far)
     _scene(plotter, view, low, high, "tool; axes x vermilion, y green, z blue")
-    notes = Notes(plotter, screen, 4 * plotter.camera.parallel_scale / HEIGHT_PX)
+    notes = Notes(plotter, screen)
     add_frames(notes, view, TOOL, 1.5 * float((far - near).max()))
     add_gaps(notes, view, 1.5 * float((far - near).max()))
     plotter.enable_anti_aliasing("ssaa")

@@ -23,6 +23,10 @@ NO_HAND_EYE_U = (
     "robustness against the hand-eye's uncertainty: neither the calibration states it (covariance) nor the cell file "
     "($.uncertainty.base_u_mm)"
 )
+BASE_U_ALONE = (
+    "what the hand-eye leaves open of the scan: the calibration states no covariance, the cell file's "
+    "$.uncertainty.base_u_mm and turntable_u_mm count alone"
+)
 CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 
 
@@ -74,8 +78,11 @@ def plate(
     unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
     known = scan_uncertainty(cloud)
-    silent = known is None and not cell.margins.part_mm
-    unchecked = (*cell.unchecked, *([NO_HAND_EYE_U] if silent else []))
+    unchecked = cell.unchecked
+    if known is None and cell.margins.part_mm:
+        unseen = (*unseen, BASE_U_ALONE)
+    elif known is None:
+        unchecked = (*unchecked, NO_HAND_EYE_U)
     mm, rad = known or (0.0, 0.0)
     margins = dataclasses.replace(
         cell.margins,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.robot.draw import FONT_PX, HEIGHT_PX, LETTER_PX, WIDTH_PX, Notes
+from workbench.robot.draw import CAPTION_PX, FONT_PX, HEIGHT_PX, LETTER_PX, WIDTH_PX, Notes
 
 HALF_MM = 1000.0  # of the view's height
 TEXT = "1187.5 mm"
@@ -39,7 +39,10 @@ def test_a_label_stays_in_its_view(side: tuple[float, float]) -> None:
     notes.on(at, TEXT, "#000000")
     view = np.array([WIDTH_PX, HEIGHT_PX]) / 2
     px = HALF_MM / (view[1] / 2)
+    far = at + np.array([3 * wide, 0, 0])
+    assert not notes.shows(np.array([far, far]))  # a gap out of view gets no label at its edge
+    assert notes.shows(np.array([far, [300.0, 0, 500]]))
     for place in plotter.places:
         left, low = ((place - plotter.camera.focal_point) @ screen[:2].T) / px + view / 2
         assert 0 <= left <= view[0] - LETTER_PX * len(TEXT) + 1e-6
-        assert 0 <= low <= view[1] - FONT_PX + 1e-6
+        assert 0 <= low <= view[1] - CAPTION_PX - FONT_PX + 1e-6

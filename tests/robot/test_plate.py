@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workbench.artefacts import Cloud
+from workbench.artefacts import Cloud, PointSet
 from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.pipeline import Pipeline
 from workbench.robot import Cell
+from workbench.robot.collision import turntable_pose
 from workbench.robot.pairs import Pairs
 from workbench.robot.plate import plate, scan_uncertainty
+
+ROOT = Path(__file__).parents[2]
 
 
 def cloud_of(covariance: np.ndarray | None) -> Cloud:
@@ -79,3 +84,17 @@ def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
     assert sure is not None
     assert not any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
+
+
+def test_a_cloud_without_a_grid_is_a_body_whole(cell: Cell) -> None:
+    """Slices leave points out: a clamp above the plate, say."""
+    clamp = np.array([[1700.0, 0, 750], [1703.0, 2, 752]])
+    body = [plate(cell, cloud_of(None), points) for points in (None, PointSet(clamp))]
+    for found, held in zip(body, (False, True), strict=True):
+        assert found is not None
+        shapes = [one for one in found.shapes if one.body == "workpiece"]
+        table = turntable_pose(found, 0.0)
+        near = [np.linalg.norm((table @ one.pose)[:3, 3] - clamp[0]) < 10 for one in shapes]
+        assert any(near) == held
+    steps = {step.id: step for step in Pipeline.load(ROOT / "pipelines/plan_cloud.json").plan().steps}
+    assert steps["robot.plate"].sources["points"] == ("cloud.read",)

@@ -19,6 +19,7 @@ INK, PAPER, GRID = "#1b1f24", "#ffffff", "#a4adb8"
 AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z
 FORWARD_MM = 2e4  # what lies this far in front is drawn over all bodies; a parallel projection leaves its place
 FONT_PX, LETTER_PX = 22, 12.5
+CAPTION_PX = 80  # three lines at the top of a view
 WIDTH_PX, HEIGHT_PX = 2000, 1500
 ABOVE_MM = 2.0  # the grid above the floor, or else they flicker
 NAMES_AT = {
@@ -53,8 +54,13 @@ class Notes:
         self.px_mm = 2 * half / (HEIGHT_PX / 2)  # two views stand on top of each other
         middle = screen[:2] @ np.array(plotter.camera.focal_point)
         size = half * np.array([WIDTH_PX / HEIGHT_PX, 1.0])
-        self._edges = np.concatenate([middle - size, middle + size])
+        self._edges = np.concatenate([middle - size, middle + size - [0, CAPTION_PX * self.px_mm]])
         self._taken: list[Float] = []  # left, low, right, high on the screen, mm
+
+    def shows(self, places: Float) -> bool:
+        """Whether any of the places (n, 3) lies in the view."""
+        at = places @ self.screen[:2].T
+        return bool(((at >= self._edges[:2]) & (at <= self._edges[2:])).all(axis=1).any())
 
     def on(self, place: Float, text: str, colour: str) -> None:
         """A text at a place, or as near as the view's edges let it."""
@@ -116,6 +122,8 @@ def add_gaps(notes: Notes, view: CellPicture, size: float) -> None:
     """The shortest distances, in front of all bodies."""
     for ends in view.gaps_mm:
         points = ends + FORWARD_MM * notes.screen[2]
+        if not notes.shows(points):
+            continue
         notes.plotter.add_mesh(pv.Line(*points), color=HIT, line_width=5.0, lighting=False, reset_camera=False)
         length = np.linalg.norm(ends[1] - ends[0])
         notes.beside(points.mean(axis=0), size * np.array(NAMES_AT["gap"]), f"{length:.1f} mm", HIT)

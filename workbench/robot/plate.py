@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud
+from workbench.artefacts import Cloud, PointSet
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
 from workbench.robot.cell import Cell
@@ -16,7 +16,7 @@ from workbench.robot.collision import turntable_pose
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE
 from workbench.robot.workpiece import scanned
 from workbench.stage import stage
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 SAMPLED = 500  # points at which the uncertainty of a scan is looked at
 NO_HAND_EYE_U = (
@@ -34,6 +34,7 @@ CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 def plate(
     cell: Cell | None,
     cloud: Cloud,
+    points: PointSet | None = None,
     *,
     voxel_mm: Annotated[float, Field(gt=0, le=100, description="edge of the cubes that hold the scan's points")] = 5.0,
     planned_at_deg: Annotated[
@@ -52,6 +53,7 @@ def plate(
     Args:
         cell: the robot cell; without one there is nothing to do.
         cloud: the scan.
+        points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
         voxel_mm: edge of the cubes.
         planned_at_deg: turntable angle at which the scan's points hold.
 
@@ -69,11 +71,10 @@ def plate(
     """
     if cell is None:
         return None
-    origin = cloud.base_from_profiler[len(cloud.base_from_profiler) // 2, :3, 3]
-    points = fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin
+    seen = _seen(cloud) if points is None else points.points_mm
     on_table = cell.turntable is not None
     pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
-    body = scanned(points, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, cloud.source or "cloud")
+    body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, cloud.source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
@@ -92,6 +93,12 @@ def plate(
     return dataclasses.replace(
         cell, shapes=(*others, *body), may_touch=touch, unseen=unseen, margins=margins, unchecked=unchecked
     )
+
+
+def _seen(cloud: Cloud) -> Float:
+    """Its points (n, 3) in the base."""
+    origin = cloud.base_from_profiler[len(cloud.base_from_profiler) // 2, :3, 3]
+    return np.asarray(fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin)
 
 
 def scan_uncertainty(cloud: Cloud) -> tuple[float, float] | None:

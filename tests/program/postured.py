@@ -95,18 +95,19 @@ def filled(path: Toolpath, step_mm: float) -> Toolpath:
     parts = [part for part in path.in_order if len(part.feed_mm_s)]
     made = []
     for travel in path.travels:
-        if not len(travel.feed_mm_s) or travel is parts[0] or travel is parts[-1]:
+        if not len(travel.feed_mm_s):
             made.append(travel)
             continue
         i = next(i for i, part in enumerate(parts) if part is travel)
-        place = np.concatenate([parts[i - 1].position_mm[-1:], travel.position_mm, parts[i + 1].position_mm[:1]])
-        turn = np.concatenate(
-            [parts[i - 1].quaternion_wxyz[-1:], travel.quaternion_wxyz, parts[i + 1].quaternion_wxyz[:1]]
-        )
+        before, after = parts[max(i - 1, 0) : i], parts[i + 1 : i + 2]
+        row = [*((one, slice(-1, None)) for one in before), (travel, slice(None)), *((one, slice(1)) for one in after)]
+        place = np.concatenate([one.position_mm[which] for one, which in row])
+        turn = np.concatenate([one.quaternion_wxyz[which] for one, which in row])
         way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1)))
+        own = way[len(before) : len(way) - len(after)]
         new = np.append(True, np.diff(way) > 1e-9)
         place, turn, way = place[new], turn[new], way[new]
-        at = np.unique(np.concatenate([way[1:-1], np.arange(step_mm, way[-1], step_mm)]))
+        at = np.unique(np.concatenate([own, np.arange(step_mm, way[-1], step_mm)]))
         made.append(
             replace(
                 travel,

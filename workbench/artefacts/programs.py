@@ -58,6 +58,7 @@ class ProgramMove:
     configuration: tuple[int, ...] | None = None  # as the dialect counts it; None: the program does not say
     place: str = ""  # the joint target on the controller that J goes to, where the program has its name alone
     time_s: float | None = None  # of a trajectory: when the target is reached, from the start of the program
+    layer: int | None = None  # of a trajectory: that the target belongs to, 0 a travel; None: the program does not say
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,8 @@
 One row for every posture of the path, travels included: time in s, the six joint angles and the turntable in deg, and
 which layer it belongs to (0: travel). CSV, and JSON with the names of the joints. Between two rows all
 angles go evenly. The time of a row is that of the path's feed, longer where a joint or the turntable could not
-follow. There is no way to the first row: the robot must stand there.
+follow by its speed or, where the cell states it, its acceleration: also from the standstill at the first row and to
+that at the last one. There is no way to the first row: the robot must stand there.
 """
 
 from __future__ import annotations
@@ -20,14 +21,20 @@ from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
+from workbench.kernels import kernel
 from workbench.program.reading import NUMBER, Lines, one_file
 from workbench.robot.cell import Cell
-from workbench.units import DEG, Float, Int
+from workbench.units import DEG, AnyArray, Float, Int
 
 # A strict reader for joint trajectories: the CSV and the JSON of one must say the same.
 
 COLUMNS = ("time_s", *(f"j{i}_deg" for i in range(1, 7)), "turntable_deg", "layer")
 TOOL, BASE = "tool", "base"
+DIGITS = 6  # of angles in deg
+SHARE = 0.99  # of speeds and accelerations: the rest is for what digits of times add
+LEAST_S = 1e-6  # between two rows
+MOST_SWEEPS = 200  # forth and back: a few suffice, each corner meets its neighbours
+NEARLY = 1 + 1e-6
 
 
 def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
@@ -47,10 +54,9 @@ def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
         if row[0] <= (rows[-1][0] if rows else -1.0) or (not rows and row[0] != 0.0):
             lines.refuse("times that rise from 0", found[0])
         rows.append(row)
+        joints, table = np.array(row[1:7]) * DEG, row[7] * DEG
         moves.append(
-            ProgramMove(
-                lines.number, "J", TOOL, BASE, joints=np.array(row[1:7]) * DEG, turntable=row[7] * DEG, time_s=row[0]
-            )
+            ProgramMove(lines.number, "J", TOOL, BASE, joints=joints, turntable=table, time_s=row[0], layer=int(row[8]))
         )
     if len(moves) < 2:
         raise InputError(name, f"expected at least two rows, found {len(moves)}")
@@ -90,23 +96,33 @@ class Trajectory:
         """Of all postures that differ from the one before: time, joints, turntable, layer."""
         made = self.job.moves.postures
         assert made is not None
-        angles = np.column_stack([made.joints, made.turntable]) / DEG
-        rows: list[list[float]] = np.column_stack([self._times(), angles, made.layer])[self.kept].tolist()
+        columns = [self._times(), self._angles[self.kept], made.layer[self.kept]]
+        rows: list[list[float]] = np.column_stack(columns).tolist()
         return rows
+
+    @functools.cached_property
+    def _angles(self) -> Float:
+        """Joints and turntable (n, 7) of all postures as they are written, deg."""
+        made = self.job.moves.postures
+        assert made is not None
+        return np.asarray(np.round(np.column_stack([made.joints, made.turntable]) / DEG, DIGITS))
 
     @functools.cached_property
     def kept(self) -> Int:
         """Indices of those postures."""
-        return np.flatnonzero(np.append(True, np.diff(self._times()) > 0))
+        return np.flatnonzero(np.append(True, np.any(np.diff(self._angles, axis=0), axis=1)))
 
     def _times(self) -> Float:
-        """When each posture is reached, s, rounded up to a microsecond a step."""
+        """When each of the kept postures is reached, s."""
         made, table = self.job.moves.postures, self.cell.turntable
         assert made is not None
         way = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]
-        joints = (np.abs(np.diff(made.joints, axis=0)) / self.cell.chain.speeds).max(axis=1)
-        turn = np.abs(np.diff(made.turntable)) / (table.speed if table else 1.0)
-        steps = np.ceil(np.maximum(np.maximum(way, joints), turn) * 1e6) / 1e6
+        at_feed = np.diff(np.append(0.0, np.cumsum(way))[self.kept])
+        moved = np.diff(self._angles[self.kept], axis=0) * DEG
+        rated = SHARE * np.append(self.cell.chain.speeds, table.speed if table else np.inf)
+        steps = np.maximum(np.maximum(at_feed, (np.abs(moved) / rated).max(axis=1)), LEAST_S)
+        if self.cell.accelerations is not None:
+            steps = 1 / slowed(moved[:, :6], SHARE * self.cell.accelerations, 1 / steps)
         return np.append(0.0, np.cumsum(steps))
 
     def head(self) -> Iterator[str]:
@@ -170,5 +186,54 @@ class Trajectory:
 
 
 def _tidy(row: list[float]) -> list[float | int]:
-    """Time to a microsecond, angles to 0.000001 deg."""
-    return [*(round(value, 6) + 0.0 for value in row[:-1]), int(row[-1])]
+    """Time to a nanosecond, angles as they are rounded."""
+    return [round(row[0], 9), *(value + 0.0 for value in row[1:-1]), int(row[-1])]
+
+
+# How fast rows may follow each other: a joint's speed changes from one row to the next within the shorter step.
+
+
+def slowed(moved: Float, most: Float, rate: Float) -> Float:
+    """The rates (n,), 1/s, of steps between rows, lowered until no joint changes its speed too fast.
+
+    Args:
+        moved: (n, 6) of the joints in each step, rad.
+        most: (6,) largest accelerations, rad/s^2.
+        rate: (n,) largest rates, one over the step's time.
+    """
+    rate = rate.copy()
+    for _ in range(MOST_SWEEPS):
+        if not _sweep(moved, most, rate):
+            break
+    ends = 2 * np.abs(moved[[0, -1]]) * rate[[0, -1], None] ** 2
+    inner = np.abs(np.diff(moved * rate[:, None], axis=0)) * np.maximum(rate[1:], rate[:-1])[:, None]
+    left = float((np.concatenate([ends, inner]) / most).max())
+    return np.asarray(rate / np.sqrt(max(left, 1.0)))  # all times by one factor: accelerations by its square
+
+
+@kernel
+def _sweep(moved: AnyArray, most: AnyArray, rate: AnyArray) -> bool:
+    """Lower rates forth and back through all rows; whether any was lowered."""
+    n, changed = len(rate), False
+    for k in range(len(most)):
+        for end in (0, n - 1):  # half a step from or to the standstill
+            if 2 * abs(moved[end, k]) * rate[end] ** 2 > most[k] * NEARLY:
+                rate[end], changed = np.sqrt(most[k] / (2 * abs(moved[end, k]))), True
+    for turn in range(2 * (n - 1)):
+        i = turn if turn < n - 1 else 2 * (n - 1) - 1 - turn
+        for k in range(len(most)):
+            one, other = moved[i, k] * rate[i], moved[i + 1, k] * rate[i + 1]
+            asked = abs(one - other) * max(rate[i], rate[i + 1])
+            if asked <= most[k] * NEARLY:
+                continue
+            changed = True
+            if one * other <= 0:  # the joint turns round: both steps must be slower
+                less = np.sqrt(most[k] / asked)
+                rate[i] *= less
+                rate[i + 1] *= less
+                continue
+            fast, slow = (i, i + 1) if abs(one) > abs(other) else (i + 1, i)
+            way, speed = abs(moved[fast, k]), abs(moved[slow, k]) * rate[slow]
+            alone = (speed + np.sqrt(speed**2 + 4 * way * most[k])) / (2 * way)  # where its own step is the shorter one
+            rate[fast] = min(alone, (speed + most[k] / rate[slow]) / way)
+    return changed

@@ -23,6 +23,7 @@ from workbench.robot.margins import dexterity
 from workbench.robot.pairs import Pairs
 from workbench.robot.process import disorders, placed
 from workbench.robot.surface import Planned, deviations
+from workbench.robot.timed import rated, timed_faults
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
 
@@ -53,17 +54,12 @@ def judge(
     program = placed(program, cell.process)
     try:
         tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), _rated(cell))
+        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), rated(cell))
     except WayError as error:
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
     way, places = first_look(cell, way)
     found = _proven(cell, way, places, _Findings())
-    found.faults += _off_the_path(cell, way, places)
     return _judgement(cell, program, way, found, planned, configuration)
-
-
-def _rated(cell: Cell) -> Float:
-    return np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else np.inf)
 
 
 def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
@@ -118,16 +114,24 @@ def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings
     return found
 
 
-def _off_the_path(cell: Cell, way: Way, places: Places) -> list[tuple[int, float, str, str]]:
-    """Collisions on joint moves with nothing allowed to touch the plate: the cutter mills on its path alone."""
+def _on_the_path(program: ProgramMoves, way: Way, places: Places, driven: tuple[int, int]) -> Bool:
+    """Which segments (g,) belong to the path: of joint moves those of its layers and travels, where it is driven."""
+    said = np.array([move.layer is not None for move in program.moves])[way.move]
+    ends = np.searchsorted(places.segment, np.arange(len(way.kind)), side="right") - 1
+    begins = np.append(0, ends[:-1])
+    return np.asarray((way.kind != JOINTS) | (said & (begins >= driven[0]) & (ends <= driven[1])))
+
+
+def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[tuple[int, float, str, str]]:
+    """Collisions off the path with nothing allowed to touch the plate: the cutter mills on its path alone."""
     touch = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)
-    joint_moves = way.kind[places.segment] == JOINTS
+    joint_moves = ~on_path[places.segment]
     if touch == cell.may_touch or not joint_moves.any():
         return []
     strict, found = dataclasses.replace(cell, may_touch=touch), _Findings()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joint_moves, [False]])))
     for low, high in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        _proven(strict, way, places.at(np.arange(low, high)), found)
+        _proven(strict, way, places.at(np.arange(max(low - 1, 0), high)), found)
     return [fault for fault in found.faults if fault[2] == "collision"]
 
 
@@ -292,7 +296,18 @@ def _judgement(
     places = everywhere.at(order)
     arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
     at = _Lookup(places, arc)
+    unchecked = [*cell.unchecked, *cell.unseen]
+    deviation, astray, driven = float("nan"), list[tuple[int, str]](), (len(places), -1)
+    if planned is None:
+        unchecked.append("the tool's deviation from its path: no path was given")
+    else:
+        tool = forward_kinematics(cell.chain, places.joints) @ planned.flange_from_point
+        deviation, astray, driven = deviations(cell, planned, tool, places.turntable)
+    found.faults += _off_the_path(cell, way, found.places[0], _on_the_path(program, way, places, driven))
+    timed, timed_share = timed_faults(cell, way)
+    found.faults += timed
     faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
+    faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), "deviation", text) for i, text in astray]
     faults += _configurations(cell, program, way, places, at, configuration)
     if cell.process is not None:
         faults += [
@@ -301,15 +316,6 @@ def _judgement(
         ]
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
-    unchecked = [*cell.unchecked, *cell.unseen]
-    deviation = float("nan")
-    if planned is None:
-        unchecked.append("the tool's deviation from its path: no path was given")
-    else:
-        tool = forward_kinematics(cell.chain, places.joints) @ planned.flange_from_point
-        off, worst = deviations(cell, planned, tool, places.turntable)
-        deviation = off
-        faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), "deviation", text) for i, text in worst]
     measured = len(everywhere) - len(found.places[0])
     inside = np.argsort(order)[len(found.places[0]) :]
     along = {
@@ -336,7 +342,7 @@ def _judgement(
         limit_margin=min(found.proven_margin, _nanmin(along["limit_margin"])),
         wrist=min(found.proven_wrist, np.pi / 2),
         condition=float(np.nanmax(along["condition"], initial=0.0)),
-        speed_share=share,
+        speed_share=max(share, timed_share),
         deviation_mm=deviation,
         along=along,
     )
@@ -403,7 +409,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     moved = np.abs(np.diff(seven, axis=0))
     long_enough = seconds > 1e-9
     rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)
-    asked = np.nan_to_num(rate / _rated(cell))
+    asked = np.nan_to_num(rate / rated(cell))
     asked[way.kind[places.segment[1:]] == JOINTS] = 0.0
     worst = asked.max(axis=1, initial=0.0)
     faults = []

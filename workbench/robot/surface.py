@@ -31,8 +31,8 @@ class Planned:
 
 def deviations(
     cell: Cell, planned: Planned, tool: Shaped[Float, "n 4 4"], turntable: Shaped[Float, " n"]
-) -> tuple[float, list[tuple[int, str]]]:
-    """The largest deviation over all layers, mm, and what is wrong: index of the place and words.
+) -> tuple[float, list[tuple[int, str]], tuple[int, int]]:
+    """The largest deviation, mm; what is wrong, by index of the place and in words; the indices of the path's ends.
 
     The cutter's axis off the path's, and turned, over half the flutes. Layers and the travels between them must be
     driven from end to end in their order: then what was checked of the path holds for the program.
@@ -46,20 +46,21 @@ def deviations(
     back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
     back[:, :3, 3] -= planned.toolpath.cutter.diameter_mm / 2 * back[:, :3, 0]  # a cutter may turn about its axis
     faults: list[tuple[int, str]] = []
-    largest, begin = 0.0, 0
+    largest, begin, start = 0.0, 0, len(tool)
     for name, points, axis in _parts(planned.toolpath):
         found = _part(planned, name, points, axis, back[begin:])
         if isinstance(found, str):
             faults.append((begin, found))
             continue
         first, off = found
+        start = min(start, begin + first)
         worst = int(off.argmax())
         largest = max(largest, float(off[worst]))
         if off[worst] > planned.tolerance_mm:
             finding = f"the tool leaves {name} of the path by {off[worst]:.3f} mm, expected at most "
             faults.append((begin + first + worst, f"{finding}{planned.tolerance_mm:g} mm"))
         begin += first + len(off) - 1
-    return largest, faults
+    return largest, faults, (start, begin)
 
 
 def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, slerp
-from workbench.units import DEG, Float, Int, Shaped
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 ToFlange = Callable[[Float], Float]  # base_from_flange (4, 4) at joint angles (6,)
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
@@ -48,6 +48,7 @@ class Way:
     turntable: Shaped[Float, "g 3"]  # start, corner, end
     flange_from_tool: Shaped[Float, "g 4 4"]
     duration_s: Shaped[Float, " g"]
+    timed: Shaped[Bool, " g"]  # the program says the duration: of joint moves alone
     length_mm: Shaped[Float, " g"]
     start_joints: Shaped[Float, " 6"]
 
@@ -105,6 +106,7 @@ class _Leg:
     turn: Float
     length: float
     cut: list[float]  # shares at which it begins and ends
+    seconds: float | None = None  # that the program says it takes
 
     def at(self, share: float) -> tuple[Float, Float, float]:
         """Position, quaternion and turntable angle on the whole move."""
@@ -135,7 +137,7 @@ def way_of(
 
     Raises:
         WayError: a first move without joint angles, an orientation that turns too far, a circle that is none, a joint
-            move to a pose, a joint move that blends.
+            move to a pose, a joint move that blends, times that do not rise.
     """
     legs: list[_Leg] = []
     joints: Float | None = None
@@ -155,6 +157,7 @@ def way_of(
         leg = _leg(
             i, move, tools[move.tool], work_objects.get(move.work_object), joints, flange, (table, end_table), flange_at
         )
+        leg.seconds = _seconds(program.moves[i - 1], move)
         legs.append(leg)
         joints = move.joints if leg.kind == JOINTS else None
         flange, table = leg.end @ inverse(leg.tool), end_table
@@ -162,6 +165,15 @@ def way_of(
     if first is None:
         raise WayError(1, "the program moves nowhere")
     return _stacked(_rounded(legs), first, rated)
+
+
+def _seconds(before: ProgramMove, move: ProgramMove) -> float | None:
+    """How long a move takes, where the program says times."""
+    if move.time_s is None:
+        return None
+    if move.kind != "J" or before.time_s is None or not before.time_s < move.time_s < np.inf:
+        raise WayError(move.line, "expected joint angles at a time behind that of the move before")
+    return move.time_s - before.time_s
 
 
 def _leg(
@@ -257,7 +269,9 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
     turned = 2 * float(np.arccos(np.clip(abs(quaternion[0] @ quaternion[2]), 0, 1)))
     feed = leg.move.feed_mm_s
     duration = length / feed if feed else 0.0
-    if kind == JOINTS:
+    if leg.seconds is not None:
+        duration = leg.seconds
+    elif kind == JOINTS:
         moved = np.abs(np.append(joints[1] - joints[0], table[2] - table[0]))
         duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
     elif length < NO_LENGTH_MM:
@@ -275,5 +289,6 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         table,
         leg.tool,
         duration,
+        leg.seconds is not None,
         length,
     )

@@ -1,0 +1,187 @@
+"""Joint trajectories: their times are judged, and their rows along the path may mill the plate."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Judgement, Moves, ProgramMoves
+from workbench.cli import main
+from workbench.program import write
+from workbench.program.trajectory import read_trajectory, slowed
+from workbench.robot import Cell, read_cell
+from workbench.robot.judge import judge
+from workbench.robot.surface import Planned
+
+from .conftest import passed
+from .paths import Shape
+from .postured import cell_of, postured
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOT = "gp25"  # its postures lie 5 mm apart on travels too, as the optimiser's
+ACCELERATIONS = np.radians([90.0, 90, 90, 180, 180, 240])
+BEND = Shape(bend=1 / 300, length_mm=40)
+CUTTER_SHAPE = {
+    "pose": {"position_mm": [215, 0, 140], "quaternion_wxyz": [0.7071067811865476, 0, 0.7071067811865476, 0]},
+    "cylinder_mm": [5, 90],
+    "body": "cutter",
+}
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Cell:
+    return replace(cell_of(ROBOT, tmp_path_factory.mktemp("cell")), accelerations=ACCELERATIONS)
+
+
+@pytest.fixture(scope="module")
+def moves(cell: Cell) -> Moves:
+    return postured(cell, ROBOT, BEND)
+
+
+def written(moves: Moves, cell: Cell) -> tuple[dict[str, str], Judgement]:
+    """The files, and what came of them."""
+    csv, table, _, _, judgement, _ = write(moves, passed(moves.toolpath), cell, controller="trajectory")
+    return {one.name: one.content.decode() for one in (csv, table)}, judgement
+
+
+def faster(files: dict[str, str], by: float) -> dict[str, str]:
+    """CSV and JSON with all times divided."""
+    (csv, text), (table, document) = sorted(files.items())
+    lines = [
+        line if line[0] in "#t" else ",".join([repr(float((cut := line.split(","))[0]) / by), *cut[1:]])
+        for line in text.splitlines()
+    ]
+    tree = json.loads(document)
+    tree["points"] = [[float(row[0]) / by, *row[1:]] for row in tree["points"]]
+    return {csv: "\n".join(lines) + "\n", table: json.dumps(tree)}
+
+
+def planned(moves: Moves) -> Planned:
+    return Planned(moves.toolpath, 0.0, 0.05, moves.flange_from_point)
+
+
+def test_what_is_written_passes_in_the_files_own_time(moves: Moves, cell: Cell) -> None:
+    files, judgement = written(moves, cell)
+    assert judgement.passed, judgement.violations
+    last = max(float(line.split(",")[0]) for line in files["BevelPath.csv"].splitlines() if line[0].isdigit())
+    assert judgement.time_s == pytest.approx(last, abs=1e-9)
+    assert last > moves.toolpath.time_s - 1e-6
+    assert 0 < judgement.speed_share < 1
+
+
+def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell: Cell) -> None:
+    """No step is shorter than its feed, and few are longer: those beside a standstill or a corner."""
+    files, _ = written(moves, cell)
+    program = read_trajectory(files)
+    made = moves.postures
+    at = np.array([np.abs(made.joints - move.joints).max(axis=1).argmin() for move in program.moves])
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]))
+    ratio = np.diff([move.time_s for move in program.moves]) / np.diff(way[at])
+    assert ratio.min() > 1 - 1e-5
+    assert np.mean(ratio > 1.001) < 0.2
+
+
+@pytest.mark.parametrize(("by", "kind"), [(2.0, "acceleration"), (100.0, "acceleration"), (5000.0, "speed")])
+def test_a_faster_file_is_refused_naming_joint_and_line(moves: Moves, cell: Cell, by: float, kind: str) -> None:
+    files, _ = written(moves, cell)
+    found = judge(cell, read_trajectory(faster(files, by)), planned(moves))
+    assert kind in {one.kind for one in found.violations}
+    rows = files["BevelPath.csv"].splitlines()
+    for one in found.violations:
+        assert "joint " in one.finding or "turntable" in one.finding
+        assert rows[one.line - 1][0].isdigit()
+    assert judge(cell, read_trajectory(faster(files, 1.0)), planned(moves)).passed
+
+
+def test_random_steps_are_slowed_within_the_accelerations() -> None:
+    """Checked row by row in plain loops."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        moved = rng.normal(size=(40, 6)) * 10.0 ** rng.uniform(-6, -1, (40, 1))
+        rate = 10.0 ** rng.uniform(-2, 4, 40)
+        found = slowed(moved, ACCELERATIONS, rate)
+        assert (found <= rate * (1 + 1e-12)).all()
+        assert (found > 0).all()
+        times, speed = 1 / found, moved * found[:, None]
+        for i in range(39):
+            change = np.abs(speed[i + 1] - speed[i]) / min(times[i], times[i + 1])
+            assert (change <= ACCELERATIONS * (1 + 1e-5)).all()
+        for end in (0, -1):
+            assert (np.abs(speed[end]) / (times[end] / 2) <= ACCELERATIONS * (1 + 1e-5)).all()
+
+
+def test_a_line_is_driven_as_fast_as_the_acceleration_allows() -> None:
+    """From rest to rest, evenly spaced: within a few percent of sqrt(4 way / acceleration)."""
+    moved = np.zeros((200, 6))
+    moved[:, 1] = 0.005
+    found = slowed(moved, ACCELERATIONS, np.full(200, 1e4))
+    assert (1 / found).sum() == pytest.approx(np.sqrt(4 * 1.0 / ACCELERATIONS[1]), rel=0.1)
+
+
+@pytest.fixture
+def plated(moves: Moves, tmp_path: Path) -> Cell:
+    """A block where the path's middle is, which the cutter may mill."""
+    points = moves.postures
+    tip = points.position_mm[len(points.layer) // 2]
+    block = {"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [20, 20, 20]}
+    cell_of(ROBOT, tmp_path)
+    file = tmp_path / f"{ROBOT}.json"
+    tree = json.loads(file.read_text())
+    tree["tool"]["shapes"] = [CUTTER_SHAPE]
+    file.write_text(json.dumps(tree | {"fixtures": [block], "may_touch": [["cutter", "workpiece"]]}))
+    return replace(read_cell(file), accelerations=ACCELERATIONS)
+
+
+def collisions(cell: Cell, program: ProgramMoves, moves: Moves | None) -> set[int]:
+    found = judge(cell, program, moves and planned(moves))
+    return {one.line for one in found.violations if one.kind == "collision"}
+
+
+def test_the_rows_of_the_path_may_mill_the_plate(plated: Cell) -> None:
+    moves = postured(plated, ROBOT, BEND)
+    files, judgement = written(moves, plated)
+    assert judgement.passed, judgement.violations
+    program = read_trajectory(files)
+    assert {move.layer for move in program.moves} == {0, 1, 2}
+    silent = replace(program, moves=tuple(replace(move, layer=None) for move in program.moves))
+    assert collisions(plated, silent, moves)
+    assert collisions(plated, program, None)  # nobody says what its path is
+    held = replace(plated, may_touch=())
+    assert collisions(held, program, moves)
+
+
+@pytest.mark.parametrize("end", ["before", "behind"])
+def test_rows_beyond_the_paths_ends_may_not(plated: Cell, end: str) -> None:
+    """Whatever layer they claim: into the block and out again."""
+    moves = postured(plated, ROBOT, BEND)
+    program = read_trajectory(written(moves, plated)[0])
+    rows = list(program.moves)
+    middle = replace(rows[len(rows) // 2], layer=1)
+    ends = rows[0], rows[-1]
+    more = [ends[0], middle, *rows] if end == "before" else [*rows, middle, ends[1]]
+    timed = tuple(replace(move, line=i + 1, time_s=20.0 * i) for i, move in enumerate(more))
+    lines = collisions(plated, replace(program, moves=timed), moves)
+    wanted = {2, 3} if end == "before" else {len(more) - 1, len(more)}
+    assert lines
+    assert lines <= wanted
+
+
+@pytest.mark.slow
+def test_a_scanned_plate_is_milled_by_a_trajectory(tmp_path: Path) -> None:
+    """The shipped plan from its scan to the table; the same table at twice the speed may not run."""
+    cell = ROOT / "data/robot/cell.json"
+    at: list[Any] = ["--input", f"cell={cell}", "--input", "controller=trajectory", "--out", tmp_path / "out"]
+    coarse = ["--set", "stiffness.posture.step_deg=30", "--set", "stiffness.posture.whole_map=false"]
+    main([str(one) for one in ["run", ROOT / "pipelines/plan_bevel.json", *at, *coarse]])
+    check = json.loads((tmp_path / "out/program_check.json").read_text())
+    assert check["passed"], check["violations"]
+    files = {one.name: one.read_text() for one in (tmp_path / "out").glob("BevelPath.*")}
+    program = read_trajectory(files)
+    assert check["time_s"] == pytest.approx(program.moves[-1].time_s, abs=1e-5)
+    found = judge(read_cell(cell), read_trajectory(faster(files, 2.0)))
+    assert {one.kind for one in found.violations} == {"acceleration"}

@@ -93,9 +93,33 @@ def test_a_faster_file_is_refused_naming_joint_and_line(moves: Moves, cell: Cell
     assert kind in {one.kind for one in found.violations}
     rows = files["BevelPath.csv"].splitlines()
     for one in found.violations:
-        assert "joint " in one.finding or "turntable" in one.finding
+        assert ("joint " in one.finding) == (one.kind != "feed")
         assert rows[one.line - 1][0].isdigit()
     assert judge(cell, read_trajectory(faster(files, 1.0)), planned(moves)).passed
+
+
+@pytest.mark.parametrize("by", [1.05, 2.0])
+def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
+    moves: Moves, cell: Cell, by: float
+) -> None:
+    silent = replace(cell, accelerations=None)
+    files, _ = written(moves, silent)
+    found = judge(silent, read_trajectory(faster(files, by)), planned(moves))
+    assert {one.kind for one in found.violations} == {"feed"}
+    said = [one.finding for one in found.violations]
+    assert all(any(f"along layer {layer} at" in one for one in said) for layer in (1, 2))
+
+
+def test_one_row_of_a_layer_that_comes_too_soon_is_found(moves: Moves, cell: Cell) -> None:
+    """Between two rows of a layer that is milled at 1 mm/s, although travels are at 20."""
+    silent = replace(cell, accelerations=None)
+    program = read_trajectory(written(moves, silent)[0])
+    feed = np.diff([move.time_s for move in program.moves])
+    slow = int(np.flatnonzero((feed > 0.9) & (np.array([move.layer for move in program.moves[1:]]) == 2))[5]) + 1
+    moved = [replace(move, time_s=move.time_s - 0.5) if i >= slow else move for i, move in enumerate(program.moves)]
+    (found,) = judge(silent, replace(program, moves=tuple(moved)), planned(moves)).violations
+    assert (found.line, found.kind) == (program.moves[slow].line, "feed")
+    assert "the tool goes along layer 2 at 2" in found.finding
 
 
 def test_random_steps_are_slowed_within_the_accelerations() -> None:

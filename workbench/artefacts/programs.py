@@ -90,7 +90,7 @@ class Violation:
 
     line: int  # of the program's file
     arc_length_mm: float  # of the tool's way, from the first target
-    # collision, limit, singular, speed, acceleration, deviation, configuration, unreachable, unsteady, process
+    # collision, limit, singular, speed, acceleration, deviation, feed, configuration, unreachable, unsteady, process
     kind: str
     finding: str  # in words, with the pair, the joint and the numbers
 

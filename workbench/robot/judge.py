@@ -22,7 +22,7 @@ from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.margins import dexterity
 from workbench.robot.pairs import Pairs
 from workbench.robot.process import disorders, placed
-from workbench.robot.surface import Planned, deviations
+from workbench.robot.surface import Driven, Planned, deviations
 from workbench.robot.timed import rated, timed_faults
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
@@ -114,12 +114,15 @@ def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings
     return found
 
 
-def _on_the_path(program: ProgramMoves, way: Way, places: Places, driven: tuple[int, int]) -> Bool:
+def _on_the_path(program: ProgramMoves, way: Way, places: Places, driven: tuple[int, int] | None) -> Bool:
     """Which segments (g,) belong to the path: of joint moves those of its layers and travels, where it is driven."""
+    in_space = way.kind != JOINTS
+    if driven is None:
+        return np.asarray(in_space)
     said = np.array([move.layer is not None for move in program.moves])[way.move]
     ends = np.searchsorted(places.segment, np.arange(len(way.kind)), side="right") - 1
     begins = np.append(0, ends[:-1])
-    return np.asarray((way.kind != JOINTS) | (said & (begins >= driven[0]) & (ends <= driven[1])))
+    return np.asarray(in_space | (said & (begins >= driven[0]) & (ends <= driven[1])))
 
 
 def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[tuple[int, float, str, str]]:
@@ -297,17 +300,19 @@ def _judgement(
     arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
     at = _Lookup(places, arc)
     unchecked = [*cell.unchecked, *cell.unseen]
-    deviation, astray, driven = float("nan"), list[tuple[int, str]](), (len(places), -1)
+    driven, deviation = Driven(), float("nan")
     if planned is None:
         unchecked.append("the tool's deviation from its path: no path was given")
     else:
         tool = forward_kinematics(cell.chain, places.joints) @ planned.flange_from_point
-        deviation, astray, driven = deviations(cell, planned, tool, places.turntable)
-    found.faults += _off_the_path(cell, way, found.places[0], _on_the_path(program, way, places, driven))
+        seconds = np.where(way.timed[places.segment[1:]], _seconds(way, places), np.inf)
+        driven = deviations(cell, planned, tool, places.turntable, seconds)
+        deviation = driven.largest_mm
+    found.faults += _off_the_path(cell, way, found.places[0], _on_the_path(program, way, places, driven.ends))
     timed, timed_share = timed_faults(cell, way)
     found.faults += timed
     faults = [Violation(int(way.line[s]), at.arc(s, share), kind, finding) for s, share, kind, finding in found.faults]
-    faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), "deviation", text) for i, text in astray]
+    faults += [Violation(int(way.line[places.segment[i]]), float(arc[i]), *rest) for i, *rest in driven.faults]
     faults += _configurations(cell, program, way, places, at, configuration)
     if cell.process is not None:
         faults += [
@@ -400,12 +405,17 @@ def _configurations(
             yield Violation(move.line, at.arc(int(places.segment[i]), float(places.share[i])), "configuration", said)
 
 
+def _seconds(way: Way, places: Places) -> Float:
+    """From each of n places to the next (n - 1,)."""
+    same = places.segment[1:] == places.segment[:-1]
+    share = places.share[1:] - np.where(same, places.share[:-1], 0.0)
+    return np.asarray(share * way.duration_s[places.segment[1:]])
+
+
 def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Violation], float]:
     """Joints that cannot keep the programmed feed, and the largest share of a rated speed (and acceleration)."""
     seven = np.column_stack([places.joints, places.turntable])
-    same = places.segment[1:] == places.segment[:-1]
-    share = places.share[1:] - np.where(same, places.share[:-1], 0.0)
-    seconds = share * way.duration_s[places.segment[1:]]
+    seconds = _seconds(way, places)
     moved = np.abs(np.diff(seven, axis=0))
     long_enough = seconds > 1e-9
     rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +17,9 @@ NEAR_MM = 20.0  # along the way, in which a place looks for its counterpart on t
 MOST_STEP_MM = 1.0  # between points of the path that are compared with
 MOST_TURN = 0.5 * DEG  # likewise
 NO_LENGTH_MM = 1e-6
+FEED_NEAR_MM = 1.0  # along the way, in which a place looks for the fastest feed
+LEAST_S = 1e-12
+QUICKER = 1.02  # times the feed: what angles that go evenly add between two rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,10 +32,23 @@ class Planned:
     flange_from_point: Shaped[Float, "4 4"]  # the path's frames in the flange
 
 
+@dataclass(slots=True)
+class Driven:
+    """What came of holding a way against the path; places by their indices."""
+
+    largest_mm: float = 0.0
+    faults: list[tuple[int, str, str]] = field(default_factory=list)  # place, kind, finding
+    ends: tuple[int, int] | None = None  # from and to which place the path is driven
+
+
 def deviations(
-    cell: Cell, planned: Planned, tool: Shaped[Float, "n 4 4"], turntable: Shaped[Float, " n"]
-) -> tuple[float, list[tuple[int, str]], tuple[int, int]]:
-    """The largest deviation, mm; what is wrong, by index of the place and in words; the indices of the path's ends.
+    cell: Cell,
+    planned: Planned,
+    tool: Shaped[Float, "n 4 4"],
+    turntable: Shaped[Float, " n"],
+    seconds: Shaped[Float, " n-1"],
+) -> Driven:
+    """How far the tool leaves the path over all layers and travels, and where it is faster than the path's feed.
 
     The cutter's axis off the path's, and turned, over half the flutes. Layers and the travels between them must be
     driven from end to end in their order: then what was checked of the path holds for the program.
@@ -42,29 +58,46 @@ def deviations(
         planned: the path.
         tool: (n, 4, 4) the path's frame on the flange, in the base; so near to each other that chords are the way.
         turntable: (n,) rad.
+        seconds: (n - 1,) between places, where the program says times; inf elsewhere.
     """
     back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
     back[:, :3, 3] -= planned.toolpath.cutter.diameter_mm / 2 * back[:, :3, 0]  # a cutter may turn about its axis
-    faults: list[tuple[int, str]] = []
-    largest, begin, start = 0.0, 0, len(tool)
-    for name, points, axis in _parts(planned.toolpath):
+    made, begin = Driven(), 0
+    for name, points, axis, feed in _parts(planned.toolpath):
         found = _part(planned, name, points, axis, back[begin:])
         if isinstance(found, str):
-            faults.append((begin, found))
+            made.faults.append((begin, "deviation", found))
             continue
         first, off = found
-        start = min(start, begin + first)
         worst = int(off.argmax())
-        largest = max(largest, float(off[worst]))
+        made.largest_mm = max(made.largest_mm, float(off[worst]))
         if off[worst] > planned.tolerance_mm:
             finding = f"the tool leaves {name} of the path by {off[worst]:.3f} mm, expected at most "
-            faults.append((begin + first + worst, f"{finding}{planned.tolerance_mm:g} mm"))
-        begin += first + len(off) - 1
-    return largest, faults, (start, begin)
+            made.faults.append((begin + first + worst, "deviation", f"{finding}{planned.tolerance_mm:g} mm"))
+        begin, last = begin + first, begin + first + len(off) - 1
+        place, speed, most = _quickest(back[begin : last + 1, :3, 3], seconds[begin:last], points, feed)
+        if speed > QUICKER * most:
+            finding = f"the tool goes along {name} at {speed:.3g} mm/s, expected the path's feed, {most:.3g} mm/s there"
+            made.faults.append((begin + place, "feed", finding))
+        made.ends = (made.ends[0] if made.ends else begin, last)
+        begin = last
+    return made
 
 
-def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float]]:
-    """Layers and what lies between them, in their order: a name, points (k, 3) on the cutter's axis, the axis (k, 3).
+def _quickest(driven: Float, seconds: Float, fine: Float, feed: Float) -> tuple[int, float, float]:
+    """The place (of n) that the tool comes to too fast, its speed, and the fastest of the path near it, mm/s."""
+    there, along = _along(driven), _along(fine)
+    speed = np.diff(there) / np.maximum(seconds, LEAST_S)
+    there *= along[-1] / max(there[-1], 1e-9)
+    low = np.searchsorted(along, there[:-1] - FEED_NEAR_MM).clip(1, len(feed)) - 1
+    high = np.searchsorted(along, there[1:] + FEED_NEAR_MM).clip(1, len(feed))
+    most = np.array([feed[a:b].max() for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+    worst = int((speed / most).argmax())
+    return worst + 1, float(speed[worst]), float(most[worst])
+
+
+def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float, Float]]:
+    """Layers and what lies between them, in order: name, points (k, 3) of the cutter's axis, axis (k, 3), feed (k-1,).
 
     A travel begins where the part before it ends, and ends where the next one begins. Between its points the path's own
     frame moves straight and turns evenly, as `stiffness.posture` fills it up.
@@ -76,10 +109,11 @@ def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float]]:
             row = [*parts[max(i - 1, 0) : i], part, *parts[i + 1 : i + 2]]
         position = np.concatenate([_ends(one, j, row, part)[0] for j, one in enumerate(row)])
         quaternion = np.concatenate([_ends(one, j, row, part)[1] for j, one in enumerate(row)])
+        feed = np.concatenate([_ends(one, j, row, part)[2] for j, one in enumerate(row)])
         if np.linalg.norm(np.diff(position, axis=0), axis=1).sum() <= NO_LENGTH_MM:
             continue
         name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_beside(parts, i)}"
-        yield name, *_densified(path, position, quaternion)
+        yield name, *_densified(path, position, quaternion, feed)
 
 
 def _beside(parts: list[Layer | Travel], i: int) -> str:
@@ -88,10 +122,12 @@ def _beside(parts: list[Layer | Travel], i: int) -> str:
     return f"behind layer {before[-1]}" if before else "before the first layer"
 
 
-def _ends(one: Layer | Travel, place: int, row: list[Layer | Travel], part: Layer | Travel) -> tuple[Float, Float]:
+def _ends(
+    one: Layer | Travel, place: int, row: list[Layer | Travel], part: Layer | Travel
+) -> tuple[Float, Float, Float]:
     """All points of the part itself, the last one of the part before it, the first one of the part behind it."""
     which = slice(None) if one is part else slice(-1, None) if place == 0 else slice(0, 1)
-    return one.position_mm[which], one.quaternion_wxyz[which]
+    return one.position_mm[which], one.quaternion_wxyz[which], one.feed_mm_s[which]
 
 
 def _poses(cell: Cell, turntable: Float) -> Float:
@@ -148,8 +184,8 @@ def _along(position: Float) -> Float:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
 
 
-def _densified(path: Toolpath, position: Float, quaternion: Float) -> tuple[Float, Float]:
-    """Points of the cutter's axis in the base, no farther than MOST_STEP_MM from each other, and its direction."""
+def _densified(path: Toolpath, position: Float, quaternion: Float, feed: Float) -> tuple[Float, Float, Float]:
+    """Points of the cutter's axis in the base, at most MOST_STEP_MM from each other, its direction and its speed."""
     step = np.linalg.norm(np.diff(position, axis=0), axis=1)
     turn = 2 * np.arccos(np.clip(np.abs((quaternion[1:] * quaternion[:-1]).sum(axis=1)), 0, 1))
     count = np.maximum(np.ceil(np.maximum(step / MOST_STEP_MM, turn / MOST_TURN)), 1).astype(int)
@@ -157,7 +193,10 @@ def _densified(path: Toolpath, position: Float, quaternion: Float) -> tuple[Floa
     poses = interpolate_poses(at, np.arange(len(position), dtype=float), position, quaternion)
     axes, points = poses[:, :3, :3], poses[:, :3, 3] - path.cutter.diameter_mm / 2 * poses[:, :3, 0]
     turned = np.eye(3) if path.base_from_workobject is None else path.base_from_workobject[:3, :3]
-    return path.in_base(points), axes[:, :, 2] @ turned.T
+    own, axis = (np.linalg.norm(np.diff(one, axis=0), axis=1) for one in (poses[:, :3, 3], points))
+    towards = feed[np.floor(at[:-1]).astype(int) + 1]
+    speed = np.where(own > NO_LENGTH_MM, towards * axis / np.maximum(own, NO_LENGTH_MM), np.inf)
+    return path.in_base(points), axes[:, :, 2] @ turned.T, speed
 
 
 def _windows(places: Float, along: Float) -> Iterator[Int]:

@@ -1,0 +1,56 @@
+"""From a path in reach to a judged program on other robots than the shipped one: the optimiser's own postures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Judgement, PathGate, Toolpath
+from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
+from workbench.path import simplify
+from workbench.plugins.stiffness import force, posture
+from workbench.plugins.stiffness.values import JointStiffness
+from workbench.program import write
+from workbench.robot import Cell, forward_kinematics
+
+from .paths import Shape, mill_path
+from .postured import ROBOTS, cell_of, moved
+
+STIFFNESS = {"m20ia": 4e5, "ur10e": 2e4}  # Nm/rad of each joint: of their size, not theirs
+OWN = {"m20ia": "fanuc", "ur10e": "ur"}
+ACCELERATIONS = np.radians([300.0, 300, 300, 500, 500, 700])
+
+
+def in_reach(path: Toolpath, cell: Cell, robot: str) -> Toolpath:
+    """The path with the middle of its first layer where a posture of the robot has the cutter's flank."""
+    layer = path.layers[0]
+    i = len(layer.feed_mm_s) // 2
+    frame = pose_from(rotation_from_quaternion(layer.quaternion_wxyz[i]), layer.position_mm[i])
+    there = forward_kinematics(cell.chain, np.radians(ROBOTS[robot][1])) @ cell.flange_from_cutter
+    return moved(path, there @ inverse(frame))
+
+
+@pytest.mark.parametrize("robot", sorted(OWN))
+def test_a_path_becomes_a_judged_program(tmp_path: Path, robot: str) -> None:
+    """In the maker's own language and as a trajectory; each point of the path where the program's rows put the tool."""
+    cell = replace(cell_of(robot, tmp_path, dialect=OWN[robot]), accelerations=ACCELERATIONS)
+    path = in_reach(mill_path(Shape(bend=1 / 300, length_mm=20)), cell, robot)
+    stiffness = JointStiffness(np.full(6, STIFFNESS[robot]), np.zeros((6, 6)), 0.0, 0, 0, "stated")
+    grid = {"cutter_rotation_deg": (-30, 30), "turntable_deg": (0, 0), "step_deg": 15.0, "sampled_points": 6}
+    gate = PathGate(True, "", toolpath=path, tolerance_mm=0.05)
+    made, gate, *_ = posture(cell, stiffness, path, force(path)[0], gate, whole_map=False, **grid)
+    assert gate.passed, gate.reason
+    for controller in (OWN[robot], "trajectory"):
+        *_, after, judgement, _ = write(simplify(path, made), gate, cell, controller=controller)
+        assert isinstance(judgement, Judgement), after
+        assert judgement.passed
+        assert judgement.deviation_mm < 0.05
+        assert judgement.program.dialect == controller
+    rows = np.array([move.joints for move in judgement.program.moves])
+    stand = (forward_kinematics(cell.chain, rows) @ made.flange_from_point)[:, :3, 3]
+    off = [np.linalg.norm(stand - point, axis=1).min() for point in made.position_mm]
+    assert max(off) < 0.01
+    assert judgement.time_s == pytest.approx(judgement.program.moves[-1].time_s)

@@ -306,7 +306,7 @@ def _judgement(
     else:
         tool = forward_kinematics(cell.chain, places.joints) @ planned.flange_from_point
         seconds = np.where(way.timed[places.segment[1:]], _seconds(way, places), np.inf)
-        driven = deviations(cell, planned, tool, places.turntable, seconds)
+        driven = deviations(cell, planned, tool, places.turntable, places.segment, seconds)
         deviation = driven.largest_mm
     found.faults += _off_the_path(cell, way, found.places[0], _on_the_path(program, way, places, driven.ends))
     timed, timed_share = timed_faults(cell, way)

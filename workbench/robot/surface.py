@@ -19,7 +19,7 @@ MOST_TURN = 0.5 * DEG  # likewise
 NO_LENGTH_MM = 1e-6
 FEED_NEAR_MM = 1.0  # along the way, in which a place looks for the fastest feed
 LEAST_S = 1e-12
-QUICKER = 1.02  # times the feed: what angles that go evenly add between two rows
+QUICKER = 1.05  # times the feed: what angles that go evenly add where a turntable turns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +46,7 @@ def deviations(
     planned: Planned,
     tool: Shaped[Float, "n 4 4"],
     turntable: Shaped[Float, " n"],
+    row: Shaped[Int, " n"],
     seconds: Shaped[Float, " n-1"],
 ) -> Driven:
     """How far the tool leaves the path over all layers and travels, and where it is faster than the path's feed.
@@ -58,6 +59,7 @@ def deviations(
         planned: the path.
         tool: (n, 4, 4) the path's frame on the flange, in the base; so near to each other that chords are the way.
         turntable: (n,) rad.
+        row: (n,) index of the move that each place is on.
         seconds: (n - 1,) between places, where the program says times; inf elsewhere.
     """
     back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
@@ -75,7 +77,8 @@ def deviations(
             finding = f"the tool leaves {name} of the path by {off[worst]:.3f} mm, expected at most "
             made.faults.append((begin + first + worst, "deviation", f"{finding}{planned.tolerance_mm:g} mm"))
         begin, last = begin + first, begin + first + len(off) - 1
-        place, speed, most = _quickest(back[begin : last + 1, :3, 3], seconds[begin:last], points, feed)
+        part, rows = back[begin : last + 1, :3, 3], row[begin + 1 : last + 1]
+        place, speed, most = _quickest(part, rows, seconds[begin:last], points, feed)
         if speed > QUICKER * most:
             finding = f"the tool goes along {name} at {speed:.3g} mm/s, expected the path's feed, {most:.3g} mm/s there"
             made.faults.append((begin + place, "feed", finding))
@@ -84,16 +87,21 @@ def deviations(
     return made
 
 
-def _quickest(driven: Float, seconds: Float, fine: Float, feed: Float) -> tuple[int, float, float]:
-    """The place (of n) that the tool comes to too fast, its speed, and the fastest of the path near it, mm/s."""
+def _quickest(driven: Float, row: Int, seconds: Float, fine: Float, feed: Float) -> tuple[int, float, float]:
+    """The last place (of n) of the move that is too fast on the whole, its speed, and the path's fastest near it, mm/s.
+
+    Within a move the speed is the controller's: angles that go evenly make it waver where a turntable turns.
+    """
     there, along = _along(driven), _along(fine)
-    speed = np.diff(there) / np.maximum(seconds, LEAST_S)
+    first = np.flatnonzero(np.append(True, np.diff(row) != 0))
+    last = np.append(first[1:], len(row))
+    speed = (there[last] - there[first]) / np.maximum(np.add.reduceat(seconds, first), LEAST_S)
     there *= along[-1] / max(there[-1], 1e-9)
-    low = np.searchsorted(along, there[:-1] - FEED_NEAR_MM).clip(1, len(feed)) - 1
-    high = np.searchsorted(along, there[1:] + FEED_NEAR_MM).clip(1, len(feed))
+    low = np.searchsorted(along, there[first] - FEED_NEAR_MM).clip(1, len(feed)) - 1
+    high = np.searchsorted(along, there[last] + FEED_NEAR_MM).clip(1, len(feed))
     most = np.array([feed[a:b].max() for a, b in zip(low.tolist(), high.tolist(), strict=True)])
     worst = int((speed / most).argmax())
-    return worst + 1, float(speed[worst]), float(most[worst])
+    return int(last[worst]), float(speed[worst]), float(most[worst])
 
 
 def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float, Float]]:

@@ -195,6 +195,18 @@ def test_rows_beyond_the_paths_ends_may_not(plated: Cell, end: str) -> None:
     assert lines <= wanted
 
 
+def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: Cell) -> None:
+    """At the end of a layer into the block and back, in the layer's name: no row of the path, whatever it says."""
+    moves = postured(plated, ROBOT, BEND)
+    rows = list(read_trajectory(written(moves, plated)[0]).moves)
+    i = max(n for n, row in enumerate(rows) if row.layer == 1)
+    aside = replace(rows[len(rows) // 2], layer=1, joints=rows[i].joints + np.radians([0, 2, 2, 0, 0, 0]))
+    more = [*rows[: i + 1], aside, rows[i], *rows[i + 1 :]]
+    timed = tuple(replace(move, line=n + 1, time_s=20.0 * n) for n, move in enumerate(more))
+    program = replace(read_trajectory(written(moves, plated)[0]), moves=timed)
+    assert "deviation" in {one.kind for one in judge(plated, program, planned(moves)).violations}
+
+
 @pytest.mark.slow
 def test_a_scanned_plate_is_milled_by_a_trajectory(tmp_path: Path) -> None:
     """The shipped plan from its scan to the table; the same table at twice the speed may not run."""

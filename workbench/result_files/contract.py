@@ -395,7 +395,6 @@ class EngagementFile(PartFile):
     NAME: ClassVar[str] = "engagement.json"
     format: Literal["bevel-engagement"]
     version: Literal[1]
-    part: Part | None = None
     layers: list[EngagementRow]
 
 

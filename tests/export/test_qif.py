@@ -102,6 +102,11 @@ def test_its_traceability_is_told_or_said_to_be_unknown(named, provenance):
     assert (operator, told["measurement procedure"]) == ("A. Smith", provenance.title)
     other = replace(provenance, pipeline={**provenance.pipeline, "seed": 8})
     assert trace(qif(named, other))[1]["measurement procedure SHA-256"] != told["measurement procedure SHA-256"]
+    one, two = (
+        replace(provenance, pipeline={"stages": [{"recording": n, "part": {"part_id": n}}]}, inputs=(("r", n, "0"),))
+        for n in ("A7.h5", "B8.h5")
+    )
+    assert trace(qif(named, one)) == trace(qif(named, two)), "another part, measured alike"
     unknown = trace(qif(replace(named, part=Part())))
     assert unknown == ("unknown", {"measurement procedure": "unknown", "inspection start": "unknown"})
     assert "meanError" not in qif(named).content.decode()  # nobody has estimated it

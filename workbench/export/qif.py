@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from workbench.artefacts import Document, Inspection, Part, Provenance, conformity
@@ -38,9 +39,9 @@ def qif(inspection: Inspection, provenance: Provenance | None = None) -> Documen
 
     Each has its limits, nominal value, measured value with combined standard uncertainty, status, and the instruments
     it was measured with; lengths in mm, angles in degrees, as the units of the file say. An undecided value is UNKNOWN,
-    a hidden one NOT_MEASURED. Start, operator and procedure (title and SHA-256 of the pipeline) are the inspection's
-    traceability, unknown where nobody said them; budget, decision rule and inputs are attributes of the results. The
-    same inspection gives the same bytes.
+    a hidden one NOT_MEASURED. Start, operator and procedure (title of the pipeline, SHA-256 of its stages) are the
+    inspection's traceability, unknown where nobody said them; budget, decision rule and inputs are attributes of the
+    results. The same inspection gives the same bytes.
 
     Args:
         inspection: the judged part.
@@ -234,9 +235,19 @@ def _traceability(parent: Element, part: Part, provenance: Provenance | None) ->
     _text(SubElement(trace, "InspectionOperator"), "Name", part.operator or "unknown")
     told = {"measurement procedure": "unknown"}
     if provenance:
-        digest = content_digest(provenance.pipeline)
+        digest = content_digest(_procedure(provenance))
         told = {"measurement procedure": provenance.title or "pipeline", "measurement procedure SHA-256": digest}
     _attributes(trace, told | ({} if part.recorded_at else {"inspection start": "unknown"}))
+
+
+def _procedure(provenance: Provenance) -> dict[str, Any]:
+    """The pipeline, its inputs put in, without what differs from part to part: files that were read, and `part`."""
+    files = {path for _, path, _ in provenance.inputs}
+    stages = [
+        {name: value for name, value in stage.items() if name != "part" and str(value) not in files}
+        for stage in provenance.pipeline.get("stages", ())
+    ]
+    return {name: value for name, value in provenance.pipeline.items() if name != "inputs"} | {"stages": stages}
 
 
 def _context(inspection: Inspection, provenance: Provenance | None) -> Iterator[tuple[str, str]]:

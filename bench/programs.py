@@ -120,7 +120,8 @@ def with_boxes(cell: Cell, rng: np.random.Generator, targets: list[Target], tip:
 
 def study(count: int, seed: int, all_driven: int) -> Counter[str]:
     """Judge `count` random programs; the outsider drives those that passed, and the first `all_driven` all."""
-    cell, tally, judging, begin = read_cell(CELL), Counter[str](), 0.0, time.perf_counter()
+    cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
+    tally, judging, begin = Counter[str](), 0.0, time.perf_counter()
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
     for low in range(0, count, TOGETHER):
         some = []

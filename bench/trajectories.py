@@ -65,7 +65,10 @@ def files(times: Float, angles: Float, tool: Float, name: str) -> dict[str, str]
 
 def study(count: int, seed: int) -> Counter[str]:
     """Judge `count` random trajectories; the outsider samples all."""
-    shipped, tally = read_cell(CELL), Counter[str]()
+    shipped, tally = (
+        dataclasses.replace(read_cell(CELL), process=None),
+        Counter[str](),
+    )  # random programs begin anywhere
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", shipped)
     worst = 0.0
     for number in range(count):

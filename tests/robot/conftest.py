@@ -44,8 +44,9 @@ class Pin:
 
 
 def plainly(tree: Any) -> None:
-    """The shipped cell without clearance, envelope and uncertainty, and the cutter a part of the tool."""
+    """The shipped cell without clearance, envelope, uncertainty and process, and the cutter a part of the tool."""
     del tree["uncertainty"], tree["robot"]["acceleration_deg_s2"], tree["tool"]["shapes"][2]["body"], tree["envelope"]
+    del tree["process"]
     tree["margin_mm"] = 0
 
 

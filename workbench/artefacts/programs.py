@@ -109,10 +109,13 @@ class Judgement:
     clearance_pair: tuple[str, str] | None
     limit_margin: float  # rad, least, of any joint and the turntable
     wrist: float  # rad, least |sine of the wrist's angle| as an angle; pi/2 where the robot has no such wrist
-    condition: float  # largest, of the Jacobian with lengths in units of the robot's own
+    condition: (
+        float  # largest of linear moves, of the Jacobian with lengths in units of the robot's own; NaN: there are none
+    )
     speed_share: float  # largest joint speed, as a share of its limit
     deviation_mm: float  # largest, of the tool from the planned path
-    along: Mapping[str, Float]  # arc_length_mm, clearance_mm, limit_margin, wrist, condition, (n,) each
+    # arc_length_mm, clearance_mm, limit_margin, wrist, condition, (n,) each; the last two NaN in joint moves
+    along: Mapping[str, Float]
 
     @property
     def passed(self) -> bool:

@@ -167,6 +167,7 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
     left_open, items = gate.left_open, "item" if len(gate.left_open) == 1 else "items"
     free = f"released with {len(left_open)} {items} NOT CHECKED" if left_open else "released"
     released = free if gate.passed else "not released: it was not written"
+    straight, none = np.isfinite(judgement.condition), "no linear moves"
     facts = [
         ("Program", name),
         ("Release", released),
@@ -174,8 +175,8 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
         ("Postures examined", f"{judgement.postures}"),
         ("Least clearance, proven", clearance),
         ("Least distance from a joint limit", f"{judgement.limit_margin / DEG:.2f}°"),
-        ("Least wrist angle", f"{judgement.wrist / DEG:.2f}°"),
-        ("Largest condition number, where examined", f"{judgement.condition:.1f}"),
+        ("Least wrist angle", f"{judgement.wrist / DEG:.2f}°" if straight else none),
+        ("Largest condition number, where examined", f"{judgement.condition:.1f}" if straight else none),
         ("Largest share of a joint's speed", f"{judgement.speed_share:.3f}"),
         ("Largest deviation from the path", f"{judgement.deviation_mm:.3f} mm"),
     ]

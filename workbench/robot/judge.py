@@ -174,14 +174,14 @@ def _stretches(
     margin, which = room.min(axis=1), room.argmin(axis=1)
     sure, sure_wrist = (room - reach).min(axis=1), wrist - reach[:, 4]
     found.margin.append(np.where(lost, np.nan, margin))
-    found.wrist.append(np.where(lost, np.nan, wrist))
-    found.condition.append(np.where(lost, np.nan, condition))
+    in_space = way.kind[middle.segment] != JOINTS  # a joint move may pass through singular postures
+    found.wrist.append(np.where(lost | ~in_space, np.nan, wrist))
+    found.condition.append(np.where(lost | ~in_space, np.nan, condition))
     need = cell.margins.limit
     beyond = margin < need - 1e-9
     fault(beyond, "limit", lambda i: _limit_finding(cell, three[1][i], asked[i], int(which[i])))
     found.least_margin = float(np.nanmin(np.append(margin[~lost], found.least_margin)))
     open_ |= sure < max(need - 1e-9, found.least_margin - TIGHT)
-    in_space = way.kind[middle.segment] != JOINTS
     fault(
         in_space & (wrist < cell.margins.wrist),
         "singular",
@@ -346,7 +346,7 @@ def _judgement(
         clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
         limit_margin=min(found.proven_margin, _nanmin(along["limit_margin"])),
         wrist=min(found.proven_wrist, np.pi / 2),
-        condition=float(np.nanmax(along["condition"], initial=0.0)),
+        condition=float(np.nanmax(along["condition"])) if np.isfinite(along["condition"]).any() else np.nan,
         speed_share=max(share, timed_share),
         deviation_mm=deviation,
         along=along,

@@ -10,14 +10,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from pydantic import ValidationError
+
 from workbench.artefacts import Gate, Inspection, Recording
 from workbench.pipeline.results import is_plain_name
 from workbench.pipeline.run import Results, resolved, versions
 from workbench.pipeline.sources import package_digest
 from workbench.pipeline.wiring import Plan
-from workbench.strict_json import plain, strict_json
+from workbench.result_files import BatchPartFile
+from workbench.strict_json import plain
 
-PART_FILE = "part.json"
+PART_FILE = BatchPartFile.NAME
 FORMAT = "bevel-part"
 VERSION = 1
 
@@ -51,24 +54,22 @@ class Record:
 
     def content(self) -> bytes:
         """`part.json`."""
-        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "skipped"}
-        return strict_json({"format": FORMAT, "version": VERSION, **kept})
+        return BatchPartFile.written({"format": FORMAT, "version": VERSION, **{n: getattr(self, n) for n in KEPT}})
 
     @classmethod
     def read(cls, content: bytes | None) -> Record | None:
         """The record in a `part.json`; None for what no batch wrote."""
         try:
-            known = json.loads(content or b"null")
-            if (known.pop("format"), known.pop("version")) != (FORMAT, VERSION) or known["outcome"] not in OUTCOMES:
-                return None
-            lists: dict[str, Any] = {
-                name: tuple(dict(one) for one in known.pop(name)) for name in ("sections", "inputs")
-            }
-            if not all(is_plain_name(name) for name in known["files"]):
-                return None
-            return cls(**known, **lists)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            known = BatchPartFile.model_validate_json(content or b"null", strict=True)
+        except ValidationError:
             return None
+        if not all(is_plain_name(name) for name in known.files):
+            return None
+        kept = {name: getattr(known, name) for name in KEPT}
+        return cls(**kept | {"sections": tuple(known.sections), "inputs": tuple(known.inputs)})
+
+
+KEPT = tuple(one.name for one in dataclasses.fields(Record) if one.name != "skipped")
 
 
 def record_of(part: str, recording: str, checked: Plan, results: Results, files: Mapping[str, bytes]) -> Record:

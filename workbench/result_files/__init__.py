@@ -10,6 +10,7 @@ from typing import Any
 
 from workbench.result_files.base import ResultFile
 from workbench.result_files.contract import (
+    BatchPartFile,
     CorrectionFile,
     EngagementFile,
     GrooveFile,
@@ -51,6 +52,7 @@ RESULT_FILES: dict[str, type[ResultFile]] = {
         GrooveFile,
         PreparationFile,
         RunFile,
+        BatchPartFile,
         EngagementFile,
         ReworkFile,
         ProgramCheckFile,
@@ -78,6 +80,7 @@ def result_schema(name: str) -> dict[str, Any]:
 
 __all__ = [
     "RESULT_FILES",
+    "BatchPartFile",
     "HandEyeFile",
     "InspectionFile",
     "PostureFile",

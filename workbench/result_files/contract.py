@@ -379,6 +379,28 @@ class RunFile(ResultFile):
     files: list[str] = Field(default_factory=list)
 
 
+class BatchPartFile(ResultFile):
+    """`part.json`: what a batch knows of one part, with the digests of all it rests on; `identity`: whose it is."""
+
+    NAME: ClassVar[str] = "part.json"
+    format: Literal["bevel-part"]
+    version: Literal[1]
+    part: str = Field(description="its folder's name")
+    recording: str = Field(description="as given")
+    outcome: Literal["crashed", "hung", "failed", "rejected", "passed"]
+    cause: str = Field(description="why it was rejected, or has no results")
+    part_id: str | None
+    identity: dict[str, Any]
+    verdict: str | None
+    requirements: dict[str, Any]
+    sections: list[dict[str, Any]]
+    seconds: NotNegative
+    pipeline: str = Field(description="SHA-256 of the pipeline as resolved")
+    versions: str = Field(description="SHA-256 of versions and code")
+    inputs: list[dict[str, str | None]]
+    files: dict[str, str] = Field(description="SHA-256 of each result")
+
+
 class EngagementRow(Row):
     """What the cutter meets along a layer."""
 

@@ -49,6 +49,7 @@ def measured(part: Part) -> Groove:
 
 
 PLAIN = mirrored(side((THICK, 30.0)))
+STRIP = ((-15.0, 0.0), (15.0, 0.0))
 ODD = {
     "compound": (side((5.0, 25.0), (THICK, 45.0)), PLAIN),
     "dressed upper edge": (side((7.4, 25.0), (THICK, 60.0)), PLAIN),
@@ -64,6 +65,19 @@ def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
     except InputError:
         return
     assert np.nanmax(np.abs(gap.value - GAP) / gap.u) < 3.0
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_backing_strip_does_not_hide_that_a_face_leans(name: str) -> None:
+    try:
+        sizes = measured(groove(0, (*ODD[name], STRIP))).sizes
+    except InputError:
+        return
+    for size, true in (("bevel_left_deg", 25.0), ("bevel_right_deg", 30.0)):
+        if size in sizes:
+            other = 55.0 - true  # the scan may run the other way
+            off = np.minimum(np.abs(sizes[size].value - true), np.abs(sizes[size].value - other))
+            assert np.nanmax(off / sizes[size].u) < 3.0
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5])

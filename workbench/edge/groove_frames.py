@@ -30,6 +30,7 @@ ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
+THIRD = 3  # return beyond an upper surface's end
 NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
 
@@ -79,7 +80,8 @@ class Lines:
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN: none, or something covers its end
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
-    is_covered: bool  # whether most profiles show something that joins the plate's last return: a weld, a strip
+    below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
+    is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
     misfit: float  # of the fillet's returns, times their noise; NaN: there is none
     pattern: float  # share of the noise's variance that every profile repeats in the same column
     walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
@@ -92,10 +94,10 @@ class Lines:
 
         By the bevel's last return and the lowest one, less a column.
         """
-        shown = np.isfinite(self.root_a) & np.isfinite(self.lowest[:, 0])
+        shown = np.isfinite(self.below[:, 0])
         if not shown.mean() > ROOT_SHOWS:
             return 0.0
-        inwards, down = np.nanmedian(np.abs(self.lowest - self.last)[shown], axis=0)
+        inwards, down = np.median(self.below[shown], axis=0)
         beyond = max(float(inwards - np.nanmedian(self.step)), 0.0)
         return math.atan2(beyond, float(down)) / DEG
 
@@ -360,7 +362,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
-    last, lowest, ends = (np.full((n, 2), np.nan) for _ in range(3))
+    last, lowest, ends, beneath = (np.full((n, 2), np.nan) for _ in range(4))
     held = []
     added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
     beyond_end, beyond_last = (_columns_on(cloud, read, which, name) for name in ("end", "last"))
@@ -377,10 +379,12 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2]))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
-        value["missing"][k] = spacing * (_to_next_return(read.columns[k], side.end, which) - 1)
+        value["missing"][k] = spacing * _without_return(read.columns[k], side.end, which)
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
-            lowest[k] = np.nan if side.covered else below[np.argmin(below[:, 1])]
+            low = below[np.argmin(below[:, 1])]
+            beneath[k] = np.abs(low - end[1])
+            lowest[k] = np.nan if side.covered else low
             value["root_a"][k] = float(np.median(below[:, 0]))
             value["spacing"][k] = float(np.median(np.abs(np.diff(below[:, 1])))) + 1e-3
         elif side.covered:
@@ -474,6 +478,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         lowest,
         value["root_a"],
         value["spacing"],
+        beneath,
         is_covered,
         misfit,
         _pattern(added, count, squares),
@@ -492,10 +497,13 @@ def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
     return columns_to_next(cloud.z_mm, outwards)
 
 
-def _to_next_return(columns: Int, end: int, which: int) -> int:
-    """Columns from return `end` of a profile towards the groove to the next return."""
-    beyond = end + (1, -1)[which]
-    return abs(int(columns[beyond]) - int(columns[end])) if 0 <= beyond < columns.size else 1
+def _without_return(columns: Int, end: int, which: int) -> int:
+    """Columns without a return among the next ones from return `end` of a profile towards the groove.
+
+    Up to the third return: the first one may be a mixed pixel of the end.
+    """
+    beyond = min(max(end + (THIRD, -THIRD)[which], 0), columns.size - 1)
+    return abs(int(columns[beyond]) - int(columns[end])) - abs(beyond - end)
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

@@ -143,13 +143,3 @@ def demo_document(demo: object, tmp_path: Path) -> dict[str, Any]:
             {"stage": "demo.page"},
         ],
     }
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests of defects that are known and open (known_failures.txt) may fail."""
-    lines = (Path(__file__).parent / "known_failures.txt").read_text().splitlines()
-    known = [tuple(part.strip() for part in line.split("|", 1)) for line in lines if line and not line.startswith("#")]
-    for item in items:
-        for beginning, reason in known:
-            if item.nodeid.startswith(beginning):
-                item.add_marker(pytest.mark.xfail(reason=reason, strict=False))

@@ -20,7 +20,7 @@ from workbench.stage import Stage
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs/stages"
 STAGES = {name: one for name, one in every_stage()[0].items() if one.function.__module__.startswith("workbench.")}
-SHOWN = re.compile(r"!\[([^\]]+)\]\(pictures/(\S+\.svg)\)")
+SHOWN = re.compile(r"!\[\]\(pictures/(\S+\.svg)\)\n\n\*(.+)\.\*")
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -36,7 +36,7 @@ def test_the_page_of_a_stage_has_a_picture_or_says_why_not(name: str) -> None:
         assert file
         assert head.strip()
         return
-    [(words, file)] = shown
+    [(file, words)] = shown
     content = (PAGES / "pictures" / file).read_bytes()
     root = ElementTree.fromstring(content)
     assert file == f"{name}.svg"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import re
 import sys
 import textwrap
@@ -15,7 +14,11 @@ from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
-NOTE = "<!-- Written by `python -m workbench.pipeline.docs` from the stage's signature: change it there. -->"
+NOTE = "<!-- Written by workbench.pipeline.docs -->"
+READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
+that does not show it, the range, the meaning; names end in their units. In a pipeline:
+`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file."""
+IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
@@ -31,34 +34,24 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
 
 
 def index(stages: Mapping[str, Stage]) -> str:
-    """The table of all stages."""
-    rows = [f"| [`{name}`]({name}.md) | {makes(stage)} | {_cell(summary(stage))} |" for name, stage in stages.items()]
-    return "\n".join([NOTE, "# Stages", "", "| stage | makes | what it does |", "|---|---|---|", *rows, ""])
+    """The list of all stages, and how their pages are read."""
+    rows = [f"- [`{name}`]({name}.md): {_line(summary(stage))}" for name, stage in stages.items()]
+    return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 
 def page(stage: Stage, directory: Path = DIRECTORY) -> str:
     """One stage: what it does, takes and makes, its parameters, its example and what that makes."""
-    takes = [f"- `{source.name}`: {source_text(source)}" for source in stage.sources]
+    takes = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
     parts = [
         NOTE,
         f"# `{stage.name}`",
+        f"**Takes** {takes or 'no artefact'}. **Makes** {makes(stage)}.",
         _markdown(EXAMPLE.sub("", prose(stage)).strip()),
-        "## Takes",
-        "\n".join(takes) or "No artefact.",
-        "## Makes",
-        makes(stage),
     ]
-    parameters = parameter_texts(stage)
-    table = [
-        "| parameter | type | unit | default | range | meaning |",
-        "|---|---|---|---|---|---|",
-        *map(_row, parameters),
-    ]
-    parts += ["## Parameters", "\n".join(table) if parameters else "None."]
-    example = {"stage": stage.name} | {one.name: f"${{{one.name}}}" for one in parameters if one.default == "required"}
-    parts += ["## In a pipeline", f"```json\n{json.dumps(example)}\n```"]
+    if parameters := parameter_texts(stage):
+        parts += ["## Parameters", "\n".join(map(_item, parameters))]
     if shown := EXAMPLE.search(stage.doc):
-        parts += ["## In Python", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
+        parts += ["## Example", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
         parts += picture(stage.name, directory)
     return "\n\n".join(parts) + "\n"
 
@@ -67,8 +60,7 @@ def picture(name: str, directory: Path) -> list[str]:
     """What the example makes, as `python -m scripts.pictures` drew it; or the head of the text that it writes."""
     drawn, written = (directory / PICTURES / f"{name}{suffix}" for suffix in (".svg", ".txt"))
     if drawn.exists() and (title := TITLE.search(drawn.read_text(encoding="utf-8"))):
-        words = html.unescape(title[1])
-        return [f"![{words}]({PICTURES}/{drawn.name})", f"*{words}.*"]
+        return [f"![]({PICTURES}/{drawn.name})\n\n*{html.unescape(title[1])}.*"]
     if written.exists():
         file, _, head = written.read_text(encoding="utf-8").partition("\n")
         return [f"No picture: the example writes `{file}`, which begins:", f"```text\n{head.rstrip()}\n```"]
@@ -81,14 +73,27 @@ def _markdown(text: str) -> str:
     return f"{head}\n## Refuses\n\n{textwrap.dedent(errors)}" if mark else head
 
 
-def _row(one: ParameterText) -> str:
-    default = one.default if one.default == "required" else f"`{one.default}`"
-    cells = (f"`{one.name}`", one.type, one.unit, default, one.range, one.description)
-    return "| " + " | ".join(map(_cell, cells)) + " |"
+def _item(one: ParameterText) -> str:
+    """One parameter on a line, as Python has it; what a default shows by itself (a number) is not said again."""
+    required = one.default == "required"
+    kind = "" if one.type in IMPLIED and not required else f" ({one.type})"
+    name = one.name if required else f"{one.name}={one.default}"
+    bounds = f", {_interval(one.range)}" if one.range else ""
+    return f"- `{name}`{kind}{bounds}: {_line(one.description)}"
 
 
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
+def _interval(bounds: str) -> str:
+    """'0 < value <= 5' as '(0, 5]'; with one bound only, as '>0'."""
+    low, high = re.search(r"(\S+) (<=?) value", bounds), re.search(r"value (<=?) (\S+)", bounds)
+    if low and high:
+        return f"{'[' if low[2] == '<=' else '('}{low[1]}, {high[2]}{']' if high[1] == '<=' else ')'}"
+    if low:
+        return f"{'≥' if low[2] == '<=' else '>'}{low[1]}"
+    return f"{'≤' if high and high[1] == '<=' else '<'}{high[2] if high else ''}"
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def main(directory: Path) -> None:

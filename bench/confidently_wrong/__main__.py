@@ -12,6 +12,7 @@ from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.coverage.parts import ANALYTIC, SWEPT, part
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
+from bench.metrology.table import markdown, put_into
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError
@@ -43,6 +44,8 @@ CLASSES = (
     "confidently wrong",
     "crashed",
 )
+SHORT = {"refused, right suspicion": "refused", "refused, other suspicion": "otherwise", NAMED: "named"}
+ALL = {"right": "All parts right", "refused, right suspicion": "All parts refused, with the right suspicion"}
 FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
@@ -134,37 +137,56 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", default=[], help="only kinds whose name holds one of these words")
     parser.add_argument("--docs", action="store_true", help="write docs/confidently_wrong.md")
     chosen = parser.parse_args()
-    lines = [
+    command = (
         f"`python -m bench.confidently_wrong --parts {chosen.parts} --plans {chosen.plans} --good {chosen.good} "
-        f"--seed {chosen.seed}`",
-        "",
-    ]
-    for what, judge, conditions, count in (
-        ("Inspection", inspected, INSPECTED, chosen.parts),
-        ("Planning", planned, PLANNED, chosen.plans),
-    ):
-        lines += [f"## {what}", "", *_table(judge, conditions, count, chosen.seed, chosen.kinds), ""]
-    lines += _false_refusals(chosen.good, chosen.seed)
+        f"--seed {chosen.seed}`"
+    )
+    kinds = [name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds)]
+    inspections = _outcomes(inspected, INSPECTED, chosen.parts, chosen.seed, kinds)
+    plans = _outcomes(planned, PLANNED, chosen.plans, chosen.seed, kinds)
+    lines = [command, "", *table(inspections, plans), "", *_false_refusals(chosen.good, chosen.seed)]
     print("\n".join(lines))
     if chosen.docs:
-        _write(lines)
+        put_into(PAGE, "\n".join(lines))
 
 
-def _table(judge, conditions, count: int, seed: int, words: list[str]) -> list[str]:
-    rows = [f"| corruption | {' | '.join(CLASSES)} |", "|" + " --- |" * (len(CLASSES) + 1)]
+def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dict[str, Counter[str]]:
+    """Of each kind of corruption, how many of `count` parts ended in which class."""
     parts = [part(conditions[k % len(conditions)], seed + k, None) for k in range(count)]
-    total: Counter[str] = Counter()
-    for name, kind in KINDS.items():
-        if words and not any(word in name for word in words):
-            continue
-        found = Counter(
-            _outcome(judge, kind, recording, truth, np.random.default_rng([seed, k]))
+    found = {}
+    for name in kinds:
+        found[name] = Counter(
+            _outcome(judge, KINDS[name], recording, truth, np.random.default_rng([seed, k]))
             for k, (recording, truth) in enumerate(parts)
         )
-        total += found if name != "nothing" else Counter()
-        rows.append(f"| {name} | {' | '.join(str(found[one] or '') for one in CLASSES)} |")
-        print(rows[-1], flush=True)
-    return [*rows, f"| all but nothing | {' | '.join(str(total[one]) for one in CLASSES)} |"]
+        print(f"{judge.__name__} {name}: {_told(found[name])}", flush=True)
+    return found
+
+
+def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[str]:
+    """Lines of Markdown: kinds that end alike in all parts in a sentence each, a row for each of the others."""
+    alike: dict[str, list[str]] = {}
+    rows = []
+    for name, found in inspections.items():
+        classes = {*found, *plans[name]}
+        if len(classes) == 1:
+            alike.setdefault(classes.pop(), []).append(name)
+        else:
+            rows.append([name, _told(found), _told(plans[name])])
+    totals = [
+        sum((found for name, found in one.items() if name != "nothing"), Counter()) for one in (inspections, plans)
+    ]
+    rows.append(["all but nothing", *map(_told, totals)])
+    lines = [line for one, names in alike.items() for line in (f"{ALL.get(one, one)}: {'; '.join(names)}.", "")]
+    return [*lines, *markdown(["corruption", "inspections", "plans"], rows)]
+
+
+def _total(found: dict[str, Counter[str]]) -> Counter[str]:
+    return sum((one for name, one in found.items() if name != "nothing"), Counter())
+
+
+def _told(found: Counter[str]) -> str:
+    return ", ".join(f"{found[one]} {SHORT.get(one, one)}" for one in CLASSES if found[one])
 
 
 def _outcome(judge, kind: Kind, recording: Recording, truth: Truth, rng: np.random.Generator) -> str:
@@ -184,13 +206,6 @@ def _false_refusals(count: int, seed: int) -> list[str]:
             failed += [f"{condition} {seed + 500 + k}: {c.name}" for c in judge_recording(recording) if not c.passed]
     told = f"{len(failed)} of {recordings} good recordings of both simulators, under all their conditions, fail a check"
     return ["## False refusals", "", told + (f": {'; '.join(failed[:20])}." if failed else ".")]
-
-
-def _write(lines: list[str]) -> None:
-    begin, end = "<!-- tables: begin -->\n", "<!-- tables: end -->"
-    page = PAGE.read_text()
-    first, last = page.index(begin) + len(begin), page.index(end)
-    PAGE.write_text(page[:first] + "\n".join(lines) + "\n" + page[last:])
 
 
 if __name__ == "__main__":

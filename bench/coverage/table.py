@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bench.coverage.measure import Result
+from bench.metrology.table import markdown
 from workbench.units import Float
 
 MILLED = ("root_mm", "bevel_deg")
@@ -41,23 +42,23 @@ def _kind(result: Result) -> str:
 
 def _table(results: list[Result], quantities: tuple[str, ...]) -> str:
     raw = quantities is RAW
-    head = ["condition", "parts", "refused", "crashed", "covered, %" if raw else "unmeasured, %"]
+    head = ["condition", "refused", "crashed", "covered, %" if raw else "unmeasured, %"]
     for name in quantities:
         head += [f"{NAMES[name]}: p95 of the greatest"]
         if name not in NO_U:
-            head += ["within 2u, %", "worst error/u", "beyond 4u", "mean u"]
+            head[-1] += "; within 2u, %; worst error/u; mean u"
+            head += [f"{NAMES[name]}: beyond 4u"]
     head.append("s")
     rows = []
     for condition in dict.fromkeys(r.condition for r in results):
         rows.append([condition, *_row([r for r in results if r.condition == condition], quantities, raw)])
     rows.append(["all", *_row(results, quantities, raw)])
-    lines = ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
-    return "\n".join(lines)
+    return "\n".join(markdown(head, rows))
 
 
 def _row(results: list[Result], quantities: tuple[str, ...], raw: bool) -> list[str]:
     done = [r for r in results if r.error]
-    row = [str(len(results)), str(sum(bool(r.refused) for r in results)), str(sum(bool(r.crashed) for r in results))]
+    row = [str(sum(bool(r.refused) for r in results)), str(sum(bool(r.crashed) for r in results))]
     if raw:
         row.append(_number(100 * np.nanmean([r.covered for r in done]), 1) if done else "")
     else:
@@ -71,27 +72,23 @@ def _row(results: list[Result], quantities: tuple[str, ...], raw: bool) -> list[
 
 
 def _quantity(results: list[Result], name: str) -> list[str]:
-    columns = 1 if name in NO_U else 5
+    columns = 1 if name in NO_U else 2
     results = [r for r in results if np.isfinite(r.error.get(name, math.nan)).any()]
     if not results:
         return [""] * columns
+    digits = 3 if name.endswith("deg") else 4
     greatest = [float(np.nanmax(np.abs(r.error[name]))) for r in results]
-    row = [_number(float(np.percentile(greatest, 95)), 3 if name.endswith("deg") else 4)]
+    text = _number(float(np.percentile(greatest, 95)), digits)
     if name in NO_U:
-        return row
+        return [text]
     z, u = ratios(results, name), np.concatenate([r.u[name] for r in results])
     if not len(z):
-        return [*row, "", "", "", ""]
+        return [text, ""]
     share = 100 * float((z <= 2).mean())
-    worst, beyond = float(z.max()), int((z > 4).sum())
-    text = _number(share, 1)
-    return [
-        *row,
-        text if 93 <= share <= 97 else f"**{text}**",
-        _number(worst, 1),
-        f"**{beyond}**" if beyond else "0",
-        _number(float(np.nanmean(u)), 3 if name.endswith("deg") else 4),
-    ]
+    within = _number(share, 1) if 93 <= share <= 97 else f"**{_number(share, 1)}**"
+    beyond = int((z > 4).sum())
+    text = f"{text}; {within}; {_number(float(z.max()), 1)}; {_number(float(np.nanmean(u)), digits)}"
+    return [text, f"**{beyond}**" if beyond else "0"]
 
 
 def ratios(results: Iterable[Result], name: str) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -14,11 +15,15 @@ LEAST_PARTS = 10  # with fewer, resampling parts says nothing about the interval
 
 
 def told(causes: Iterable[tuple[str, str, str | None, Any]]) -> list[str]:
-    """A line for every part of which something is to be said: condition, what, why, its result."""
-    lines = [
-        f"- {condition}, seed {r.seed}: {word}: {cause} ({100 * r.seen_share:.0f} % of the edge in view)"
-        for condition, word, cause, r in causes
-    ]
+    """What is to be said of parts: condition, what, why, result; the first one's words where only numbers differ."""
+    found: dict[tuple[str, str, str], list[tuple[str, Any]]] = {}
+    for condition, word, cause, r in causes:
+        found.setdefault((condition, word, re.sub(r"[\d.]+", "", cause or "")), []).append((cause or "", r))
+    lines = []
+    for (condition, word, _), parts in found.items():
+        (cause, first), *others = parts
+        seeds = f"seed {first.seed}" + (f" (so too {', '.join(str(r.seed) for _, r in others)})" if others else "")
+        lines.append(f"- {condition}, {seeds}: {word}: {cause} ({100 * first.seen_share:.0f} % of the edge in view)")
     return [*lines, ""] if lines else []
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bench.metrology.quantity import Quantity
 from bench.metrology.summary import Summary
 
+INTERVAL = "95 % interval"
+LEAST_ALIKE = 4  # rows, from which on a column that says the same in all of them is said once
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 
@@ -32,24 +34,34 @@ def tables(summaries: list[Summary], command: str) -> str:
             *verdicts(summaries),
             "",
             *refusals(summaries),
-            not_met(short),
+            not_met(short, [s.condition for s in summaries]),
         ]
     )
 
 
-def not_met(short: Iterable[str]) -> str:
+def not_met(short: Iterable[str], conditions: Sequence[str] = ()) -> str:
     """The goals that were not reached, each "condition: goal", in one sentence by goal."""
-    conditions: dict[str, list[str]] = {}
+    missed: dict[str, list[str]] = {}
     for one in short:
         condition, _, goal = one.partition(": ")
-        conditions.setdefault(goal, []).append(condition)
-    told = "; ".join(f"{goal} ({', '.join(where)})" if goal else ", ".join(where) for goal, where in conditions.items())
+        missed.setdefault(goal, []).append(condition)
+    told = "; ".join(
+        f"{goal} ({_named(where, conditions)})" if goal else ", ".join(where) for goal, where in missed.items()
+    )
     return f"Not met: {told or 'nothing'}."
+
+
+def _named(where: list[str], conditions: Sequence[str]) -> str:
+    """These conditions, by the fewer names."""
+    others = [one for one in conditions if one not in where]
+    if len(others) >= len(where):
+        return ", ".join(where)
+    return f"all but {', '.join(others)}" if others else "all"
 
 
 def accuracy(summaries: list[Summary]) -> Iterable[str]:
     """Errors beside their goals and beside other methods."""
-    head = ["condition", "parts", "root, mm", "goal", "bevel, deg", "goal", "met"]
+    head = ["condition", "parts", "root, mm", "root goal", "bevel, deg", "bevel goal", "met"]
     names = sorted({name for s in summaries for name in s.peers}, reverse=True)
     head += [f"{PEERS[name]}: {what}" for name in names for what in ("parts", "root, mm", "bevel, deg")]
     rows = []
@@ -147,8 +159,20 @@ def refusals(summaries: list[Summary]) -> Iterable[str]:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> list[str]:
-    """Lines of a Markdown table."""
-    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
+    """Lines of a Markdown table: intervals in brackets behind their values, below it what is alike in all rows."""
+    while INTERVAL in head:
+        k = head.index(INTERVAL)
+        rows = [[*row[: k - 1], _with_interval(row[k - 1], row[k]), *row[k + 1 :]] for row in rows]
+        head = [*head[: k - 1], f"{head[k - 1]} ({INTERVAL})", *head[k + 1 :]]
+    alike = [k for k in range(1, len(head)) if len(rows) >= LEAST_ALIKE and len({row[k] for row in rows}) == 1]
+    told = ", ".join(f"{head[k]} {rows[0][k]}" for k in alike if rows[0][k])
+    kept = [[text for k, text in enumerate(row) if k not in alike] for row in (head, ["---"] * len(head), *rows)]
+    return [f"| {' | '.join(row)} |" for row in kept] + (["", f"In all rows: {told}."] if told else [])
+
+
+def _with_interval(value: str, interval: str) -> str:
+    low, _, high = interval.partition(" to ")
+    return value if low == high else f"{value} ({interval})"
 
 
 def put_into(page: Path, text: str, marks: str = "tables") -> None:

@@ -43,7 +43,7 @@ def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str
     for title, rows in parts:
         rows = list(rows)
         lines += [f"### {title}", "", *rows, ""] if rows else []
-    return "\n".join([*lines, *crashes(summaries), not_met(short)])
+    return "\n".join([*lines, *crashes(summaries), not_met(short, [s.condition for s in summaries])])
 
 
 def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:

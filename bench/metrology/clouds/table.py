@@ -15,10 +15,10 @@ def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
     """All tables, and what fell short."""
     short = [words for s in summaries for words in s.shortcomings]
     refused = [
-        f"- {s.condition}, {NAMES[route]}: {words}"
+        f"- {s.condition}, {NAMES[route]}: {len(words)}, the first: {words[0]}"
         for s in summaries
         for route in ROUTES
-        for words in s.refused_routes[route]
+        if (words := s.refused_routes[route])
     ]
     refused += [
         f"- {s.condition}, seed {r.seed}: {r.refused or r.crashed}" for s in summaries for r in (*s.refused, *s.crashed)
@@ -37,7 +37,7 @@ def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
             *errors(summaries),
             "",
             *(["Refused:", "", *refused, ""] if refused else []),
-            not_met(short),
+            not_met(short, [s.condition for s in summaries]),
         ]
     )
 
@@ -68,7 +68,7 @@ def agreement(summaries: list[CloudSummary]) -> list[str]:
 def errors(summaries: list[CloudSummary]) -> list[str]:
     head = ["condition", "route"]
     for name, unit in UNITS.items():
-        head += [f"{name}, {unit}", "mean u", "within 2u, %", "95 % interval"]
+        head += [f"{name}, {unit}", f"{name}: mean u", f"{name}: within 2u, %", "95 % interval"]
     rows = []
     for s in summaries:
         for route in ROUTES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.metrology.figures import told
 from bench.metrology.loop.summary import BEVEL_GOAL_DEG, ROOT_GOAL_MM, LoopSummary
-from bench.metrology.planning.table import covered, three
+from bench.metrology.planning.table import covered, covered_head, three
 from bench.metrology.table import markdown, not_met
 
 
@@ -28,7 +28,7 @@ def loop_tables(summaries: list[LoopSummary], command: str) -> str:
             *uncertainty(summaries),
             "",
             *causes(summaries),
-            not_met(short),
+            not_met(short, [s.condition for s in summaries]),
         ]
     )
 
@@ -70,7 +70,7 @@ def injected(summaries: list[LoopSummary]) -> list[str]:
 def uncertainty(summaries: list[LoopSummary]) -> list[str]:
     head = ["condition", "mechanics"]
     for name, unit in (("root", "mm"), ("bevel", "deg")):
-        head += [f"{name}: within 2u, %", "95 % interval", f"mean, RMS error, {unit}", f"mean u, {unit}"]
+        head += covered_head(name, unit)
     rows = [
         [s.condition, name, *covered(c.root_cover, 4), *covered(c.bevel_cover, 3)]
         for s in summaries

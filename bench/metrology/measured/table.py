@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.metrology.figures import told
 from bench.metrology.measured.summary import BEVEL_P95_DEG, MeasuredSummary
-from bench.metrology.planning.table import covered
+from bench.metrology.planning.table import covered, covered_head
 from bench.metrology.table import markdown, not_met
 from workbench.units import Float
 
@@ -25,7 +25,7 @@ def measured_tables(summaries: list[MeasuredSummary], command: str) -> str:
             *uncertainty(summaries),
             "",
             *causes(summaries),
-            not_met(short),
+            not_met(short, [s.condition for s in summaries]),
         ]
     )
 
@@ -55,7 +55,7 @@ def uncertainty(summaries: list[MeasuredSummary]) -> list[str]:
         ("inspected root", "mm"),
         ("inspected bevel", "deg"),
     ):
-        head += [f"{name}: within 2u, %", "95 % interval", f"mean, RMS error, {unit}", f"mean u, {unit}"]
+        head += covered_head(name, unit)
     rows = [
         [
             s.condition,

@@ -27,14 +27,14 @@ def plan_tables(summaries: list[PlanSummary], command: str) -> str:
             *counts(summaries),
             "",
             *causes(summaries),
-            not_met(short),
+            not_met(short, [s.condition for s in summaries]),
         ]
     )
 
 
 def accuracy(summaries: list[PlanSummary]) -> list[str]:
     """Errors beside their goals."""
-    head = ["condition", "parts", "distance from the bevel, mm", "goal", "axis, deg", "goal"]
+    head = ["condition", "parts", "distance from the bevel, mm", "distance goal", "axis, deg", "axis goal"]
     head += [f"spacing: worst, % (goal {100 * SPACING_GOAL:g})", "seen edge not cut, %"]
     head += [f"clear of hidden stretches, % (goal {100 * (1 - COVERED_GOAL):g})", "met"]
     rows = []
@@ -59,13 +59,18 @@ def uncertainty(summaries: list[PlanSummary]) -> list[str]:
     """Coverage of 2u, errors and u of the lower edge along n and m, and of the direction of n about t."""
     head = ["condition"]
     for name, unit in (("along n", "mm"), ("along m", "mm"), ("direction of n", "deg")):
-        head += [f"{name}: within 2u, %", "95 % interval", f"mean, RMS error, {unit}", f"mean u, {unit}"]
+        head += covered_head(name, unit)
     head += ["plane through the true face, deg"]
     rows = [
         [s.condition, *covered(s.normal, 4), *covered(s.across, 4), *covered(s.turn, 3), three(s.plane, 3)]
         for s in summaries
     ]
     return markdown(head, rows)
+
+
+def covered_head(name: str, unit: str) -> list[str]:
+    """The columns of `covered`."""
+    return [f"{name}: within 2u, %", "95 % interval", f"{name}: mean, RMS error, {unit}", f"{name}: mean u, {unit}"]
 
 
 def covered(c: Cover, digits: int) -> list[str]:

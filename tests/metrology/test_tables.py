@@ -1,0 +1,43 @@
+"""What the tables of the studies leave out can still be read off them."""
+
+from types import SimpleNamespace
+
+from bench.metrology.figures import told
+from bench.metrology.table import markdown, not_met
+
+
+def test_what_is_alike_in_all_rows_is_said_once() -> None:
+    head = ["condition", "parts", "within 2u, %", "95 % interval", "refused"]
+    rows = [[name, "5", share, interval, ""] for name, share, interval in SHARES]
+    table, said = markdown(head, rows)[:-2], markdown(head, rows)[-1]
+    assert table[0] == "| condition | within 2u, % (95 % interval) |"
+    assert table[2:] == [
+        "| a | 95.0 (93.0 to 97.0) |",
+        "| b | 100.0 |",
+        "| c | **80.0** (70.0 to 90.0) |",
+        "| d | 96.0 |",
+    ]
+    assert said == "In all rows: parts 5."
+    assert markdown(head, rows[:3])[0].count("|") == 5  # three rows may be alike by chance
+
+
+SHARES = [
+    ("a", "95.0", "93.0 to 97.0"),
+    ("b", "100.0", "100.0 to 100.0"),
+    ("c", "**80.0**", "70.0 to 90.0"),
+    ("d", "96.0", "96.0 to 96.0"),
+]
+
+
+def test_goals_that_most_miss_name_those_that_do_not() -> None:
+    short = ["a: u", "b: u", "c: u", "a: time", "a: all", "b: all", "c: all", "d: all"]
+    assert not_met(short, "abcd") == "Not met: u (all but d); time (a); all (all)."
+    assert not_met([]) == "Not met: nothing."
+
+
+def test_causes_that_differ_by_their_numbers_are_one() -> None:
+    part = lambda seed: SimpleNamespace(seed=seed, seen_share=0.5)  # noqa: E731
+    lines = told([("a", "refused", "off by 1.2 mm", part(1)), ("a", "refused", "off by 3 mm", part(2))])
+    lines += told([("b", "crashed", None, part(3))])
+    assert lines[0] == "- a, seed 1 (so too 2): refused: off by 1.2 mm (50 % of the edge in view)"
+    assert lines[2].startswith("- b, seed 3: crashed")

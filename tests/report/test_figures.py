@@ -7,11 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from workbench.report import along, rejected_points
+from workbench.report import along
 from workbench.report.certificate import decision_rule
-from workbench.report.deviations import deviations, laid_out
-from workbench.report.drawing import section_drawings
 from workbench.report.plot import Figure
+from workbench.report.section_drawing import deviations, laid_out, section_drawings
 from workbench.report.tables import set_aside
 
 
@@ -24,7 +23,7 @@ def drawn(monkeypatch):
         figures.append(figure)
         return b"<svg/>"
 
-    for module in ("along", "rejected_points", "drawing"):
+    for module in ("along", "section_drawing"):
         monkeypatch.setattr(f"workbench.report.{module}.svg", keep)
     return figures
 
@@ -118,7 +117,7 @@ def test_sections_are_dimensioned_to_one_scale(part, drawn):
 
 def test_the_plan_counts_what_it_does_not_show(part, drawn):
     p = part(frames=100, columns=100)
-    made = rejected_points.plan_view(p.cloud, p.edge, p.inspection)
+    made = along.plan_view(p.cloud, p.edge, p.inspection)
     shown = lines(drawn[0])[-2]  # before the burrs
     assert made.every_frame == 1
     assert len(shown) + made.outside == sum(p.cloud.rejected.values())

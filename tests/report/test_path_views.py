@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from workbench.report import colour_scales, path_charts
-from workbench.report.path_charts import path_views
+from workbench.report import path_charts
+from workbench.report import planned as plan_colours
+from workbench.report.path_charts import path_views, station_frame
 from workbench.report.picture import picture
 from workbench.report.planned import whole_run
-from workbench.report.procedure import station_frame
 from workbench.report.scene import View, joined, towards
 
 RED = np.array([[255, 0, 0]])
@@ -49,12 +49,12 @@ def test_layers_have_a_colour_each_and_grow_darker(run, views):
 
 
 def test_the_darker_the_slower(run):
-    colours = colour_scales.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
+    colours = plan_colours.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
     order = np.argsort(run.feed_mm_s, kind="stable")
     assert (np.diff(colours[order]) >= 0).all()
     assert colours[run.feed_mm_s == 1.0].max() < colours[run.feed_mm_s == 20.0].min() - 50
     constant = dataclasses.replace(run, feed_mm_s=np.full(len(run.layer), 3.0))
-    assert colour_scales.feed_range(constant) == (0.0, 3.0)
+    assert plan_colours.feed_range(constant) == (0.0, 3.0)
 
 
 def test_the_close_up_shows_layers_near_the_middle_only(views):
@@ -66,9 +66,9 @@ def test_the_close_up_shows_layers_near_the_middle_only(views):
 
 def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     figures = []
-    monkeypatch.setattr(colour_scales, "svg", lambda figure: figures.append(figure) or b"")
-    colour_scales.layer_scale(planned().toolpath)
-    colour_scales.feed_scale(run)
+    monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
+    plan_colours.layer_scale(planned().toolpath)
+    plan_colours.feed_scale(run)
     layers, feeds = (figure.axes[0] for figure in figures)
     assert [text.get_text() for text in layers.get_xticklabels()] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
     assert (layers.get_xlabel(), feeds.get_xlabel()) == ("layer (its height above the finished bevel)", "feed, mm/s")
@@ -77,9 +77,9 @@ def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
 
 def test_many_layers_are_not_all_named(planned, monkeypatch):
     figures = []
-    monkeypatch.setattr(colour_scales, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
     layer = planned().toolpath.layers[0]
-    colour_scales.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
+    plan_colours.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
     assert len(figures[0].axes[0].get_xticklabels()) == 12
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy
 
-from workbench.report.pack import pitch_mm
+from workbench.report.along import _hermite
+from workbench.report.page import pitch_mm
 from workbench.report.picture import _widened
-from workbench.report.unrolled_edge import _hermite
 
 
 @pytest.mark.parametrize("seed", range(4))

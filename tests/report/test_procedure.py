@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.report import path_charts, procedure
+from workbench.report import path_charts
 from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
 
 BETA = np.radians(40.0)
@@ -14,7 +14,7 @@ BETA = np.radians(40.0)
 @pytest.fixture(scope="module")
 def views(planned):
     p = planned(clamp=(-2.0, -1.0), frames=400)
-    return procedure.procedure_views(p.cloud, p.edge, p.toolpath, 50_000)
+    return path_charts.procedure_views(p.cloud, p.edge, p.toolpath, 50_000)
 
 
 def of_colour(points, colours, colour):
@@ -22,11 +22,11 @@ def of_colour(points, colours, colour):
 
 
 def test_a_long_edge_is_shown_in_part(planned, views):
-    stretch = procedure.shown_stretch(planned(clamp=(-2.0, -1.0), frames=400).edge)
+    stretch = path_charts.shown_stretch(planned(clamp=(-2.0, -1.0), frames=400).edge)
     assert (stretch.from_mm, stretch.to_mm) == (50.0, 150.0)
     assert len(stretch.frames) == 200
     for view in views.values():  # the origin lies at arc length 100 mm, x runs along the edge
-        assert np.abs(view.everything_mm()[:, 0]).max() < 50.0 + procedure.TOOL_AXIS_MM
+        assert np.abs(view.everything_mm()[:, 0]).max() < 50.0 + path_charts.TOOL_AXIS_MM
 
 
 def test_vertices_lie_on_the_edges(views):
@@ -52,7 +52,7 @@ def test_edges_are_drawn_where_they_are_and_broken_where_hidden(planned, views):
     np.testing.assert_allclose(lower[:, 1:], 0.0, atol=1e-9)
     np.testing.assert_allclose(upper[:, 1:], np.tile([0.0, 10.0], (len(upper), 1)), atol=1e-9)
     p = planned()
-    assert len(procedure.procedure_views(p.cloud, p.edge, p.toolpath, 10_000)["e"].lines()) == 4
+    assert len(path_charts.procedure_views(p.cloud, p.edge, p.toolpath, 10_000)["e"].lines()) == 4
 
 
 def test_key_points_carry_frames_along_the_feed_and_down_the_bevel(views):
@@ -65,7 +65,7 @@ def test_key_points_carry_frames_along_the_feed_and_down_the_bevel(views):
     seen = 0
     for line, colour in view.lines():
         axis = next(k for k, each in enumerate(TOOL_AXES) if rgb(each) == tuple(colour[0]))
-        np.testing.assert_allclose((line[1] - line[0]) / procedure.TOOL_AXIS_MM, expected[axis], atol=1e-9)
+        np.testing.assert_allclose((line[1] - line[0]) / path_charts.TOOL_AXIS_MM, expected[axis], atol=1e-9)
         seen += 1
     assert seen == 3 * 12
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
-from workbench.report.sample import around, frame_arc_length_mm, of_section, overview, rejected
+from workbench.report.scene import around, frame_arc_length_mm, of_section, overview, rejected
 
 
 @pytest.mark.parametrize("budget", [3_000, 20_000, 10**7])

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.inspect import sections
 from workbench.pipeline import Pipeline
 from workbench.pipeline.results import result_files
-from workbench.report.error_chain import Link, needs, thermal_mm
+from workbench.report.sensitivity import Link, needs, thermal_mm
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.scan import fuse, read
 from workbench.strict_json import strict_json

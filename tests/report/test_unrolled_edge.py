@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from workbench.report.unrolled_edge import developed, in_section
+from workbench.report.along import developed, in_section
 
 
 def on_part(edge, s, u, v):

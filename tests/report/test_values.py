@@ -10,7 +10,7 @@ import pytest
 from workbench import pieces
 from workbench.artefacts import Check
 from workbench.report.tables import check_rows
-from workbench.report.values import alike, decimals, measured, plain, signed, span
+from workbench.report.text import alike, decimals, measured, plain, signed, span
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def study(what: Characteristic) -> Study:
 
 def page(records: Sequence[Record], title: str) -> str:
     """The page, complete in one file; every name in it is escaped."""
-    from workbench.report.template import environment, source
+    from workbench.report.text import environment, source
 
     found = characteristics(records)
     margin, section = least_margin(found) if found else (np.full(len(records), np.nan), np.full(len(records), -1))
@@ -115,7 +115,7 @@ def row(record: Record, place: int, margin: Any, section: Any) -> dict[str, Any]
 
 def _statistics(records: Sequence[Record], found: Sequence[Characteristic]) -> Mapping[str, Any]:
     from workbench.batch import fleet_charts
-    from workbench.report.template import data_address
+    from workbench.report.text import data_address
 
     studies = [study(what) for what in found]
     counts = worst_counts(found)

@@ -11,9 +11,8 @@ from workbench.look.drawing import profile_drawing
 from workbench.look.sample import MOST_POINTS
 from workbench.look.seen import Seen, Shade
 from workbench.look.tell import limit_text
-from workbench.report.pack import packed
-from workbench.report.page import policy
-from workbench.report.template import environment, source
+from workbench.report.page import packed, policy
+from workbench.report.text import environment, source
 
 # Anchors of a ramp from dark to light that keeps its order with any colour vision, and in grey.
 RAMP = np.array([[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81]], float)

@@ -1,17 +1,93 @@
-"""Charts over arc length: root face and bevel angle with tolerance and uncertainty (the paper's Figs. 20 and 21)."""
+"""Along the edge laid out straight: charts of root face and bevel angle (the paper's Figs. 20, 21), rejected points.
+
+For a point p near arc length s: u = (p - P(s)) . n, v = (p - P(s)) . m with the lower edge P and the axes (n, m) of
+the stations, where s is the foot point, (p - P(s)) . t = 0. So a section of a curved edge is drawn without the
+curvature.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from workbench.artefacts import Edge, Inspection, Section
-from workbench.report.colours import INK, LIMIT, MEASURED, TOLERANCE, VERDICTS
-from workbench.report.figures import hatch_hidden, mark_sections, svg
+from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection, Section
+from workbench.report.chart_parts import hatch_hidden, mark_sections, svg
+from workbench.report.colours import FACES, INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
 from workbench.report.plot import Axes, Figure
-from workbench.report.values import COVERAGE, alike
-from workbench.units import Bool, Float, Shaped
+from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
+from workbench.report.text import COVERAGE, alike
+from workbench.units import Bool, Float, Int, Shaped
+
+FOOT_STEPS = 3  # Newton steps to the foot point: each divides its error by the radius over the distance
+FOOT_MM = 1e-4  # a step as short is the last: the foot is then known far better
+
+
+def developed(position_mm: Float, start_mm: Float, edge: Edge) -> Float:
+    """(n, 3) arc length s, u (outward) and v (from the lower to the upper side), mm, of base positions (n, 3).
+
+    `start_mm` (n,): arc length near each point, where the search for its foot point starts; NaN gives NaN.
+    """
+    arc_length = start_mm
+    for _ in range(FOOT_STEPS):
+        offset, tangent = _offset(position_mm, arc_length, edge)
+        step = np.einsum("ij,ij->i", offset, tangent)
+        arc_length = arc_length + step
+        if not (np.abs(step) > FOOT_MM).any():
+            break
+    offset = position_mm - _on_curve(arc_length, edge)
+    u = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.normal))
+    v = np.einsum("ij,ij->i", offset, axes_at(arc_length, edge, edge.across))
+    return np.column_stack([arc_length, u, v])
+
+
+def in_section(position_mm: Float, start_mm: Float, edge: Edge, section: Section) -> Float:
+    """(n, 2) u and v in the section's own axes, which differ from the stations' by a turn about t and an origin."""
+    _, u, v = developed(position_mm, start_mm, edge).T
+    here = np.array([section.arc_length_mm])
+    normal, across = axes_at(here, edge, edge.normal)[0], axes_at(here, edge, edge.across)[0]
+    turn = math.atan2(float(section.normal @ across), float(section.normal @ normal))
+    shift = section.origin_mm - _on_curve(here, edge)[0]
+    u, v = u - shift @ normal, v - shift @ across
+    return np.column_stack([math.cos(turn) * u + math.sin(turn) * v, math.cos(turn) * v - math.sin(turn) * u])
+
+
+def _offset(position_mm: Float, arc_length: Float, edge: Edge) -> tuple[Float, Float]:
+    """p - P(s) and t(s)."""
+    return position_mm - _on_curve(arc_length, edge), axes_at(arc_length, edge, edge.tangent)
+
+
+def _on_curve(arc_length: Float, edge: Edge) -> Float:
+    """P(s): through the measured stations along their tangents, straight on beyond the first and the last of them."""
+    measured = np.isfinite(edge.position_mm).all(axis=1)
+    stations = edge.arc_length_mm[measured]
+    inside = np.clip(arc_length, stations[0], stations[-1])
+    if len(stations) == 1:
+        on_curve = np.repeat(edge.position_mm[measured], len(inside), axis=0)
+    else:
+        on_curve = _hermite(inside, stations, edge.position_mm[measured], edge.tangent[measured])
+    out = np.flatnonzero(inside != arc_length)  # few; NaN stays NaN
+    on_curve[out] += (arc_length - inside)[out, None] * axes_at(inside[out], edge, edge.tangent)
+    return np.asarray(on_curve)
+
+
+def _hermite(at: Float, x: Float, y: Float, slope: Float) -> Float:
+    """(n, 3) the piecewise cubic through places y (m, 3) with slopes (m, 3) at x (m,) rising."""
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    step = (x[k + 1] - x[k])[:, None]
+    t = (at - x[k])[:, None] / step
+    left, right = 1.0 - t, t
+    ends = left * left * (1.0 + 2.0 * t) * y[k] + right * right * (3.0 - 2.0 * t) * y[k + 1]
+    return np.asarray(ends + step * left * right * (left * slope[k] - right * slope[k + 1]))
+
+
+def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
+    """Unit vectors of the stations, interpolated."""
+    mixed = np.column_stack([np.interp(arc_length, edge.arc_length_mm, axis) for axis in vectors.T])
+    unit: Float = mixed / np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
+    return unit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,3 +206,64 @@ def _label_level(axes: Axes, level: float, text: str) -> None:
         fontsize=8,
         color=INK if text.startswith("nominal") else LIMIT,
     )
+
+
+SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for rejects; points drawn of each sort
+MARGIN_MM = 3.0  # shown beyond the faces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanView:
+    """The picture and what it leaves out."""
+
+    svg: bytes
+    every_frame: int  # one frame in so many was searched for rejected points
+    outside: int  # rejected points found there that lie outside the picture
+
+
+def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
+    """Arc length to the right, the way from the lower to the upper side upwards."""
+    points, kept = _laid_out(overview(cloud, edge, KEPT), cloud, edge)
+    found, step = rejected(cloud, edge, SEARCHED)
+    _, out = _laid_out(found, cloud, edge)
+    faces = kept if len(kept) else np.zeros((1, 3))
+    low, high = faces[:, 2].min() - MARGIN_MM, faces[:, 2].max() + MARGIN_MM
+    s = edge.arc_length_mm
+    shown = (out[:, 2] > low) & (out[:, 2] < high) & (out[:, 0] >= s[0]) & (out[:, 0] <= s[-1])
+    figure = Figure(figsize=(10, 2.7))
+    axes = figure.add_axes((0.068, 0.18, 0.8, 0.71))
+    axes.set(xlim=(0.0, s[-1]), ylim=(low, high))
+    pass_index = cloud.pass_index[points.frame]
+    for label, each in product(np.setdiff1d(points.label, [UNLABELLED]), np.unique(pass_index)):
+        face = (points.label == label) & (pass_index == each)
+        if face.any():
+            band = _band(points.frame[face], kept[face])
+            axes.fill_between(*band, color=FACES[int(label)], alpha=0.3)
+    mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
+    hatch_hidden(axes, hidden_stretches(edge))
+    few = out[shown][:: max(1, int(shown.sum()) // REJECTS)]
+    axes.plot(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
+    if len(edge.burr_stations):
+        axes.plot(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
+    axes.set_xlabel("arc length along the lower edge, mm")
+    axes.set_ylabel("v across the edge, mm")
+    return PlanView(svg(figure), step, int((~shown).sum()))
+
+
+def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:
+    """Arc length, lowest and highest v of a face in one pass, a value a frame; NaN where frames leave a gap."""
+    first = np.flatnonzero(np.diff(frame, prepend=-1))
+    s, low, high = (
+        reduce.reduceat(laid_out_mm[:, k], first) for reduce, k in ((np.minimum, 0), (np.minimum, 2), (np.maximum, 2))
+    )
+    step = np.abs(np.diff(s))
+    gaps = np.flatnonzero(step > 4.0 * np.median(step)) + 1 if len(step) else np.arange(0)
+    return np.insert(s, gaps, np.nan), np.insert(low, gaps, np.nan), np.insert(high, gaps, np.nan)
+
+
+def _laid_out(points: Points, cloud: Cloud, edge: Edge) -> tuple[Points, Float]:
+    """The points and their (n, 3) s, u, v; those of passes that never saw the edge are left out."""
+    start = frame_arc_length_mm(cloud, edge)[points.frame]
+    laid_out = developed(points.position_mm, start, edge)
+    known = np.isfinite(laid_out[:, 0])  # an unknown start makes all three unknown
+    return points.where(known), laid_out[known]

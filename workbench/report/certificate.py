@@ -7,8 +7,7 @@ import math
 from workbench.artefacts import Inspection, Section, Uncertainty, Verdict
 from workbench.errors import one_line
 from workbench.report.tables import section_rows
-from workbench.report.template import data_address, render, source
-from workbench.report.values import COVERAGE, alike, decimals, measured
+from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render, source
 
 STATEMENTS: dict[Verdict, str] = {
     "pass": "Conformity with the specification is verified.",

@@ -11,8 +11,7 @@ from workbench.errors import InputError, one_line
 from workbench.report.loop import Compared
 from workbench.report.plan_tables import duration
 from workbench.report.planned import whole_run
-from workbench.report.template import data_address, render
-from workbench.report.values import decimals, measured, signed, span
+from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage
 
 PLACES = {"root_mm": 3, "bevel_deg": 2}  # of what is planned and of differences, which know more than a value's U

@@ -11,12 +11,11 @@ from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
 from workbench.report.along import gaps
+from workbench.report.chart_parts import hatch_hidden, svg
 from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
-from workbench.report.figures import hatch_hidden, svg
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_texts
-from workbench.report.template import data_address, render
-from workbench.report.values import COVERAGE, signed, span
+from workbench.report.text import COVERAGE, data_address, render, signed, span
 from workbench.stage import stage
 from workbench.units import DEG, Float
 

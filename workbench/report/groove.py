@@ -21,13 +21,11 @@ from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointIn
 from workbench.errors import one_line
 from workbench.report.along import gaps
 from workbench.report.certificate import STATEMENTS, decision_rule, small
+from workbench.report.chart_parts import TEXT_SIZE, hatch_hidden, mark_sections, svg
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
-from workbench.report.dimensions import TEXT_SIZE
-from workbench.report.figures import hatch_hidden, mark_sections, svg
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_rows
-from workbench.report.template import data_address, render
-from workbench.report.values import COVERAGE, alike, decimals, measured
+from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render
 from workbench.stage import stage
 from workbench.units import DEG, Float
 

@@ -48,14 +48,12 @@ def inspection(
         ('Inspection', 'pass')
     """
     # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.along import angle_chart, root_chart
+    from workbench.report.along import angle_chart, plan_view, root_chart
     from workbench.report.certificate import certificate_html
-    from workbench.report.drawing import section_drawings
     from workbench.report.inspection_text import inspection_html
     from workbench.report.picture import pictures
-    from workbench.report.rejected_points import plan_view
     from workbench.report.scenes import inspection_scene
-    from workbench.report.section_views import section_views
+    from workbench.report.section_drawing import section_drawings, section_views
 
     if not inspection.sections:
         raise InputError(cloud.source or "inspection", "expected at least one section to report")

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, FACE_NAMES, ROOT_FACE, Cloud, Edge, Inspection, RawEdge
+from workbench.report.along import PlanView
 from workbench.report.certificate import MOST_ROWS
 from workbench.report.colours import FACES, REJECTED, VERDICTS
-from workbench.report.rejected_points import PlanView
-from workbench.report.section_views import of_interest
+from workbench.report.section_drawing import of_interest
 from workbench.report.tables import check_rows, facts, plan_note, section_rows, set_aside
-from workbench.report.template import data_address, render
+from workbench.report.text import data_address, render
 
 
 def inspection_html(

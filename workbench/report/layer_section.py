@@ -11,15 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Cloud, Edge, Layer, RawEdge, Toolpath
-from workbench.report.colour_scales import layer_colours
+from workbench.report.along import axes_at, developed
+from workbench.report.chart_parts import dimension_angle, dimension_gap, dimension_height, dimension_radius, svg
 from workbench.report.colours import FACES, GREY, INK
-from workbench.report.dimensions import dimension_angle, dimension_gap, dimension_height, dimension_radius
-from workbench.report.figures import svg
-from workbench.report.planned import frames_in_base, middle_of_cut_mm, planned_bevel, planned_u, thickness_mm
+from workbench.report.planned import (
+    frames_in_base,
+    layer_colours,
+    middle_of_cut_mm,
+    planned_bevel,
+    planned_u,
+    thickness_mm,
+)
 from workbench.report.plot import Axes, Figure
-from workbench.report.sample import around, frame_arc_length_mm
-from workbench.report.unrolled_edge import axes_at, developed
-from workbench.report.values import decimals, measured
+from workbench.report.scene import around, frame_arc_length_mm
+from workbench.report.text import decimals, measured
 from workbench.units import Float, Shaped
 
 ARC_POINTS = 40  # of a fillet

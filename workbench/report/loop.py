@@ -8,11 +8,11 @@ import numpy as np
 
 from workbench.artefacts import EdgeProfile, Inspection, Section, Toolpath
 from workbench.report.along import gaps
+from workbench.report.chart_parts import hatch_hidden, mark_sections, svg
 from workbench.report.colours import INK, LIMIT, MEASURED, VERDICTS
-from workbench.report.figures import hatch_hidden, mark_sections, svg
 from workbench.report.planned import frames_in_base
 from workbench.report.plot import Axes, Figure
-from workbench.report.values import COVERAGE
+from workbench.report.text import COVERAGE
 from workbench.units import DEG, Bool, Float
 
 NEAR_MM = 20.0  # farther from the section's origin the path belongs to another place

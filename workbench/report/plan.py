@@ -12,6 +12,7 @@ from workbench.errors import InputError, one_line
 from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
 from workbench.report.inspection_text import faces_seen
 from workbench.report.layer_section import Stepped
+from workbench.report.path_charts import AXIS_MM, TOOL_AXIS_MM, shown_stretch
 from workbench.report.plan_tables import (
     duration,
     layer_rows,
@@ -22,9 +23,8 @@ from workbench.report.plan_tables import (
     thickness,
 )
 from workbench.report.planned import LOCAL_MM, Run, local_turn_deg
-from workbench.report.procedure import AXIS_MM, TOOL_AXIS_MM, shown_stretch
 from workbench.report.tables import facts
-from workbench.report.template import data_address, render
+from workbench.report.text import data_address, render
 from workbench.stage import stage
 
 
@@ -117,13 +117,11 @@ def plan(
         'Plan'
     """
     # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.colour_scales import feed_scale, layer_scale
     from workbench.report.layer_section import stepped_section, stepping_drawing
-    from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart, path_views
+    from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart, path_views, procedure_views
     from workbench.report.picture import pictures
     from workbench.report.plan import plan_html, plan_summary
-    from workbench.report.planned import whole_run
-    from workbench.report.procedure import procedure_views
+    from workbench.report.planned import feed_scale, layer_scale, whole_run
     from workbench.report.scenes import plan_scene
 
     if not toolpath.layers:

@@ -10,7 +10,7 @@ from workbench.artefacts import Edge, Gate, Moves, Toolpath
 from workbench.errors import one_line
 from workbench.report.along import hidden_stretches
 from workbench.report.planned import Run, planned_bevel, planned_u, thickness_mm
-from workbench.report.values import COVERAGE, decimals, span
+from workbench.report.text import COVERAGE, decimals, span
 
 Row = tuple[str, str]
 

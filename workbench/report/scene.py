@@ -1,12 +1,18 @@
-"""What a view in space shows: coloured points, dots and lines, and outlined planes, in parallel projection."""
+"""What a view in space shows: coloured points, dots, lines and outlined planes, in parallel projection.
+
+A recording may hold 50 million points and a picture a few hundred thousand, so frames and columns are thinned
+before any coordinate is computed.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from workbench.units import AnyArray, Float, Int, Shaped
+from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Section
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
 AXES = ("t", "n", "m")  # the rows of View.axes
@@ -78,3 +84,123 @@ def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Floa
 def aspect(low: Float, high: Float) -> float:
     """Height of a picture over its width, within what a page can hold."""
     return float(min(0.6, max(0.28, (high[1] - low[1]) / (high[0] - low[0]))))
+
+
+ROOT_POINTS = 8  # points kept across the root face at least, so that thinning does not lose it
+SURROUNDINGS_MM = 5.0  # unlabelled points are drawn this far about the faces; further off is background
+AXES_POINTS = 5000  # that the principal axes of the faces are told from
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Grid points that gave a return: coordinates in the base, face and place in the grid."""
+
+    position_mm: Shaped[Float, "n 3"]  # base
+    label: Shaped[AnyArray, " n"]  # uint8, face
+    frame: Shaped[Int, " n"]
+    column: Shaped[Int, " n"]
+
+    def where(self, mask: Bool | Int) -> Points:
+        """The points where `mask` (n,) holds, or those of the given indices in their order."""
+        return Points(*(getattr(self, each.name)[mask] for each in fields(self)))
+
+
+def overview(cloud: Cloud, edge: Edge, budget: int) -> Points:
+    """About `budget` kept points over the whole edge, spaced alike along and across it; the root face thinned least."""
+    frames, columns = cloud.x_mm.shape
+    surplus = frames * columns / budget
+    pitch_ratio = _column_pitch_mm(cloud) / _frame_pitch_mm(edge, frames)
+    frame_step = max(1, math.ceil(min(surplus, math.sqrt(surplus * pitch_ratio))))
+    column_step = max(1, math.ceil(surplus / frame_step))
+    root_columns = np.count_nonzero(edge.labels[::frame_step] == ROOT_FACE, axis=1).max(initial=0)
+    root_step = max(1, min(column_step, int(root_columns) // ROOT_POINTS))
+    column_step = root_step * math.ceil(column_step / root_step)
+    points = _take(cloud, edge, np.arange(0, frames, frame_step), root_step)
+    return _near_faces(points.where((points.label == ROOT_FACE) | (points.column % column_step == 0)))
+
+
+def around(cloud: Cloud, edge: Edge, at_mm: float, reach_mm: float, budget: int) -> Points:
+    """The kept points within `reach_mm` of the arc length `at_mm`, frames thinned to about `budget` points."""
+    near = np.flatnonzero(np.abs(frame_arc_length_mm(cloud, edge) - at_mm) <= reach_mm)
+    step = max(1, math.ceil(len(near) * cloud.x_mm.shape[1] / budget))
+    return _near_faces(_take(cloud, edge, near[::step]))
+
+
+def of_section(cloud: Cloud, edge: Edge, section: Section, budget: int) -> Points:
+    """About `budget` kept points of the frames that a section rests on, from those nearest to it."""
+    distance = np.abs(frame_arc_length_mm(cloud, edge)[section.frames] - section.arc_length_mm)
+    nearest = np.argsort(distance, kind="stable")[: max(3, budget // cloud.x_mm.shape[1])]
+    return _take(cloud, edge, section.frames[nearest])
+
+
+def rejected(cloud: Cloud, edge: Edge, budget: int) -> tuple[Points, int]:
+    """Points that gave a return and were rejected, out of about `budget` grid points of every k-th frame; and k."""
+    frames, columns = cloud.x_mm.shape
+    step = max(1, math.ceil(frames * columns / budget))
+    return _take(cloud, edge, np.arange(0, frames, step), kept=False), step
+
+
+def face_ends(cloud: Cloud, edge: Edge, face: int, frames: Int) -> tuple[Points, Points]:
+    """In each of `frames` the two outermost kept points of a face: at the lower end of it, and at the upper end."""
+    here = (edge.labels[frames] == face) & cloud.keep[frames]
+    frames, here = frames[here.any(axis=1)], here[here.any(axis=1)]
+    ends = np.stack([here.argmax(axis=1), here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)])
+    first, last = (at_places(cloud, edge, frames, columns) for columns in ends)
+    across = edge.across[np.isfinite(edge.across).all(axis=1)].mean(axis=0)
+    turned = ((last.position_mm - first.position_mm) @ across < 0.0)[:, None]
+    low = np.where(turned[:, 0], ends[1], ends[0])
+    return at_places(cloud, edge, frames, low), at_places(cloud, edge, frames, ends.sum(axis=0) - low)
+
+
+def frame_arc_length_mm(cloud: Cloud, edge: Edge) -> Float:
+    """(N,) arc length of each frame, interpolated where a frame does not see the edge; NaN in passes that never do."""
+    arc_length = edge.frame_arc_length_mm.copy()
+    for each in np.unique(cloud.pass_index):
+        of_pass = np.flatnonzero(cloud.pass_index == each)
+        seen = of_pass[np.isfinite(arc_length[of_pass])]
+        if len(seen):
+            arc_length[of_pass] = np.interp(of_pass, seen, arc_length[seen])
+    return arc_length
+
+
+def _take(cloud: Cloud, edge: Edge, frames: Int, column_step: int = 1, *, kept: bool = True) -> Points:
+    """The points with a return in `frames`, every `column_step`-th column: those kept, or those rejected."""
+    x, z = cloud.x_mm[frames, ::column_step], cloud.z_mm[frames, ::column_step]
+    row, column = np.nonzero(np.isfinite(x) & np.isfinite(z) & (cloud.keep[frames, ::column_step] == kept))
+    return at_places(cloud, edge, frames[row], column * column_step)
+
+
+def at_places(cloud: Cloud, edge: Edge, frame: Int, column: Int) -> Points:
+    """The points at places (n,) in the grid."""
+    x_mm, z_mm = (grid[frame, column].astype(float)[:, None] for grid in (cloud.x_mm, cloud.z_mm))
+    x_axis, z_axis, origin = (cloud.base_from_profiler[frame, :3, k] for k in (0, 2, 3))
+    position = x_mm * x_axis + z_mm * z_axis + origin
+    return Points(position, edge.labels[frame, column], frame, column)
+
+
+def _near_faces(points: Points) -> Points:
+    """Without the unlabelled points that lie outside the box about the labelled ones, along their principal axes."""
+    labelled = points.label != UNLABELLED
+    if np.count_nonzero(labelled) < 2:
+        return points
+    some = points.position_mm[np.flatnonzero(labelled)[:: max(1, len(labelled) // AXES_POINTS)]]
+    axes = np.linalg.eigh(np.cov(some.T))[1]
+    inside = np.ones(len(labelled), bool)
+    for along in axes.T @ points.position_mm.T:
+        of_faces = along[labelled]
+        inside &= (along >= of_faces.min() - SURROUNDINGS_MM) & (along <= of_faces.max() + SURROUNDINGS_MM)
+    return points.where(labelled | inside)
+
+
+def _column_pitch_mm(cloud: Cloud) -> float:
+    """Median distance of neighbouring columns in a few frames."""
+    some = cloud.x_mm[:: max(1, len(cloud.x_mm) // 20)]
+    pitch = np.abs(np.diff(some, axis=1))
+    pitch = pitch[pitch > 0]
+    return float(np.median(pitch)) if pitch.size else 1.0
+
+
+def _frame_pitch_mm(edge: Edge, frames: int) -> float:
+    """Mean distance of neighbouring frames along the edge."""
+    length = float(np.ptp(edge.arc_length_mm)) if len(edge.arc_length_mm) else 0.0
+    return length / frames if length > 0.0 else 1.0

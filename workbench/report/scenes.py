@@ -25,18 +25,16 @@ from workbench.artefacts import (
     Strokes,
     Toolpath,
 )
-from workbench.report.colour_scales import feed_colours, layer_colours
+from workbench.report.along import developed
 from workbench.report.colours import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
-from workbench.report.deviations import outside_mm, round_limit
 from workbench.report.inspection_text import faces_seen
 from workbench.report.loop import Compared
+from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
 from workbench.report.plan_tables import layer_rows
-from workbench.report.planned import Run, frames_in_base, middle_of_cut_mm, planned_bevel
-from workbench.report.procedure import TOOL_AXIS_MM, runs, station_frame
-from workbench.report.sample import Points, at_places, frame_arc_length_mm, overview
-from workbench.report.section_views import faces_extent, of_interest, plane_corners
-from workbench.report.unrolled_edge import developed
-from workbench.report.values import decimals, measured
+from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm, planned_bevel
+from workbench.report.scene import Points, at_places, frame_arc_length_mm, overview
+from workbench.report.section_drawing import faces_extent, of_interest, outside_mm, plane_corners, round_limit
+from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Float, Int
 
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from workbench.artefacts import Check, Cloud, Edge, Inspection
 from workbench.errors import one_line
-from workbench.report.along import hidden_stretches
-from workbench.report.rejected_points import PlanView
-from workbench.report.values import decimals, measured
+from workbench.report.along import PlanView, hidden_stretches
+from workbench.report.text import decimals, measured
 from workbench.units import Float
 
 

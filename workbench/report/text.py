@@ -1,12 +1,21 @@
-"""How measured values are written: value ± expanded uncertainty, digits after the uncertainty (GUM 7.2.2, 7.2.6)."""
+"""How values and the report's HTML are written.
+
+A value has its expanded uncertainty, and digits after it (GUM 7.2.2, 7.2.6). Templates are jinja2's with autoescape:
+names out of files (part, paths, causes) are data, which reach the page as text only.
+"""
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
 
+from workbench.report.colours import SIGNS
 from workbench.units import Float
 
 COVERAGE = 2.0  # U = k u with k = 2, about 95 %
@@ -54,3 +63,35 @@ def alike(*values: float) -> tuple[str, ...]:
     """Set values, such as limits, with as many decimals as the one that needs most: '1.0', '1.5', '2.0'."""
     places = max(len(f"{value:.9g}".partition(".")[2]) for value in values)
     return tuple(f"{value:.{places}f}" for value in values)
+
+
+def environment(package: str) -> Environment:
+    """The templates of a package of this project."""
+    return Environment(
+        loader=PackageLoader(package, ""),
+        autoescape=select_autoescape(default=True, default_for_string=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+_ENVIRONMENT = environment("workbench.report")
+
+
+def render(name: str, **values: Any) -> str:
+    """The template `name` filled in; every value is escaped unless it is Markup."""
+    return _ENVIRONMENT.get_template(name).render(signs=SIGNS, coverage=f"{COVERAGE:g}", **values)
+
+
+def source(name: str) -> Markup:
+    """A file of the report as it is, such as its style sheet."""
+    loader = _ENVIRONMENT.loader
+    assert loader is not None
+    return Markup(loader.get_source(_ENVIRONMENT, name)[0])
+
+
+def data_address(picture: bytes) -> str:
+    """A PNG or SVG picture as an address that holds it."""
+    sort = "image/png" if picture.startswith(b"\x89PNG") else "image/svg+xml"
+    return f"data:{sort};base64,{base64.b64encode(picture).decode()}"

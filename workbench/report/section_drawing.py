@@ -1,0 +1,278 @@
+"""Sections of an inspection: their points and how far these lie off, engineering drawings, views in space.
+
+In the section plane u is the root face's outward normal (to the right), v runs from the lower to the upper side. The
+drawn lines are those of the reported values: the root face from (0, 0) to (0, root), the bevel face from there along
+(-sin beta, cos beta); so a fit that is off shows against its points.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, Section
+from workbench.report.along import in_section
+from workbench.report.chart_parts import dimension_angle, dimension_height, svg
+from workbench.report.colours import FACES, GREY, INK, SIGNS, VERDICTS, face_shades, rgb
+from workbench.report.plot import Axes, Figure
+from workbench.report.scene import Points, View, around, frame_arc_length_mm, of_section, overview, towards
+from workbench.report.text import decimals, measured
+from workbench.units import DEG, AnyArray, Bool, Float, Shaped
+
+STRIP = (0.13, 0.1, 0.27, 0.16)  # the strip's place in a section's panel, inside the material
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaidOut:
+    """A section and its points in its own plane."""
+
+    section: Section
+    uv_mm: Shaped[Float, "n 2"]
+    label: Shaped[AnyArray, " n"]
+
+
+def laid_out(cloud: Cloud, edge: Edge, section: Section, budget: int) -> LaidOut:
+    """About `budget` points of the frames that a section rests on."""
+    points = of_section(cloud, edge, section, budget)
+    start = frame_arc_length_mm(cloud, edge)[points.frame]
+    uv = in_section(points.position_mm, start, edge, section)
+    known = np.isfinite(uv).all(axis=1)
+    return LaidOut(section, uv[known], points.label[known])
+
+
+def deviations(drawn: LaidOut) -> tuple[Float, Float, AnyArray] | None:
+    """Way along the outline from the lower edge, mm; distance from the lines, outward positive, mm; face."""
+    section = drawn.section
+    if section.root_mm is None or section.bevel_deg is None:
+        return None
+    root, beta = section.root_mm, section.bevel_deg * DEG
+    on_bevel = drawn.label == BEVEL_FACE
+    face = on_bevel | (drawn.label == ROOT_FACE)
+    from_corner = drawn.uv_mm - np.array([0.0, root])
+    up_the_bevel = np.array([-math.sin(beta), math.cos(beta)])
+    along = np.where(on_bevel, root + from_corner @ up_the_bevel, drawn.uv_mm[:, 1])
+    off = outside_mm(drawn.uv_mm, on_bevel, root, beta)
+    return along[face], off[face], drawn.label[face]
+
+
+def outside_mm(uv_mm: Float, on_bevel: Bool, root_mm: Float | float, bevel: Float | float) -> Float:
+    """(n,) how far points (n, 2) lie outside the bevel face, or outside the root face where not `on_bevel`.
+
+    `root_mm` and `bevel` (rad): of the faces that they are compared with, one value or one a point.
+    """
+    u, v = uv_mm.T
+    off: Float = np.where(on_bevel, u * np.cos(bevel) + (v - root_mm) * np.sin(bevel), u)
+    return off
+
+
+def deviation_limit(all_drawn: list[LaidOut]) -> float:
+    """Half height of the strips, mm: all but the farthest points, to the next 1, 2 or 5."""
+    found = [np.abs(d[1]) for d in map(deviations, all_drawn) if d is not None and len(d[1])]
+    return round_limit(np.concatenate(found)) if found else 0.05
+
+
+def round_limit(distance_mm: Float) -> float:
+    """1, 2 or 5 times a power of ten, mm: all but the farthest of the distances (n,) are less."""
+    reach = max(1e-3, float(np.percentile(distance_mm, 99.5)))
+    decade: float = 10.0 ** math.floor(math.log10(reach))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= reach)
+
+
+def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
+    """The strip that shows the points' distances from the lines, magnified."""
+    found = deviations(drawn)
+    if found is None or not len(found[0]):
+        return
+    along, off, label = found
+    strip = axes.inset_axes(STRIP)
+    strip.set(ylim=(-limit, limit), xlim=(min(0.0, float(along.min())), float(along.max())), xticks=[])
+    strip.set_yticks([-limit, 0.0, limit], [f"−{limit:g}", "0", f"{limit:g}"])
+    strip.tick_params(labelsize=6.5, length=2, pad=1.5)
+    strip.spine_hidden = True
+    for face in (ROOT_FACE, BEVEL_FACE):
+        of_face = label == face
+        strip.plot(
+            along[of_face],
+            off[of_face],
+            ".",
+            color=FACES[face],
+            markersize=1.4,
+            alpha=0.6,
+        )
+    strip.axhline(0.0, color=INK, linewidth=0.5)
+    strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2)
+
+
+POINTS = 60_000  # drawn in all sections together at most
+COLUMNS = 3
+PANEL_IN = (3.3, 2.4)
+PANEL_SHAPE = 1.5  # width over height inside a panel's axes
+FOR_THE_PART = 0.52  # of a panel's width; the rest is for the dimensions
+
+
+def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
+    """SVG of all sections side by side."""
+    budget = POINTS // len(inspection.sections)
+    all_drawn = [laid_out(cloud, edge, section, budget) for section in inspection.sections]
+    window = _window(all_drawn)
+    places = (
+        decimals(s.root_u_mm for s in inspection.sections),
+        decimals(s.bevel_u_deg for s in inspection.sections),
+    )
+    rows = math.ceil(len(all_drawn) / COLUMNS)
+    figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
+    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
+    figure.subplots_adjust(0.048, 0.16 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
+    limit = deviation_limit(all_drawn)
+    for axes, drawn in zip(grid.flat, all_drawn, strict=False):
+        _draw(axes, drawn, window, places)
+        draw_deviations(axes, drawn, limit)
+    for axes in grid.flat[len(all_drawn) :]:
+        axes.set_visible(False)
+    figure.supxlabel("u along the root face's outward normal, mm", fontsize=9)
+    figure.supylabel("v from the lower to the upper side, mm", fontsize=9, x=0.004)
+    return svg(figure)
+
+
+def _window(all_drawn: list[LaidOut]) -> tuple[Float, Float]:
+    """Lowest and highest (u, v): root and bevel face of all sections, with room for the dimensions on the right."""
+    faces = [d.uv_mm[(d.label == ROOT_FACE) | (d.label == BEVEL_FACE)] for d in all_drawn]
+    uv = np.vstack([*faces, np.array([[-2.0, 0.0], [0.0, 2.0]])])
+    low, high = np.percentile(uv, 0.2, axis=0), np.percentile(uv, 99.8, axis=0)
+    height = max(1.16 * (high[1] - low[1]), -1.1 * low[0] / FOR_THE_PART / PANEL_SHAPE)
+    width = height * PANEL_SHAPE
+    corner = np.array([-FOR_THE_PART * width, low[1] - 0.06 * height])
+    return corner, corner + np.array([width, height])
+
+
+def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple[int, int]) -> None:
+    section, (low, high) = drawn.section, window
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.tick_params(labelsize=8)
+    axes.annotate(
+        f"{section.index}",
+        (0, 1),
+        (0, 3),
+        xycoords="axes fraction",
+        fontsize=11,
+        fontweight="bold",
+    )
+    axes.annotate(
+        f"at {section.arc_length_mm:.1f} mm",
+        (0, 1),
+        (16, 3),
+        xycoords="axes fraction",
+        color=GREY,
+    )
+    axes.annotate(
+        f"{SIGNS[section.verdict]} {section.verdict}",
+        (1, 1),
+        (0, 3),
+        xycoords="axes fraction",
+        ha="right",
+        color=VERDICTS[section.verdict],
+        fontweight="bold",
+    )
+    if section.root_mm is None or section.bevel_deg is None:
+        text = textwrap.fill(section.reason or "not measured", 24)
+        axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", color=GREY)
+        return
+    for label in np.unique(drawn.label):
+        uv = drawn.uv_mm[drawn.label == label]
+        axes.plot(uv[:, 0], uv[:, 1], ".", color=FACES[int(label)], markersize=3.2, alpha=0.6)
+    size = float(high[1] - low[1])
+    reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
+    radius = min(0.4 * size, 0.7 * reach)
+    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach, radius)
+    dimension_height(
+        axes, section.root_mm, 0.065 * size, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size
+    )
+    angle = measured(section.bevel_deg, section.bevel_u_deg, places[1])
+    dimension_angle(axes, (0.0, section.root_mm), section.bevel_deg, f"({angle})°", radius)
+
+
+def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: float) -> None:
+    """Both fitted lines, and the root face's continuation, from which the angle is measured."""
+    end = (-reach * math.tan(beta), root + reach)
+    axes.plot([0, 0], [0, root], color=INK, linewidth=0.7)
+    axes.plot([0, end[0]], [root, end[1]], color=INK, linewidth=0.7)
+    axes.plot([0, 0], [root, root + 1.15 * radius], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
+    axes.plot([0, 0], [0, root], "o", color=INK, markersize=2.2)
+
+
+CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up
+SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
+MARGIN = 1.4  # of a section plane's size over the root and the bevel face
+
+
+def section_views(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> dict[str, View]:
+    """`overview`: the whole edge; `close_up`: the section that matters most; each of about `budget` points."""
+    section = of_interest(inspection)
+    whole = overview(cloud, edge, budget)
+    near = around(cloud, edge, section.arc_length_mm, CLOSE_UP_MM, budget)
+    length = float(np.ptp(edge.arc_length_mm))
+    return {
+        "overview": _view(whole, inspection.sections, section, look=(-0.5, 0.8, 0.45), plane_mm=length / 22),
+        "close_up": _view(near, (section,), section, look=(-0.62, 0.75, 0.42), axes_length_mm=4.0),
+    }
+
+
+def of_interest(inspection: Inspection) -> Section:
+    """The first measured section that fails, else the first that is undecided, else the middle one."""
+    measured = [s for s in inspection.sections if s.root_mm is not None] or list(inspection.sections)
+    for verdict in ("fail", "undecided"):
+        for section in measured:
+            if section.verdict == verdict:
+                return section
+    return measured[len(measured) // 2]
+
+
+def _view(
+    points: Points,
+    sections: tuple[Section, ...],
+    origin: Section,
+    *,
+    look: tuple[float, float, float],
+    plane_mm: float = 0.0,
+    axes_length_mm: float = 0.0,
+) -> View:
+    """`look`: towards the viewer in t, n, m; `plane_mm`: least size of a section plane, to be seen on a long edge."""
+    axes = np.array([origin.tangent, origin.normal, origin.across])
+    return View(
+        points_mm=points.position_mm - origin.origin_mm,
+        colour=face_shades()[points.label],
+        planes_mm=plane_corners(points, sections, plane_mm) - origin.origin_mm,
+        plane_colour=np.array([rgb(VERDICTS[s.verdict]) for s in sections], dtype=np.uint8),
+        names=tuple(str(s.index) for s in sections),
+        axes=axes,
+        look=towards(axes, look),
+        axes_length_mm=axes_length_mm,
+    )
+
+
+def plane_corners(points: Points, sections: tuple[Section, ...], least_mm: float = 0.0) -> Float:
+    """(k, 4, 3) corners of the sections' planes in the base: a little larger than the faces, at least `least_mm`."""
+    low, high = faces_extent(points, sections)
+    half = np.maximum((high - low) / 2 * MARGIN, least_mm / 2)
+    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return np.array([s.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections])
+
+
+def faces_extent(points: Points, sections: tuple[Section, ...]) -> Float:
+    """(2, 2) lowest and highest (u, v) of root and bevel face, as most sections have them."""
+    faces = points.position_mm[np.isin(points.label, (ROOT_FACE, BEVEL_FACE))]
+    sizes = [size for size in (_faces_about(faces, section) for section in sections) if size is not None]
+    return np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
+
+
+def _faces_about(faces_mm: Float, section: Section) -> Float | None:
+    """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
+    at = faces_mm @ section.tangent - section.origin_mm @ section.tangent
+    near = np.flatnonzero(np.abs(at) < SLAB_MM)
+    if not len(near):
+        return None
+    uv = (faces_mm[near] - section.origin_mm) @ np.column_stack([section.normal, section.across])
+    return np.array([uv.min(axis=0), uv.max(axis=0)])
